@@ -1,5 +1,8 @@
 """The guides of ``docs/`` as pages of the site: made from Markdown, with anchors as code hosts make them, and searched.
 
+They are read in the reader's language block by block (:mod:`config.guide_words`). Anchors are those of the English
+headings in every language, so that a link leads to the same place in all of them.
+
 Nothing in a file is trusted to be HTML: what looks like it is shown as it stands.
 """
 
@@ -7,7 +10,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import lru_cache
 from pathlib import Path
 
@@ -19,6 +22,8 @@ from django.utils.safestring import SafeString, mark_safe
 from django.utils.translation import gettext_lazy as _
 from markdown_it import MarkdownIt
 from markdown_it.token import Token
+
+from config.guide_words import in_language, needs_words, one_line
 
 MOST_FOUND = 30
 LONGEST_SEARCH = 64
@@ -51,22 +56,29 @@ _BY_SLUG = {guide.slug: guide for guide in GUIDES}
 
 @dataclass(frozen=True)
 class GuideSection:
-    """A heading with what stands under it, up to the next heading. ``text``: without marks."""
+    """A heading with what stands under it, up to the next heading. ``text``: without marks.
+
+    ``language``: English if nothing of it is translated. ``english``: heading, line break and text as they are written,
+    where what is shown is a translation; a search finds them by either.
+    """
 
     level: int
     title: str
     anchor: str
     text: str
+    language: str = "en"
+    english: str = ""
 
 
 @dataclass(frozen=True)
 class GuidePage:
-    """A rendered guide. ``language``: that it is written in."""
+    """A rendered guide. ``language``: that of what is translated; ``untranslated``: so many blocks are in English."""
 
     html: SafeString
     title: str
     sections: tuple[GuideSection, ...]
     language: str
+    untranslated: int = 0
 
 
 @dataclass(frozen=True)
@@ -83,13 +95,26 @@ def guide_named(slug: str) -> Guide | None:
     return _BY_SLUG.get(slug)
 
 
+def path_of(guide: Guide) -> Path:
+    """Its file."""
+    return Path(settings.BASE_DIR) / "docs" / f"{guide.slug}.md"
+
+
 def page_of(guide: Guide, language: str) -> GuidePage | None:
-    """The guide in ``language`` where it is translated, else in English; None where this installation has no docs."""
-    for folder, written in ((language, language), (".", "en")):
-        path = Path(settings.BASE_DIR) / "docs" / folder / f"{guide.slug}.md"
-        if path.is_file():
-            return _rendered(path, path.stat().st_mtime_ns, written)
-    return None
+    """The guide in ``language``, what is not translated in English; None where this installation has no docs."""
+    path = path_of(guide)
+    return _rendered(path, path.stat().st_mtime_ns, language) if path.is_file() else None
+
+
+def blocks_of(text: str) -> list[tuple[int, str]]:
+    """The blocks of a guide that are to be translated, each on one line, with the number of the file's line."""
+    lines = 0
+    found = []
+    for token in _parsed(text):
+        lines = token.map[0] + 1 if token.map else lines
+        if token.type == "inline" and needs_words(block := one_line(token.content)):
+            found.append((lines, block))
+    return found
 
 
 def search(words: str, language: str) -> list[Found]:
@@ -101,8 +126,9 @@ def search(words: str, language: str) -> list[Found]:
     for guide in GUIDES:
         page = page_of(guide, language)
         for section in page.sections if page else ():
-            title, text = section.title.lower(), section.text.lower()
-            if all(word in title or word in text for word in wanted):
+            title = f"{section.title}\n{section.english.partition(chr(10))[0]}".lower()
+            told = f"{section.title}\n{section.text}\n{section.english}".lower()
+            if all(word in told for word in wanted):
                 in_title = all(word in title for word in wanted)
                 found.append((not in_title, Found(guide, section, _excerpt(section.text, wanted))))
     return [each for _title, each in sorted(found, key=lambda pair: pair[0])][:MOST_FOUND]
@@ -113,11 +139,22 @@ def anchor_of(heading: str) -> str:
     return re.sub(r"[^\w\- ]", "", heading.lower()).strip().replace(" ", "-")
 
 
+_MARKDOWN = MarkdownIt("commonmark", {"html": False}).enable("table")
+
+
+def _parsed(text: str) -> list[Token]:
+    # a comment leaves its line breaks, so that lines keep their numbers
+    return _MARKDOWN.parse(_COMMENT.sub(lambda comment: "\n" * comment[0].count("\n"), text))
+
+
 @lru_cache(maxsize=4 * len(GUIDES))
 def _rendered(path: Path, changed_ns: int, language: str) -> GuidePage:
-    markdown = MarkdownIt("commonmark", {"html": False}).enable("table")
-    tokens = markdown.parse(_COMMENT.sub("", path.read_text("utf-8")))
-    sections = _sections(tokens)
+    tokens = _parsed(path.read_text("utf-8"))
+    written = _sections(tokens)
+    sections, translated, untranslated = written, 0, 0
+    if language != "en":
+        translated, untranslated = _translate(tokens, language)
+        sections = tuple(_with_source(*pair, language) for pair in zip(_sections(tokens), written, strict=True))
     for token in tokens:
         _address(token.children or ())
     headings = iter(sections)
@@ -133,13 +170,36 @@ def _rendered(path: Path, changed_ns: int, language: str) -> GuidePage:
         shown.append(token)
         if token.type == "table_close":
             shown.append(_html("</div>"))
-    html = markdown.renderer.render(shown, markdown.options, {})
+    html = _MARKDOWN.renderer.render(shown, _MARKDOWN.options, {})
     title = sections[0].title if sections else path.stem
-    return GuidePage(mark_safe(html), title, sections, language)  # html=False: the file's own is escaped
+    spoken = language if translated else "en"
+    return GuidePage(mark_safe(html), title, sections, spoken, untranslated)  # html=False: the file's own is escaped
+
+
+def _translate(tokens: Sequence[Token], language: str) -> tuple[int, int]:
+    """Say every block in ``language``; mark those that stay in English. How many were said, and how many were not."""
+    said = left = 0
+    for token in tokens:
+        if token.type != "inline" or not needs_words(block := one_line(token.content)):
+            continue
+        if (words := in_language(block, language)) is not None:
+            token.content, token.children = words, _MARKDOWN.parseInline(words)[0].children
+            said += 1
+        else:
+            token.children = [_html('<span lang="en">'), *(token.children or ()), _html("</span>")]
+            left += 1
+    return said, left
+
+
+def _with_source(shown: GuideSection, written: GuideSection, language: str) -> GuideSection:
+    """A translated section with the anchor of the English one, and its words for the search."""
+    same = (shown.title, shown.text) == (written.title, written.text)
+    english = "" if same else f"{written.title}\n{written.text}"
+    return replace(shown, anchor=written.anchor, language="en" if same else language, english=english)
 
 
 def _html(text: str) -> Token:
-    return Token("html_block", "", 0, content=text)
+    return Token("html_inline", "", 0, content=text)
 
 
 def _address(inside: Sequence[Token]) -> None:
@@ -198,7 +258,8 @@ def _words(token: Token) -> Iterator[str]:
     if token.children is None:
         yield token.content
     for child in token.children or ():
-        yield " " if child.type in ("softbreak", "hardbreak") else child.content
+        if child.type != "html_inline":
+            yield " " if child.type in ("softbreak", "hardbreak") else child.content
 
 
 def _excerpt(text: str, wanted: Sequence[str]) -> str:

@@ -8,14 +8,12 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any
 
+from config.guide_words import rule_meaning
 from paddock.rules.race import BY_PLACE, RULES, RUN_RULES
 from paddock.rules.rule import Rule
 
 PAGE = Path(__file__).resolve().parents[2] / "docs" / "rules.md"
 BEGIN, END = "<!-- rules: begin -->", "<!-- rules: end -->"
-
-
-_WORDS = {"object_avoidance": "object avoidance", "head_to_head": "head-to-head"}
 
 
 def _value(rule: Rule, value: Any) -> str:
@@ -28,12 +26,6 @@ def _value(rule: Rule, value: Any) -> str:
     if isinstance(value, str):
         return f"`{value}`" if value else ""
     return f"{value:,}".replace(",", " ") if isinstance(value, int) else f"{value:g}"
-
-
-def _meaning(rule: Rule) -> str:
-    types = " and ".join(_WORDS[one] for one in rule.race_types)
-    said = f"{rule.label}. {rule.help}".strip()
-    return f"{types.capitalize()}: {said}" if types else said
 
 
 def _row(*cells: str) -> str:
@@ -49,7 +41,7 @@ def table() -> str:
         taken = rule.name in RUN_RULES and rule.name not in ("race_type", "seed")
         own = _value(rule, rule.proposed or rule.default_of_an_episode) if taken else ""
         default = "" if rule.run_only else _value(rule, rule.default)
-        lines.append(_row(f"`{rule.name}`", _meaning(rule), default, shown, own))
+        lines.append(_row(f"`{rule.name}`", rule_meaning(rule), default, shown, own))
     return "\n".join(lines)
 
 

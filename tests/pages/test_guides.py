@@ -45,8 +45,8 @@ def article(slug: str) -> Links:
 def written(settings, tmp_path):
     """A guide with this text instead of the site's own."""
 
-    def write(text: str, language: str = "", slug: str = "racers") -> Guide:
-        folder = tmp_path / "docs" / language
+    def write(text: str, slug: str = "racers") -> Guide:
+        folder = tmp_path / "docs"
         folder.mkdir(parents=True, exist_ok=True)
         (folder / f"{slug}.md").write_text(text)
         settings.BASE_DIR = tmp_path
@@ -105,12 +105,6 @@ def test_headings_of_one_name_have_addresses_of_their_own(written):
     assert anchor_of("What's new: 2 things_here") == "whats-new-2-things_here"
 
 
-def test_a_translated_guide_is_shown_in_its_language(written):
-    guide = written("# In English\n")
-    written("# 한국어\n", "ko")
-    assert [page_of(guide, language).title for language in ("ko", "en", "fr")] == ["한국어", "In English", "In English"]
-
-
 def test_a_changed_guide_is_read_anew(written):
     import os
 
@@ -120,12 +114,6 @@ def test_a_changed_guide_is_read_anew(written):
     path = guides.Path(guides.settings.BASE_DIR) / "docs" / "racers.md"
     os.utime(path, ns=(1, 1))
     assert page_of(guide, "en").title == "New"
-
-
-def test_readers_of_other_languages_are_told_that_it_is_english():
-    client = Client(headers={"accept-language": "ko"})
-    page = client.get("/guides/tracks/").content.decode()
-    assert "이 안내서는 영어로" in page and '<article class="guide" lang="en">' in page
 
 
 def test_a_search_finds_sections_those_first_whose_headings_say_it():
