@@ -22,7 +22,7 @@ from django.utils.translation import gettext_lazy as _
 from django.utils.translation import ngettext
 
 from .avatars.keeping import remove_picture
-from .models import Racer, RacerQuota, SignUpInvitation
+from .models import GroupMember, Racer, RacerGroup, RacerQuota, SignUpInvitation
 from .templatetags.accounts import avatar
 from .who import racer_of
 
@@ -186,3 +186,27 @@ class SignUpInvitationAdmin(admin.ModelAdmin):
 
     def get_changeform_initial_data(self, request: HttpRequest) -> dict[str, Any]:
         return {"expires_at": timezone.now() + A_FORTNIGHT} | super().get_changeform_initial_data(request)
+
+
+class MemberInline(admin.TabularInline):
+    """Who is in a group or asks to be."""
+
+    model = GroupMember
+    extra = 0
+    fields = ("racer", "asked_at", "confirmed_at", "confirmed_by")
+    autocomplete_fields = ("racer", "confirmed_by")
+
+
+@admin.register(RacerGroup)
+class RacerGroupAdmin(admin.ModelAdmin):
+    """Groups of racers; only here are they listed for everybody."""
+
+    list_display = ("name", "leader", "is_listed", "made_at")
+    list_filter = ("is_listed", "made_at")
+    search_fields = ("name", "leader__alias")
+    autocomplete_fields = ("leader",)
+    prepopulated_fields = {"slug": ("name",)}
+    inlines = (MemberInline,)
+
+    def get_changeform_initial_data(self, request: HttpRequest) -> dict[str, Any]:
+        return {"made_at": timezone.now()} | super().get_changeform_initial_data(request)

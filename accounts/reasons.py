@@ -10,6 +10,11 @@ register(
         "sign_up_invitation": _(
             "The last place of this invitation was just taken, or its time is over. Ask whoever sent it for another."
         ),
+        "group_has_races": _("Races are held for this group alone. Hold them for everybody, or delete them first."),
+        "group_limit": _("You lead %(limit)s groups already, which is the most that one racer may."),
+        "group_link_unknown": _("This link belongs to no group: it was replaced, or the group is gone."),
+        "group_not_a_member": _("Only who is in the group can lead it."),
+        "group_not_yours": _("Only who leads the group may do this."),
         "picture_broken": _("This picture cannot be read to its end. Save it anew and try again."),
         "picture_format": _("Send a picture as PNG, JPEG or WebP."),
         "picture_too_large": _("The picture is larger than %(limit_mb)s MB."),

@@ -2,7 +2,7 @@
 
 from django.urls import path
 
-from .views import account, pictures, usage
+from .views import account, groups, pictures, usage
 
 urlpatterns = [
     path("settings/", account.settings_page, name="settings"),
@@ -13,5 +13,10 @@ urlpatterns = [
     path("settings/picture/", pictures.picture_set, name="picture_set"),
     path("settings/picture/remove/", pictures.picture_remove, name="picture_remove"),
     path("avatars/<str:name>.webp", pictures.avatar, name="avatar"),
+    path("groups/", groups.groups, name="groups"),
+    path("groups/new/", groups.group_new, name="group_new"),
+    path("groups/join/<str:code>/", groups.group_join, name="group_join"),
+    path("groups/<slug:slug>/", groups.group, name="group"),
+    path("groups/<slug:slug>/leave/", groups.group_leave, name="group_leave"),
     path("usage/", usage.usage_of_all, name="usage_of_all"),
 ]

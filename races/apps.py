@@ -14,10 +14,13 @@ class RacesConfig(AppConfig):
 
         from . import queues, track_figures, video_words
         from .board_triggers import installed_after_migrate
+        from .eligibility import register as check_races
         from .events import register_audiences
         from .quotas import OWN_RUNS_A_DAY, OWN_RUNS_AT_ONCE, RACES
         from .receivers import take_ended_evaluation
+        from .restricted import check_group
 
+        check_races(check_group)
         for quota in (RACES, OWN_RUNS_AT_ONCE, OWN_RUNS_A_DAY):
             register(quota)
         video_words.register()
@@ -31,6 +34,7 @@ class RacesConfig(AppConfig):
                 "model.actions": "races/own/drive_model.html",
                 "model.runs": "races/parts/model_runs.html",
                 "track.actions": "races/parts/hold_here.html",
+                "group.races": "races/parts/group_races.html",
                 "track.races": "races/parts/races_here.html",
             }
         )

@@ -9,9 +9,11 @@ from types import new_class
 from typing import Any
 
 from django import forms
+from django.db.models import Q, QuerySet
 from django.utils import timezone
 from django.utils.translation import gettext_lazy as _
 
+from accounts.models import RacerGroup
 from core.forms import add_fault
 from paddock.errors import UserFault
 from paddock.rules.race import BY_PLACE
@@ -64,15 +66,35 @@ class RaceForm(_RuleFields):  # type: ignore[misc, valid-type]
         ],
         widget=forms.RadioSelect,
     )
+    group = forms.ModelChoiceField(
+        label=_("For a group alone"),
+        required=False,
+        queryset=RacerGroup.objects.none(),
+        empty_label=_("for everybody"),
+        help_text=_("Only its confirmed members may enter; they need no link."),
+    )
     time_zone = forms.CharField(required=False, widget=forms.HiddenInput)
     edition = forms.CharField(required=False, widget=forms.HiddenInput)
 
     def __init__(
-        self, *args: Any, race: Race | None = None, locked: Iterable[str] = (), now: datetime, **kwargs: Any
+        self,
+        *args: Any,
+        race: Race | None = None,
+        locked: Iterable[str] = (),
+        now: datetime,
+        groups: QuerySet[RacerGroup] | None = None,
+        **kwargs: Any,
     ) -> None:
-        """``race`` is the race that is changed, if there is one; ``locked`` are its fields that may not change now."""
+        """``race`` is the race that is changed, if there is one; ``locked`` are its fields that may not change now;
+        ``groups`` are those that it may be held for."""
         super().__init__(*args, initial=_initial(race, now) | kwargs.pop("initial", {}), **kwargs)
         self.race = race
+        own = RacerGroup.objects.filter(pk__in=[race.group_id] if race and race.group_id else [])
+        of_group = self.fields["group"]
+        assert isinstance(of_group, forms.ModelChoiceField)
+        of_group.queryset = own if groups is None else RacerGroup.objects.filter(Q(pk__in=groups) | Q(pk__in=own))
+        if not of_group.queryset.exists():
+            del self.fields["group"]
         for name in (*locked, *(["box_choice"] if "boxes" in locked else [])):
             if name in self.fields:
                 self.fields[name].disabled = True

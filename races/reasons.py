@@ -34,6 +34,11 @@ register(
             "For the total time every lap counts: ask for %(laps)s complete laps, as many as are driven."
         ),
         "race_sensors": _("A race offers one or more of these sensors, each once and a camera among them: %(known)s."),
+        "race_group_is_private": _(
+            "This group is not listed: hold its race by invitation, so that nobody else sees it. Members need no link."
+        ),
+        "race_group_not_yours": _("You can hold races for listed groups and for those that you lead."),
+        "race_group_only": _("This race is for members of %(group)s alone."),
         "race_needs_division": _("A league race belongs to a division. Choose open or pro."),
         "race_league_is_public": _("A league race is public. Only community races can be by invitation."),
         "race_track_without_shape": _(

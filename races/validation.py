@@ -8,6 +8,7 @@ from functools import partial
 
 from django.core.exceptions import ValidationError
 
+from accounts.groups.selectors import may_hold_for
 from paddock.rules.race import RULES
 
 from .errors import RaceRefused, problem
@@ -44,6 +45,7 @@ EDITABLE_FIELDS = (
     "division",
     *(name for name, rule in RULES.items() if not rule.fixed),
     "visibility",
+    "group",
     "opens_at",
     "closes_at",
 )
@@ -77,6 +79,8 @@ def check_race(race: Race, *, now: datetime, before: Race | None = None, submiss
     """
     problems = ValidationError({})
     _collect(problems, race.full_clean)
+    if before is None or before.group_id != race.group_id:
+        _collect(problems, lambda: _check_group(race))
     _collect(problems, lambda: check_times(race, now=now, before=before, submissions=submissions))
     if not problems.error_dict and before is not None and {"opens_at", "closes_at"} & set(changed_fields(before, race)):
         for check in _TIME_CHECKS:
@@ -85,6 +89,11 @@ def check_race(race: Race, *, now: datetime, before: Race | None = None, submiss
         _collect(problems, lambda: check_layout(race))
     if problems.error_dict:
         raise RaceRefused(problems)
+
+
+def _check_group(race: Race) -> None:
+    if race.group is not None and not may_hold_for(race.organiser, race.group):
+        raise ValidationError({"group": problem("race_group_not_yours")})
 
 
 def check_times(race: Race, *, now: datetime, before: Race | None = None, submissions: bool = False) -> None:

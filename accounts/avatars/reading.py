@@ -46,7 +46,7 @@ def read_picture(file: IO[bytes]) -> bytes:
         if isinstance(error, MemoryError):
             raise
         raise UserFault("picture_broken") from error
-    opaque = square.getextrema()[3][0] == 255  # type: ignore[index]  # one pair for each of its four channels
+    opaque = square.getchannel("A").getextrema()[0] == 255
     clean = Image.frombytes(square.mode, square.size, square.tobytes())  # which knows no metadata at all
     out = BytesIO()
     (clean.convert("RGB") if opaque else clean).save(out, "WEBP", quality=QUALITY, method=4)

@@ -1,15 +1,18 @@
-"""Racers, what an admin has set for single ones, invitations to sign up, where racers have logged in from, and what
-their tokens may do."""
+"""Racers, groups of them, what an admin has set for single ones, invitations to sign up, where racers have logged in
+from, and what their tokens may do."""
 
 from .access import MOST, KnownAddress, RacerQuota, SignUpInvitation, TokenGrant
+from .group import GroupMember, RacerGroup
 from .racer import ALIAS_PATTERN, ALIAS_VALIDATORS, Racer, RacerManager
 
 __all__ = [
     "ALIAS_PATTERN",
     "ALIAS_VALIDATORS",
     "MOST",
+    "GroupMember",
     "KnownAddress",
     "Racer",
+    "RacerGroup",
     "RacerManager",
     "RacerQuota",
     "SignUpInvitation",

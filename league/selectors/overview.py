@@ -9,7 +9,8 @@ from typing import Any
 
 from django.db.models import Count, Q, QuerySet
 
-from accounts.models import Racer
+from accounts.groups.selectors import groups_visible_to
+from accounts.models import Racer, RacerGroup
 from races.models import Division, Race, RaceState
 from races.selectors import BoardRow, podiums
 
@@ -19,6 +20,7 @@ from .outcomes import outcome_of
 from .seasons import Month
 from .standings import (
     country_standings,
+    group_standings,
     lines_as_they_stand,
     points_as_they_stand,
     region_standings,
@@ -136,10 +138,15 @@ def month_races(months: Sequence[Month], now: datetime) -> dict[int, MonthRace]:
 
 
 def standings_table(
-    season: Season, division: str, of: str, months: Sequence[Month], running: Sequence[Round] = ()
+    season: Season,
+    division: str,
+    of: str,
+    months: Sequence[Month],
+    running: Sequence[Round] = (),
+    group: RacerGroup | None = None,
 ) -> StandingsTable:
     """The standings of ``of`` (one of STANDINGS_OF) in a division with every official round, and with those of
-    ``running`` as they stand.
+    ``running`` as they stand; those of racers of one ``group`` among each other.
 
     Three queries, four for teams; for each of ``running`` one more, two for teams.
     """
@@ -149,7 +156,10 @@ def standings_table(
         REGIONS: region_standings,
         TEAMS: team_standings,
     }[of]
-    lines = by(season, division, running)
+    if group is not None and of == RACERS:
+        lines = group_standings(season, division, group, running)
+    else:
+        lines = by(season, division, running)
     rounds = _counted_rounds(months, division, running)
     spelled = _spellings(rounds, running) if of == TEAMS else {}
     racers = Racer.objects.in_bulk([line.who for line in lines]) if of == RACERS else {}
@@ -164,6 +174,12 @@ def standings_table(
         name = racer.alias if racer else spelled.get(who, who)
         rows.append(StandingsRow(line.place, name, racer, line.points, cells))
     return StandingsTable(rounds, rows, bool(running))
+
+
+def groups_raced(season: Season, viewer: Any, most: int = 12) -> list[RacerGroup]:
+    """The groups that the reader knows of, of which somebody is in a race of the season: one query."""
+    racing = {"members__confirmed_at__isnull": False, "members__racer__entries__race__round__season": season}
+    return list(groups_visible_to(viewer).filter(**racing).distinct().order_by("-is_listed", "name", "pk")[:most])
 
 
 @dataclass(frozen=True)

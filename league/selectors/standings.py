@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 
 from django.db.models import Q
 
+from accounts.groups.selectors import inside
 from accounts.regions import region_of
 from races.selectors.boards import CLASSIFIED, board_entries
 
@@ -16,6 +17,7 @@ from ..models.season import DIVISION_OF, WITH_POINTS
 from ..rules import PointsTable, RacerStanding, RoundRank, Standings
 
 if TYPE_CHECKING:
+    from accounts.models import RacerGroup
     from races.models import Division
 
 
@@ -28,6 +30,25 @@ def season_standings(season: Season, division: Division | str, running: Sequence
     rounds = _counted(season, division, running)
     results = _results(rounds, running, lambda row: row.racer_id)
     return Standings(season.drop_worst).lines(results, len(rounds))
+
+
+def group_standings(
+    season: Season, division: Division | str, group: RacerGroup, running: Sequence[Round] = ()
+) -> list[RacerStanding]:
+    """The standings of one division among the confirmed members of a group: in each round their places among each other
+    give the season's points, so that who is 200th of all and first of the group has those of the first.
+
+    Three queries, and one for each round. Whoever belongs to the group today counts in all rounds.
+    """
+    rounds = _counted(season, division, running)
+    table = PointsTable(tuple(season.points))
+    members = inside(group).values("racer")
+    results = []
+    for round_ in Round.objects.filter(pk__in=rounds).select_related("race"):
+        order = board_entries(round_.race).filter(CLASSIFIED, is_baseline=False, racer__in=members)
+        for rank, racer in enumerate(order.values_list("racer_id", flat=True)[: len(table)], start=1):
+            results.append(RoundRank(racer, rounds[round_.pk], rank, table.of(rank)))
+    return Standings(season.drop_worst).lines([one for one in results if one.points], len(rounds))
 
 
 def standings_of(seasons: Iterable[Season]) -> dict[int, dict[str, list[RacerStanding]]]:

@@ -27,6 +27,7 @@ from league.selectors.overview import (
     divisions_with_points,
     fields_in_time,
     fields_of,
+    groups_raced,
     leaders_shown,
     month_races,
     running_rounds,
@@ -79,7 +80,8 @@ def season(request: HttpRequest, slug: str) -> HttpResponse:
 @require_safe
 def standings(request: HttpRequest, slug: str) -> HttpResponse:
     """Standings by ``division`` of ``of`` (racers, countries, regions, teams) with every round, dropped results marked;
-    with ``as=now``, and as long as no round is official, with the rounds that are on as they stand."""
+    with ``group`` racers of one among each other, with ``as=now``, and as long as no round is official, with the rounds
+    that are on as they stand."""
     shown, now = _season(slug), timezone.now()
     months = months_of(shown)
     divisions = divisions_with_points(months) or [Division.OPEN]
@@ -91,13 +93,17 @@ def standings(request: HttpRequest, slug: str) -> HttpResponse:
     rounds = [one for month in months for one in month if one.stage == STAGE_OF[division]]
     has_official = any(one.closed_at is not None for one in rounds)
     as_it_stands = bool(running) and (not has_official or request.GET.get("as") == "now")
-    table = standings_table(shown, division, of, months, running if as_it_stands else ())
+    groups = groups_raced(shown, request.user)
+    group = next((one for one in groups if one.slug == request.GET.get("group") and of == RACERS), None)
+    table = standings_table(shown, division, of, months, running if as_it_stands else (), group)
     mine = next((row for row in table.rows if row.racer is not None and row.racer.pk == request.user.pk), None)
     page = Paginator(table.rows, ROWS).get_page(request.GET.get("page"))
     context = _context(request, shown, "standings") | {
         "division": division,
         "divisions": divisions,
         "of": of,
+        "groups": groups if of == RACERS else [],
+        "group": group,
         "table": table,
         "running": running,
         "has_official": has_official,

@@ -131,10 +131,10 @@ class RaceAdmin(WithReason):
     list_select_related = ("track", "organiser")
     search_fields = ("name", "slug", "organiser__alias", "track__name")
     date_hierarchy = "opens_at"
-    autocomplete_fields = ("track", "organiser")
+    autocomplete_fields = ("track", "organiser", "group")
     actions = ("cancel", "clone", "new_invitations", "work_out_anew")
     fieldsets = (
-        (None, {"fields": ("name", "slug", "kind", "division", "organiser", "description", "edition")}),
+        (None, {"fields": ("name", "slug", "kind", "division", "organiser", "group", "description", "edition")}),
         (gettext_lazy("Prize and terms"), {"fields": ("prize", "sponsor", "terms")}),
         (gettext_lazy("Time and place"), {"fields": ("opens_at", "closes_at", "track", "direction")}),
         (

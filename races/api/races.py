@@ -12,7 +12,7 @@ from rest_framework.request import Request
 from rest_framework.response import Response
 from rest_framework.views import APIView
 
-from accounts.models import Racer
+from accounts.models import Racer, RacerGroup
 from accounts.scopes import ORGANISE
 from accounts.who import racer_of
 from core.bodies import Body, read_as, refuse_fields
@@ -60,6 +60,9 @@ class RaceSerializer(with_rules(serializers.Serializer, RULES)):  # type: ignore
     cancel_reason = serializers.CharField(allow_blank=True)
     track = TrackSummarySerializer()
     visibility = serializers.ChoiceField(Visibility.choices)
+    group = serializers.CharField(
+        source="group.slug", default=None, allow_null=True, help_text="Whose members alone may enter; null: everybody."
+    )
     engine = serializers.CharField(
         allow_blank=True, help_text="The simulator that its counted results are of; empty before the first."
     )
@@ -120,6 +123,13 @@ class RaceChangeSerializer(with_rules(Body, RULES, asked=True)):  # type: ignore
     opens_at = serializers.DateTimeField(required=False)
     closes_at = serializers.DateTimeField(required=False)
     visibility = serializers.ChoiceField(Visibility.choices, required=False)
+    group = serializers.SlugRelatedField(
+        slug_field="slug",
+        queryset=RacerGroup.objects.all(),
+        required=False,
+        allow_null=True,
+        help_text="Whose members alone may enter: a listed group's, or one that you lead; null: everybody.",
+    )
 
 
 class RaceEditSerializer(RaceChangeSerializer):

@@ -82,6 +82,15 @@ class Race(ChecksTogether, with_rules(RULES, inside_a_race)):  # type: ignore[mi
         verbose_name=_("organiser"),
     )
     track = models.ForeignKey("tracks.Track", models.PROTECT, related_name="races", verbose_name=_("track"))
+    group = models.ForeignKey(
+        "accounts.RacerGroup",
+        models.PROTECT,
+        null=True,
+        blank=True,
+        related_name="races",
+        verbose_name=_("for a group alone"),
+        help_text=_("Only its confirmed members may enter. Empty: everybody."),
+    )
     visibility = models.CharField(_("visibility"), max_length=10, choices=Visibility.choices, default=Visibility.PUBLIC)
     invitation = models.CharField(_("invitation"), max_length=32, unique=True, default=new_invitation, editable=False)
     opens_at = models.DateTimeField(_("opens"))
@@ -164,6 +173,8 @@ class Race(ChecksTogether, with_rules(RULES, inside_a_race)):  # type: ignore[mi
                 problems["visibility"] = problem("race_league_is_public")
         elif self.division:
             problems["division"] = problem("race_community_has_no_division")
+        if self.group is not None and not self.group.is_listed and self.visibility == Visibility.PUBLIC:
+            problems["group"] = problem("race_group_is_private")
         if not sensors_make_sense(self.sensors):
             problems["sensors"] = problem("race_sensors", known=", ".join(OFFERABLE))
         if self.track_id is not None and not self.track.has_shape:

@@ -90,6 +90,7 @@ def beginners_races(*, racer: Racer, track_slug: str, direction: str, race_type:
         direction=direction,
         race_type=race_type,
         visibility=Visibility.PUBLIC,
+        group=None,
         kind=RaceKind.COMMUNITY,
     )
     return races.order_by(house_first, *EASIER_FIRST, "closes_at", "pk")
@@ -101,7 +102,8 @@ def enterable_now(now: datetime, racer: Racer) -> QuerySet[Race]:
     races = racing_now(now, racer).filter(
         ~Exists(Entry.objects.filter(race=OuterRef("pk"), racer_id=racer.pk, removed_at__isnull=False))
     )
-    closed = [race.pk for race in races.filter(kind=RaceKind.LEAGUE) if refusal(race, racer, now) is not None]
+    limited = races.filter(Q(kind=RaceKind.LEAGUE) | Q(group__isnull=False))
+    closed = [race.pk for race in limited if refusal(race, racer, now) is not None]
     return races.exclude(pk__in=closed)
 
 

@@ -6,6 +6,8 @@ from typing import TYPE_CHECKING, TypeGuard
 
 from django.db.models import Exists, F, OuterRef, Q, QuerySet
 
+from accounts.groups.selectors import is_in
+from accounts.models import GroupMember
 from evaluation.models import Evaluation
 
 from ..engines import hidden_runs, is_hidden
@@ -25,11 +27,17 @@ def can_organise(racer: Racer | AnonymousUser | None, race: Race) -> bool:
 def can_see_race(racer: Racer | AnonymousUser | None, race: Race) -> bool:
     """Whether the racer (None or anonymous: anybody) may see the race. Twin of :func:`races_visible_to`.
 
-    Public races: everybody. Races by invitation: who organises them, admins, and who is in them and was not removed.
+    Public races: everybody. Races by invitation: who organises them, admins, who is in them, and of a group's race all
+    its confirmed members, but for who was removed.
     """
     if race.visibility == Visibility.PUBLIC or can_organise(racer, race):
         return True
-    return _known(racer) and Entry.objects.filter(race=race, racer_id=racer.pk, removed_at=None).exists()
+    if not _known(racer):
+        return False
+    removed = Entry.objects.filter(race=race, racer_id=racer.pk).values_list("removed_at", flat=True)
+    if removed:
+        return removed[0] is None
+    return race.group_id is not None and is_in(racer, race.group_id)
 
 
 def races_visible_to(racer: Racer | AnonymousUser | None) -> QuerySet[Race]:
@@ -40,7 +48,8 @@ def races_visible_to(racer: Racer | AnonymousUser | None) -> QuerySet[Race]:
     if racer.is_staff:
         return races
     member = Exists(Entry.objects.filter(race=OuterRef("pk"), racer_id=racer.pk, removed_at=None))
-    return races.filter(Q(visibility=Visibility.PUBLIC) | Q(organiser_id=racer.pk) | Q(member))
+    invited = _in_its_group(racer, "")
+    return races.filter(Q(visibility=Visibility.PUBLIC) | Q(organiser_id=racer.pk) | Q(member) | invited)
 
 
 def can_see_evaluation(racer: Racer | AnonymousUser | None, evaluation: Evaluation) -> bool:
@@ -81,9 +90,18 @@ def evaluations_visible_to(racer: Racer | AnonymousUser | None) -> QuerySet[Eval
         seen |= Q(owner_id=racer.pk)
         seen |= Q(Exists(in_race.filter(entry__race__organiser_id=racer.pk)))
         seen |= Q(Exists(on_board.filter(Exists(shared))))
+        seen |= Q(Exists(on_board.filter(_in_its_group(racer, "entry__race"))))
         member = Entry.objects.filter(race=OuterRef("race"), racer_id=racer.pk, removed_at=None)
-        seen |= Q(Exists(duel.filter(Q(race__organiser_id=racer.pk) | Exists(member))))
+        in_group = _in_its_group(racer, "race")
+        seen |= Q(Exists(duel.filter(Q(race__organiser_id=racer.pk) | Exists(member) | in_group)))
     return evaluations.filter(~hidden_runs(), seen)
+
+
+def _in_its_group(racer: Racer, to_race: str) -> Q:
+    """Rows whose race, which ``to_race`` leads to, is one of a group that the racer is in and was not removed from."""
+    of_mine = GroupMember.objects.filter(racer=racer.pk, confirmed_at__isnull=False).values("group")
+    removed = Entry.objects.filter(race=OuterRef(to_race or "pk"), racer_id=racer.pk, removed_at__isnull=False)
+    return Q(**{f"{to_race}__group__in" if to_race else "group__in": of_mine}) & ~Q(Exists(removed))
 
 
 def _known(racer: Racer | AnonymousUser | None) -> TypeGuard[Racer]:

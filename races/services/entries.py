@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 from django.db import transaction
 from django.utils import timezone
 
+from accounts.groups.selectors import is_in
 from paddock.errors import UserFault
 
 from ..eligibility import check_eligible
@@ -146,7 +147,8 @@ def _enter(race: Race, racer: Racer, now: datetime, *, invited: bool, terms: int
         if terms is not None:
             accept_terms(entry, race, accepted=terms, now=now)
         return entry
-    if entry is None and race.visibility == Visibility.INVITATION and not invited and not can_organise(racer, race):
+    invited = invited or can_organise(racer, race) or (race.group_id is not None and is_in(racer, race.group_id))
+    if entry is None and race.visibility == Visibility.INVITATION and not invited:
         raise UserFault("race_needs_invitation")
     check_eligible(race, racer, now)
     if entry is None:

@@ -8,8 +8,10 @@ from django.template.base import FilterExpression, NodeList, Parser, Token
 from django.utils.safestring import SafeString, mark_safe
 from django.utils.translation import get_language
 
+from accounts.models import RacerGroup
 from races.cuts import Cut, cut_of
-from races.selectors import Board
+from races.models import Race
+from races.selectors import Board, races_visible_to
 
 register = template.Library()
 
@@ -18,6 +20,13 @@ register = template.Library()
 def cut_of_board(board: Board) -> Cut | None:
     """The line through a board; None for races that move nobody on."""
     return cut_of(board)
+
+
+@register.simple_tag(takes_context=True)
+def races_of_group(context: Context, group: RacerGroup) -> list[Race]:
+    """Races that are held for the group alone and that the reader may see, the latest first."""
+    viewer = getattr(context.get("request"), "user", None)
+    return list(races_visible_to(viewer).filter(group=group).order_by("-opens_at", "-pk")[:50])
 
 
 class _Drawn(template.Node):

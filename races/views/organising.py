@@ -12,6 +12,7 @@ from django.utils import timezone
 from django.utils.translation import gettext as _
 from django.views.decorators.http import require_http_methods, require_POST, require_safe
 
+from accounts.groups.selectors import groups_to_hold_for
 from accounts.who import racer_of
 from paddock.errors import UserFault
 from races import services
@@ -38,7 +39,7 @@ def race_new(request: HttpRequest) -> HttpResponse:
     initial = {}
     if Track.objects.filter(slug=request.GET.get("track", "")).exists():
         initial["track"] = request.GET["track"]
-    form = RaceForm(request.POST or None, now=now, initial=initial)
+    form = RaceForm(request.POST or None, now=now, initial=initial, groups=groups_to_hold_for(racer_of(request)))
     if request.method == "POST" and form.is_valid():
         try:
             race = services.create_community_race(organiser=racer_of(request), now=now, **form.changes())
@@ -65,7 +66,8 @@ def race_edit(request: HttpRequest, slug: str) -> HttpResponse:
     race = organised_race(request, slug)
     now = timezone.now()
     locked = locked_fields(race, now, submissions=has_submissions(race))
-    form = RaceForm(request.POST or None, race=race, locked=locked, now=now)
+    groups = groups_to_hold_for(race.organiser or racer_of(request))
+    form = RaceForm(request.POST or None, race=race, locked=locked, now=now, groups=groups)
     if request.method == "POST" and form.is_valid():
         try:
             services.edit_race(race=race, now=now, edition=form.cleaned_data["edition"] or None, **form.changes())

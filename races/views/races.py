@@ -33,6 +33,7 @@ from races.selectors import (
     to_beat,
     upcoming,
 )
+from races.selectors.group_boards import group_board, groups_on
 from races.selectors.terms import has_accepted
 from races.sensors import not_offered
 
@@ -87,12 +88,24 @@ def _listed(request: HttpRequest, show: str) -> QuerySet[Race]:
 
 @require_safe
 def race(request: HttpRequest, slug: str) -> HttpResponse:
-    """A race with its board."""
+    """A race with its board; with ``group`` that of a group's members among each other."""
     shown = visible_race(request, slug)
     page = request.GET.get("page", "1")
-    standings = shared_board(shown, request.user, page=int(page) if page.isdecimal() and len(page) < 9 else 1)
+    number = int(page) if page.isdecimal() and len(page) < 9 else 1
+    groups = groups_on(shown, request.user)
+    group = next((one for one in groups if one.slug == request.GET.get("group")), None)
+    if group is None:
+        standings = shared_board(shown, request.user, page=number)
+    else:
+        standings = group_board(shown, group, request.user, page=number)
     context = race_context(request, shown, standings.my_entry, looked_up=True)
-    context |= {"tab": "board", "board": standings, "score_column": score_column(shown)}
+    context |= {
+        "tab": "board",
+        "board": standings,
+        "score_column": score_column(shown),
+        "groups": groups,
+        "group": group,
+    }
     return render(request, "races/race.html", context)
 
 

@@ -111,6 +111,17 @@ CASES = [
     Case("alice", "/settings/notices/", "Save", "Saved."),
     Case("alice", "/notices/", "css=.notice-link", "css=#evaluation, #board"),
     Case("alice", "/notices/", "Mark all as read", "css=main:not(:has([action='/notices/read/']))"),
+    # groups
+    Case("alice", "/groups/new/", "Make the group", "The group is made.", {"Name": "Owls"}),
+    Case("newcomer", "/groups/join/{group_code}/", "Ask to be in it", "waits for its leader"),
+    Case("alice", "/groups/club/", "Confirm", "Saved."),
+    Case("alice", "/groups/club/", "css=.side [value=link]", "Saved."),
+    Case("alice", "/groups/club/", "css=.side [value=change]", "Saved.", {"Name": "Club of owls"}),
+    Case("alice", "/groups/club/", "css=#members [value=hand_over]", "Saved."),
+    Case("newcomer", "/groups/club/", "Leave the group", "You are no longer in the group."),
+    Case("admin", "/groups/club/", "css=#members [value=remove]", "Saved."),
+    Case("admin", "/groups/club/", "Turn down", "Saved."),
+    Case("admin", "/groups/club/", "Delete the group", "The group is deleted."),
     # races
     Case("newcomer", "/races/next-race/", "Enter", "You are in."),
     Case("newcomer", "/races/open-race/", "Submit", "css=#live-card"),

@@ -11,6 +11,7 @@ from allauth.account.models import EmailAddress, EmailConfirmationHMAC
 from allauth.account.utils import user_pk_to_url_str
 from PIL import Image
 
+from accounts.groups.services import ask_to_join, confirm_member, make_group
 from accounts.models import Racer
 from accounts.tokens import create_token
 from evaluation.services import share_model, stop_evaluation
@@ -98,12 +99,18 @@ class Cast:
         for one in own[:2]:
             stop_evaluation(evaluation=one.evaluation, now=now)
         self._season(world)
+        self.group = make_group(by=alice, name="Club", now=now)
+        for racer in (bob, gone, a_racer("asking")):
+            asked = ask_to_join(code=self.group.code, racer=racer, now=now)
+            if racer == bob:
+                confirm_member(member=asked, by=alice, now=now)
         tell_what_happened(now=now)
         key = f"{user_pk_to_url_str(bob)}-{default_token_generator.make_token(bob)}"
         names = ("finished", "other", "queued", "running", "failed", "ours")
         self.words = {name: getattr(world, name).evaluation.public_id for name in names} | {
             "invitation": world.secret.invitation,
             "driven": driven.public_id,
+            "group_code": self.group.code,
             "ready": ready.public_id,
             "waits": waits.public_id,
             "model": world.model.public_id,
@@ -159,6 +166,8 @@ class Cast:
             "settings/": [],
             "train/<str:public_id>/": [{"public_id": said["job"]}, {"public_id": said["ended"]}],
             "vehicles/<str:public_id>/": [{"public_id": said["vehicle"]}],
+            "groups/<": [{"slug": "club"}],
+            "groups/join/<": [{"code": said["group_code"]}],
             "guides/": [{"slug": "tracks"}],
             "learn/": [{"slug": lesson.slug} for lesson in LESSONS[:1]],
             "join/": [],  # leads to the form for signing up

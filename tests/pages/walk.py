@@ -11,6 +11,8 @@ from allauth.mfa.totp.internal.auth import TOTP
 from django.conf import settings
 from django.urls import URLPattern, get_resolver, resolve
 
+from accounts.groups.services import ask_to_join, confirm_member, make_group
+from accounts.models import RacerGroup
 from evaluation.services import finish_evaluation, share_model
 from league.models import Season, Stage
 from league.services import close_due_rounds, open_demo_season
@@ -52,6 +54,7 @@ NO_PAGES = {
     *("video_live", "video_poster", "video_stop", "webhook_remove", "webhook_secret", "webhook_test"),
     "training_first",
     "track_file",
+    "group_leave",
     *("avatar", "picture_remove", "picture_set"),
     # which lead elsewhere unless something has just happened
     *("account_confirm_login_code", "account_reauthenticate", "account_set_password"),
@@ -103,6 +106,12 @@ def make_site() -> Site:
     add_webhook(owner=world.alice, url="https://example.org/hook", race=world.race)
     tell_what_happened(now=now)
     TOTP.activate(world.bob, "GEZDGNBVGY3TQOJQGEZDGNBVGY3TQOJQ")
+    owls = make_group(by=world.alice, name="Owls", now=now, description="We race at night.")
+    for racer in (world.bob, world.newcomer):
+        asked = ask_to_join(code=owls.code, racer=racer, now=now)
+        if racer == world.bob:
+            confirm_member(member=asked, by=world.alice, now=now)
+    RacerGroup.objects.update(is_listed=True)
     token = stopping_token(world.alice.pk, "opens")
     return Site(world, season, trained, training, _paths(world, season, trained, training, driven, vehicle, token))
 
@@ -133,6 +142,7 @@ def _paths(world, season, trained, training, driven, vehicle, token) -> dict[str
             *("/races/open-race/", "/races/open-race/rules/", "/races/open-race/runs/", "/races/open-race/edit/"),
             *("/races/open-race/racers/", "/races/open-race/racers/bob/remove/", "/races/open-race/cancel/"),
             "/races/open-race/close/",
+            *("/groups/", "/groups/new/", "/groups/owls/", f"/groups/join/{RacerGroup.objects.get().code}/"),
             *("/races/open-race/withdraw/", "/races/waiting-race/", "/races/fault-race/", "/races/next-race/"),
             *("/races/old-race/", "/races/no-race/", "/races/secret-race/", "/races/robin/", "/races/robin/duels/"),
             *(f"/evaluations/{runs[name]}/" for name in ("queued", "failed", "finished")),

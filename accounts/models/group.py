@@ -1,0 +1,72 @@
+"""Groups of racers: a school, a club, all students. Who is in one is confirmed by who leads it."""
+
+from __future__ import annotations
+
+from django.conf import settings
+from django.db import models
+from django.db.models import Q
+from django.urls import reverse
+from django.utils.translation import gettext_lazy as _
+
+from core.validators import ONE_LINE
+
+from .access import new_code
+
+
+class RacerGroup(models.Model):
+    """Racers who belong together. ``code`` is the secret part of the link with which they ask to be in it.
+
+    One that is listed is shown to everybody, with who is in it; of others nobody learns who is not in them.
+    """
+
+    slug = models.SlugField(_("address"), unique=True, max_length=48)
+    name = models.CharField(_("name"), max_length=64, validators=[ONE_LINE])
+    description = models.TextField(_("description"), blank=True, max_length=500)
+    leader = models.ForeignKey(
+        settings.AUTH_USER_MODEL,
+        models.SET_NULL,
+        null=True,
+        blank=True,
+        related_name="groups_led",
+        verbose_name=_("leader"),
+    )
+    is_listed = models.BooleanField(
+        _("listed"), default=False, help_text=_("Everybody sees it and who is in it, and may filter boards by it.")
+    )
+    code = models.CharField(_("code"), max_length=32, unique=True, default=new_code, editable=False)
+    made_at = models.DateTimeField(_("made"))
+
+    class Meta:
+        verbose_name = _("group of racers")
+        verbose_name_plural = _("groups of racers")
+        ordering = ["name", "pk"]
+        constraints = [models.CheckConstraint(condition=~Q(name=""), name="racer_group_has_a_name")]
+
+    def __str__(self) -> str:
+        return self.name
+
+    def get_absolute_url(self) -> str:
+        return reverse("group", args=[self.slug])
+
+
+class GroupMember(models.Model):
+    """A racer asks to be in a group, and is once its leader has confirmed it."""
+
+    group = models.ForeignKey(RacerGroup, models.CASCADE, related_name="members", verbose_name=_("group"))
+    racer = models.ForeignKey(
+        settings.AUTH_USER_MODEL, models.CASCADE, related_name="group_memberships", verbose_name=_("racer")
+    )
+    asked_at = models.DateTimeField(_("asked"))
+    confirmed_at = models.DateTimeField(_("confirmed"), null=True, blank=True)
+    confirmed_by = models.ForeignKey(
+        settings.AUTH_USER_MODEL, models.SET_NULL, null=True, blank=True, related_name="+", verbose_name=_("by")
+    )
+
+    class Meta:
+        verbose_name = _("member of a group")
+        verbose_name_plural = _("members of groups")
+        ordering = ["pk"]
+        constraints = [models.UniqueConstraint(fields=["group", "racer"], name="group_member_once")]
+
+    def __str__(self) -> str:
+        return f"{self.group}: {self.racer}"
