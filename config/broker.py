@@ -13,13 +13,13 @@ SOCKET_PATH_LIMIT = 107  # bytes: sun_path of sockaddr_un is 108 with its closin
 MEMORY_MB = 128
 
 
-def socket_path(folder: Path) -> Path:
-    """The server's socket below ``folder``, or in a folder of our own below /tmp when that path is too long for one."""
-    path = folder / "valkey.sock"
+def socket_path(folder: Path, name: str = "valkey.sock") -> Path:
+    """A socket below ``folder``, or in a folder of our own below /tmp when that path is too long for one."""
+    path = folder / name
     if len(os.fsencode(path)) <= SOCKET_PATH_LIMIT:
         return path
     digest = hashlib.sha256(os.fsencode(folder)).hexdigest()[:16]
-    return Path("/tmp") / f"paddock-{os.getuid()}-{digest}" / "valkey.sock"
+    return Path("/tmp") / f"paddock-{os.getuid()}-{digest}" / name
 
 
 def broker_url(socket: Path) -> str:

@@ -170,6 +170,13 @@ CACHES = {
     }
 }
 
+# --- streams: open pages that are told what moves (config.streams) -------------------------------------------------
+STREAM_SOCKET = broker.socket_path(DATA_DIR / "streams", "streams.sock")  # where the web server hands them over
+STREAM_BELL_URL = CACHE_URL
+STREAMS = env_int("PADDOCK_STREAMS", 2000, minimum=1)
+STREAMS_PER_ADDRESS = env_int("PADDOCK_STREAMS_PER_ADDRESS", 1000, minimum=1)
+STREAMS_PER_RACER = env_int("PADDOCK_STREAMS_PER_RACER", 20, minimum=1)
+
 CELERY_TASK_IGNORE_RESULT = True
 CELERY_TASK_ACKS_LATE = True
 CELERY_WORKER_PREFETCH_MULTIPLIER = 1

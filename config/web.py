@@ -48,7 +48,7 @@ def main(arguments: list[str] | None = None) -> int:
     parser.add_argument("--threads", type=int, default=THREADS, help="of each process, that run Django")
     parser.add_argument("--application", default="config.wsgi:application", help=argparse.SUPPRESS)
     given = parser.parse_args(arguments)
-    _many_files()
+    many_files()
     os.umask(0o077)
     try:
         listening = listen(given.host, given.port)
@@ -175,8 +175,10 @@ def _serve(listening: socket.socket, application: str, threads: int, master: int
 
 
 def _until_told(application: Any, listening: socket.socket, threads: int, stopping: list[int]) -> None:
+    from django.conf import settings
     from waitress import create_server, wasyncore
 
+    from config.streams.handover import Sender
     from config.whole import Channel, largest_body, without_body
 
     logging.getLogger("waitress").setLevel(logging.ERROR)
@@ -201,6 +203,7 @@ def _until_told(application: Any, listening: socket.socket, threads: int, stoppi
         log_socket_errors=False,
     )
     server.channel_class = Channel
+    server.streams = Sender(settings.STREAM_SOCKET)
     server.accept_connections()
 
     def stop(number: int, _frame: FrameType | None) -> None:
@@ -219,7 +222,7 @@ def _until_told(application: Any, listening: socket.socket, threads: int, stoppi
         wasyncore.poll2(0.1, connections)
 
 
-def _many_files() -> None:
+def many_files() -> None:
     """As many connections as the system lets us have; the shell's usual 1,024 would be too few."""
     _, hard = resource.getrlimit(resource.RLIMIT_NOFILE)
     wanted = hard if hard != resource.RLIM_INFINITY else 65536

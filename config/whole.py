@@ -16,6 +16,8 @@ from waitress.parser import HTTPRequestParser
 from waitress.utilities import Error, RequestEntityTooLarge
 
 from config.body_limit import FORM_MB, MEGABYTE, OVERHEAD_BYTES, takes_models
+from config.streams.handover import MOST_BYTES as HEADER_BYTES
+from config.streams.handover import Sender, is_for_stream, is_whole
 
 SMALL_BYTES = FORM_MB * MEGABYTE + OVERHEAD_BYTES
 # What all unfinished large requests of one process may come to, in the largest uploads: they lie on its disk
@@ -85,11 +87,42 @@ class Request(HTTPRequestParser):
 
 
 class Channel(HTTPChannel):
-    """A connection whose requests are bounded as above."""
+    """A connection whose requests are bounded as above, and that goes to the stream process when it asks for a stream
+    (:mod:`config.streams.handover`). If that does not take it, the site answers."""
+
+    requests: list[Any]  # Waitress's own
+    total_outbufs_len: int
 
     def __init__(self, server: Any, *args: Any, **kwargs: Any) -> None:
         super().__init__(server, *args, **kwargs)
         self.parser_class = partial(Request, server=server)
+        self._streams: Sender = server.streams
+        self._asked = b""  # for a stream, as far as it has come
+
+    def received(self, data: bytes) -> bool:
+        if not self._asked and (self.request is not None or not is_for_stream(data)):
+            return super().received(data)
+        self._asked += data
+        self._go()
+        return True
+
+    def readable(self) -> bool:
+        if self._asked and self._go():  # what was asked for before has been answered by now
+            return False
+        return super().readable()
+
+    def _go(self) -> bool:
+        """Hand over, as soon as all of the request is there and everything before it is answered. Whether this
+        connection is gone now."""
+        whole = is_whole(self._asked)
+        if self.requests or self.total_outbufs_len or not (whole or len(self._asked) > HEADER_BYTES):
+            return False
+        asked, self._asked = self._asked, b""
+        if whole and len(asked) <= HEADER_BYTES and self._streams.hand_over(self.socket.fileno(), asked):
+            self.handle_close()
+            return True
+        super().received(asked)
+        return False
 
 
 def without_body(application: Any) -> Any:

@@ -11,13 +11,14 @@ class EvaluationConfig(AppConfig):
         from accounts import quotas, storage
         from core.jobs.outages import look_after_faults
 
-        from . import events  # noqa: F401 - its kinds of events are known from the start
+        from . import events, streams  # noqa: F401 - its kinds of events are known from the start
         from .models import TrainedModel
         from .quotas import MODELS, NETWORKS, STORAGE, TRACES, UPLOADS
         from .sandbox import probe as probing
         from .services.sources import take_source_along
 
         quotas.register(MODELS)
+        streams.register()
         quotas.register(STORAGE)
         storage.register(NETWORKS)
         storage.register(TRACES)

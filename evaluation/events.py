@@ -11,12 +11,18 @@ from .models import Evaluation, Result, State
 # Who may see the run. What that means is said by the room that knows races.
 RUN = "run"
 
+RUN_QUEUED = register(EventKind("run.queued", "a run waits in the queue", RUN, ("racer", "subject")))
 RUN_STARTED = register(EventKind("run.started", "a worker has taken a run", RUN, ("racer", "subject"), ("attempt",)))
 RUN_FINISHED = register(
     EventKind("run.finished", "a run has a result", RUN, ("racer", "subject"), ("best_lap_ms", "total_ms"))
 )
 RUN_FAILED = register(EventKind("run.failed", "a run ended without a result", RUN, ("racer", "subject"), ("reason",)))
 RUN_STOPPED = register(EventKind("run.stopped", "a run was stopped", RUN, ("racer", "subject")))
+
+
+def record_queued(evaluation: Evaluation, now: datetime) -> None:
+    """The run is in the queue. Call it in the transaction that puts it there."""
+    record(RUN_QUEUED, at=now, **_whose(evaluation))
 
 
 def record_start(evaluation: Evaluation, now: datetime) -> None:

@@ -16,6 +16,7 @@ class LeagueConfig(AppConfig):
         from races.signals import board_changed
         from races.validation import register_hold, register_time_check
 
+        from . import streams
         from .eligibility import check_division
         from .receivers import drop_webhooks, follow_board
         from .selectors.boards import cut_shown
@@ -30,6 +31,7 @@ class LeagueConfig(AppConfig):
         for reader in (NOTICES, WEBHOOKS, SEASONS):
             register_reader(reader)
         register_time_check(check_round_times)
+        streams.register()
         register_hold(hold_season)
         register_official(is_official)
         register_cut(cut_shown)

@@ -12,7 +12,7 @@ class RacesConfig(AppConfig):
         from core.pages import register_slots
         from evaluation.signals import evaluation_ended
 
-        from . import queues, track_figures, video_words
+        from . import queues, streams, track_figures, video_words
         from .board_triggers import installed_after_migrate
         from .eligibility import register as check_races
         from .events import register_audiences
@@ -27,6 +27,7 @@ class RacesConfig(AppConfig):
         queues.register()
         track_figures.register()
         register_audiences()
+        streams.register()
         register_slots(
             {
                 "garage.actions": "races/own/to_runs.html",

@@ -28,6 +28,7 @@ TRAINING = True  # the site's side needs no torch; tests that really train are s
 MFA_SUPPORTED_TYPES = ["totp", "recovery_codes", "webauthn"]  # their pages are there, whatever the site's address
 
 CACHES = {"default": {"BACKEND": "django.core.cache.backends.locmem.LocMemCache"}}
+STREAM_BELL_URL = ""  # nobody listens
 STORAGES = {**STORAGES, "staticfiles": {"BACKEND": "django.contrib.staticfiles.storage.StaticFilesStorage"}}
 STATIC_ROOT = DATA_DIR / "static"
 STATIC_ROOT.mkdir(exist_ok=True)  # WhiteNoise warns about a missing one

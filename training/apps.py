@@ -20,13 +20,14 @@ class TrainingConfig(AppConfig):
         from core.pages import register_slots
         from evaluation import proof
 
-        from . import events, queues  # noqa: F401 - its kinds of events are known from the start
+        from . import events, queues, streams  # noqa: F401 - its kinds of events are known from the start
         from .quotas import AT_ONCE, FILES, MINUTES
 
         register(AT_ONCE)
         register(MINUTES)
         storage.register(FILES)
         queues.register()
+        streams.register()
         _read_policies_of_sb3()
         proof.register(_prove)
         register_slots(

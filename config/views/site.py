@@ -54,6 +54,13 @@ def set_theme(request: HttpRequest) -> HttpResponse:
 
 @never_cache
 @require_GET
+def stream(request: HttpRequest) -> HttpResponse:
+    """What whoever asks for the stream is told while no stream process takes them: to go on by asking."""
+    return HttpResponse("event: away\ndata: {}\n\n", content_type="text/event-stream")
+
+
+@never_cache
+@require_GET
 def health_live(request: HttpRequest) -> HttpResponse:
     """This process answers."""
     return HttpResponse("ok\n", content_type="text/plain")

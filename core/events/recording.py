@@ -8,6 +8,7 @@ from typing import Any
 
 from django.db import transaction
 
+from ..streams.bell import ring_after_commit
 from .kinds import COLUMNS, KINDS, EventKind
 from .models import Event
 from .waking import wake_readers
@@ -58,6 +59,7 @@ def record_all(events: Iterable[Event]) -> int:
         # somebody else may be writing the same at this moment: theirs stands
         Event.objects.bulk_create(new, batch_size=BATCH, ignore_conflicts=True)
         if new:
+            ring_after_commit()
             wake_readers({row.kind for row in new})
     return len(new)
 

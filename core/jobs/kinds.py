@@ -14,6 +14,7 @@ from django.db import transaction
 from django.db.models import F, Q, QuerySet
 
 from ..clock import database_now
+from ..streams.bell import poke, poke_after_commit
 from ..wakeup import wake
 from .heartbeat import Heartbeat
 from .models import Leased
@@ -150,6 +151,7 @@ class JobKind(Generic[J]):
         job = self.held(pk, lease).select_related(*self.related).first() if claimed else None
         if job is not None:
             self.began(job, now)
+            poke_after_commit(self.topics(job))
         return job
 
     def beat(self, *, pk: int, lease: uuid.UUID, progress: Any | None = None, now: datetime) -> bool:
@@ -161,12 +163,19 @@ class JobKind(Generic[J]):
         """The columns that tell of a progress."""
         return {"progress": progress}
 
+    def topics(self, job: J) -> tuple[str, ...]:
+        """What moves on the stream (:mod:`core.streams`) when the job gets on without an event."""
+        return ()
+
     def heartbeat(self, job: J) -> Heartbeat:
         """What holds the lease of a claimed job."""
 
         def beat(progress: Any | None) -> bool:
             assert job.lease is not None
-            return self.beat(pk=job.pk, lease=job.lease, progress=progress, now=database_now())
+            held = self.beat(pk=job.pk, lease=job.lease, progress=progress, now=database_now())
+            if held and progress is not None:
+                poke(self.topics(job))
+            return held
 
         return Heartbeat(f"{self.name} {job}", beat, lease=self.lease, every_s=self.beat_s)
 

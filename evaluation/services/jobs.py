@@ -54,6 +54,9 @@ class Evaluations(RetriedKind[Evaluation]):
     def began(self, job: Evaluation, now: datetime) -> None:
         record_start(job, now)
 
+    def topics(self, job: Evaluation) -> tuple[str, ...]:
+        return (f"run:{job.public_id}",)
+
     def others_passed(self, job: Evaluation) -> bool:
         """Another car: the same network in another garage ends like this one."""
         passed = Result.objects.exclude(evaluation__model__network=job.model.network_id)

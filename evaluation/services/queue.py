@@ -10,7 +10,7 @@ from django.db import transaction
 
 from paddock.errors import UserFault
 
-from ..events import record_end
+from ..events import record_end, record_queued
 from ..models import Evaluation, EvaluationRival, State, TrainedModel
 from ..queue_order import URGENT
 from ..rivals import check_rivals
@@ -70,6 +70,7 @@ def queue_evaluation(
         EvaluationRival(evaluation=evaluation, number=number, model=rival, metadata=rival.metadata)
         for number, rival in enumerate(rivals, 1)
     )
+    record_queued(evaluation, now)
     EVALUATIONS.wake()
     return evaluation
 

@@ -27,17 +27,18 @@ def happened(**which) -> list[tuple]:
     return list(Event.objects.filter(**which).order_by("pk").values_list("kind", "racer__alias", "subject"))
 
 
-def test_claiming_a_run_writes_an_event(alice, now):
+def test_queueing_and_claiming_a_run_write_events(alice, now):
     submission = submit_model(race=a_race(now), racer=alice, model=a_model(alice), now=now)
     assert EVALUATIONS.claim(worker="w", now=now) and EVALUATIONS.claim(worker="w", now=now) is None
-    assert happened() == [("run.started", "alice", submission.evaluation.public_id)]
-    assert Event.objects.get().data == {"attempt": 1}
+    run = submission.evaluation.public_id
+    assert happened() == [("run.queued", "alice", run), ("run.started", "alice", run)]
+    assert Event.objects.get(kind="run.started").data == {"attempt": 1}
 
 
 def test_a_counting_result_writes_its_events(alice, now):
     race = a_race(now)
     run = drive(race, alice, laps(9_000, 9_000, 9_000), now).evaluation
-    assert [row for row in happened() if row[0] != "race.board"] == [
+    assert [row for row in happened() if row[0] not in ("race.board", "run.queued")] == [
         ("run.finished", "alice", run.public_id),
         ("race.result", "alice", run.public_id),
     ]

@@ -13,6 +13,7 @@ from core.jobs.heartbeat import Heartbeat
 from core.jobs.kinds import register
 from core.jobs.outages import waits_for_storage
 from core.jobs.retried import RetriedKind, Verdict
+from core.streams import poke
 from paddock.errors import PaddockError, PlatformFault, fault_from_dict
 
 from ..events import record_end
@@ -78,6 +79,9 @@ class Trainings(RetriedKind[TrainingJob]):
         drop_checkpoints(job)
         record_end(job.pk, now)
 
+    def topics(self, job: TrainingJob) -> tuple[str, ...]:
+        return (f"training:{job.public_id}",)
+
     def heartbeat(self, job: TrainingJob) -> TrainingHeartbeat:
         return TrainingHeartbeat(job)
 
@@ -90,6 +94,7 @@ class TrainingHeartbeat(Heartbeat):
 
     def __init__(self, job: TrainingJob) -> None:
         super().__init__(f"training {job.public_id}", self.look, lease=TRAININGS.lease, always=True)
+        self._topics = TRAININGS.topics(job)
         self._held: dict[str, Any] = {"pk": job.pk, "lease": job.lease}
         self.progress: dict[str, Any] = {}
         self.stop_asked = job.stop_asked_at is not None
@@ -102,6 +107,8 @@ class TrainingHeartbeat(Heartbeat):
         """Prolong the lease, and see whether it shall stop. False: the lease is gone."""
         if not TRAININGS.beat(**self._held, progress=progress, now=database_now()):
             return False
+        if progress is not None:
+            poke(self._topics)
         asked = TRAININGS.held(**self._held).filter(stop_asked_at__isnull=False)
         self.stop_asked = self.stop_asked or asked.exists()
         return True

@@ -44,6 +44,9 @@ class Videos(RetriedKind[Video]):
     alone, gave_up_code = frozenset(("internal_error",)), "video_gave_up"
     lost_code = "lease_expired"
 
+    def topics(self, job: Video) -> tuple[str, ...]:
+        return (f"run:{job.evaluation.public_id}",)
+
     def others_passed(self, job: Video) -> bool:
         passed = Video.objects.filter(state=VideoState.READY).exclude(pk=job.pk)
         return passed.filter(ended_at__gte=job.failed_at or job.asked_at).exists()

@@ -92,6 +92,7 @@ def _programs(host: str, port: int) -> dict[str, list[str]]:
     celery = [*PYTHON, "celery", "--quiet", "--app", "config"]
     programs = {
         "web": [*PYTHON, "config.web", "--host", host, "--port", str(port)],
+        "streams": [*PYTHON, "config.streams"],
         "worker": [
             *(*celery, "worker", "--pool", "prefork", "--concurrency", str(settings.WORKER_CONCURRENCY)),
             *("--without-gossip", "--without-mingle"),
@@ -164,7 +165,7 @@ def _in_a_process(work: Callable[[], None]) -> None:
 
 def _load() -> None:
     """Load what the programs share, so that they need not: they are forks."""
-    for module in ("config.wsgi", *_OF_CELERY):
+    for module in ("config.wsgi", "config.streams.server", *_OF_CELERY):
         import_module(module)
     celery_app.loader.import_default_modules()
     if not sys.warnoptions:

@@ -1,0 +1,253 @@
+"""Who follows what, and who is told what. One thread: only the desks wait for the database.
+
+Events are told in the order of their positions. Whether a reader may be told is asked when it is told: whoever was
+removed from a race, or has logged out, hears nothing more of it from the same moment.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import logging
+from collections import defaultdict
+from collections.abc import AsyncIterator, Iterable
+from contextlib import aclosing, suppress
+from time import monotonic
+from typing import Any
+
+from django.db import Error
+
+from core.streams import TOPICS
+from core.streams.reading import AT_ONCE, Moved, after, between, newest
+
+from .feed import Bell, Desk
+from .reader import NUMBERS_TOLD, Reader, message
+from .viewers import allowed, viewers_of
+
+logger = logging.getLogger(__name__)
+LOOK_S = 1.0  # how long a ring that got lost delays what it rang for
+BEAT_S = 20.0
+CHECK_S = 10.0  # how long a stream without news may outlive its session
+TRUSTED_S = 2.0  # for how long an answer holds for messages that come many times a second
+SPREAD_MS_EACH, SPREAD_MOST_MS = 2, 3000
+AGAIN_S = 2.0
+GONE = message({}, event="gone")
+
+
+class Hub:
+    """All open streams of this process."""
+
+    def __init__(self) -> None:
+        self.readers: set[Reader] = set()
+        self.position: int | None = None  # None: nothing was read yet
+        self.bell = Bell(self._ring, self._said)
+        self._by_topic: dict[str, set[Reader]] = defaultdict(set)
+        self._table = Desk("table", 1)
+        self._people = Desk("people", 2)
+        self._rang = asyncio.Event()
+        self._sources: dict[str, asyncio.Task[None]] = {}
+        self._trusted: dict[tuple[str, str], tuple[bool, float]] = {}
+        self._tasks: list[asyncio.Task[Any]] = []
+        self._asides: set[asyncio.Task[Any]] = set()
+
+    def start(self) -> None:
+        work = (self.bell.listen(), self._follow(), self._beat(), self._check())
+        self._tasks = [asyncio.create_task(each) for each in work]
+
+    async def close(self) -> None:
+        """End all streams, their readers come back to whoever takes over."""
+        for task in (*self._tasks, *self._sources.values(), *self._asides):
+            task.cancel()
+        for reader in list(self.readers):
+            reader.end()
+        self._table.close()
+        self._people.close()
+
+    # --- readers ------------------------------------------------------------------------------------------------------
+    async def come(self, reader: Reader, last: int | None) -> None:
+        """A reader has come, who knows everything up to ``last`` (None: asks from now on). Raises what the database
+        raises when it is away."""
+        self.readers.add(reader)
+        for topic in reader.topics:
+            self._by_topic[topic].add(reader)
+        while self.position is None:
+            self.position = await self._table.ask(newest)
+        begins = reader.position = self.position
+        past = await self._past_of(reader, last, begins) if last is not None and last != begins else []
+        welcomes = await self._welcomes(reader)
+        # its position comes after all that is up to it: cut in between, the reader asks for the rest
+        hello = b"retry: 2000\n" + message({"spread": self.spread_ms}, event="hello", position=begins)
+        reader.tell_past([*past, *welcomes, hello])
+
+    def leave(self, reader: Reader) -> None:
+        self.readers.discard(reader)
+        for topic in reader.topics:
+            following = self._by_topic[topic]
+            following.discard(reader)
+            if not following:
+                del self._by_topic[topic]
+                if topic in self._sources:
+                    self._sources.pop(topic).cancel()
+
+    @property
+    def spread_ms(self) -> int:
+        """Over how long readers spread what they ask for when the same moves for all of them."""
+        return min(SPREAD_MS_EACH * len(self.readers), SPREAD_MOST_MS)
+
+    async def _past_of(self, reader: Reader, last: int, begins: int) -> list[bytes]:
+        past = await self._table.ask(between, last, begins)
+        if past is None:
+            return [message({}, event="reload")]
+        topics = {topic for moved in past for topic in moved.topics} & reader.topics
+        may = await self._may(topics, [reader])
+        numbers = [moved.position for moved in past if moved.topics & may.get(reader, set())]
+        told = {topic for moved in past for topic in moved.topics} & may.get(reader, set())
+        return [message({"of": sorted(told), "at": numbers[-NUMBERS_TOLD:]})] if told else []
+
+    async def _welcomes(self, reader: Reader) -> list[bytes]:
+        """What the topics with messages of their own say to who has just come; their sources begin."""
+        special = {topic for topic in reader.topics if (kind := _kind(topic)) and (kind.welcome or kind.source)}
+        welcomes = []
+        for topic in sorted((await self._may(special, [reader])).get(reader, set()) if special else ()):
+            kind = TOPICS[topic.partition(":")[0]]
+            if kind.welcome is not None:
+                said = await self._people.ask(kind.welcome, topic.partition(":")[2])
+                if said is not None:
+                    welcomes.append(message({"to": topic, "data": said}, event="said"))
+            if kind.source is not None and topic not in self._sources and not reader.is_over:
+                self._sources[topic] = asyncio.create_task(self._play(topic, kind.source(topic.partition(":")[2])))
+        return welcomes
+
+    # --- what is told -------------------------------------------------------------------------------------------------
+    def _ring(self) -> None:
+        self._rang.set()
+
+    async def _follow(self) -> None:
+        """Read what happened, and tell it: when the bell rings, and now and then without."""
+        while True:
+            with suppress(TimeoutError):
+                await asyncio.wait_for(self._rang.wait(), LOOK_S)
+            self._rang.clear()
+            try:
+                await self._read_on()
+            except Error as error:
+                logger.warning("The streams cannot read the events (%s).", error)
+                await asyncio.sleep(AGAIN_S)
+            except Exception:  # of a room's own: the others' topics go on
+                logger.exception("The streams could not tell what happened")
+                await asyncio.sleep(AGAIN_S)
+
+    async def _read_on(self) -> None:
+        if self.position is None:
+            self.position = await self._table.ask(newest)
+        while True:
+            last, events = await self._table.ask(after, self.position)
+            if last < self.position:
+                for reader in list(self.readers):
+                    reader.tell(message({}, event="reload", position=last))
+            # at once: whoever comes while others are told is told these as the past
+            before, self.position = self.position, last
+            try:
+                await self._tell(events, last)
+            except BaseException:
+                self.position = before
+                raise
+            if len(events) < AT_ONCE:
+                return
+
+    async def _tell(self, events: list[Moved], last: int) -> None:
+        heard: dict[Reader, set[str]] = defaultdict(set)
+        for topic in {topic for moved in events for topic in moved.topics}:
+            for reader in self._by_topic.get(topic, ()):
+                heard[reader].add(topic)
+        may = await self._may({topic for topics in heard.values() for topic in topics}, heard) if heard else {}
+        numbers: dict[frozenset[str], list[int]] = {}
+        for reader, topics in may.items():
+            told = frozenset(topics & heard[reader])
+            if told not in numbers:
+                numbers[told] = [moved.position for moved in events if moved.topics & told]
+            if told:
+                reader.tell_moves(numbers[told], told, last)
+        # who had nothing to be told knows everything all the same
+        for reader in self.readers:
+            reader.position = max(reader.position, last)
+
+    async def _may(self, topics: Iterable[str], readers: Iterable[Reader]) -> dict[Reader, set[str]]:
+        """Which of the topics each of the readers may be told of, as things are now. A session that is over ends its
+        streams."""
+        readers = list(readers)
+        wanted = set(topics)
+        sessions: dict[str, set[str]] = defaultdict(set)
+        for reader in readers:
+            if reader.session:
+                sessions[reader.session] |= reader.topics & wanted
+        everybody, each, over = await self._people.ask(allowed, wanted, dict(sessions))
+        self._end(over)
+        return {reader: (everybody | each.get(reader.session, set())) & reader.topics for reader in readers}
+
+    def _end(self, sessions: set[str]) -> None:
+        for reader in [reader for reader in self.readers if reader.session in sessions] if sessions else ():
+            reader.end(GONE)
+
+    # --- what is in no table ------------------------------------------------------------------------------------------
+    def _said(self, told: dict[str, Any]) -> None:
+        """Something came by the bell: topics that moved without an event, or a message for those of one topic."""
+        if isinstance(told.get("to"), str):
+            self._aside(self._send(told["to"], message({"to": told["to"], "data": told.get("data")}, event="said")))
+        elif isinstance(told.get("of"), list):
+            for topic in told["of"]:
+                self._aside(self._send(topic, message({"of": [topic]})))
+
+    def _aside(self, work: Any) -> None:
+        task = asyncio.create_task(work)
+        self._asides.add(task)
+        task.add_done_callback(self._asides.discard)
+
+    async def _play(self, topic: str, source: AsyncIterator[Any]) -> None:
+        try:
+            async with aclosing(source) as said:  # type: ignore[type-var]
+                async for data in said:
+                    await self._send(topic, message({"to": topic, "data": data}, event="said"))
+        except Exception:  # of a room's own: the stream goes on without it
+            logger.exception("The source of %s failed", topic)
+
+    async def _send(self, topic: str, sent: bytes) -> None:
+        """Send a message to who follows a topic and may, as that was known at most :data:`TRUSTED_S` ago."""
+        now = monotonic()
+        following = list(self._by_topic.get(topic, ()))
+        unknown = [reader for reader in following if self._trusted.get((topic, reader.session), (0, 0.0))[1] < now]
+        if unknown:
+            with suppress(Error):  # who cannot be asked for is not told
+                for reader, may in (await self._may({topic}, unknown)).items():
+                    self._trusted[topic, reader.session] = bool(may), now + TRUSTED_S
+        for reader in following:
+            if self._trusted.get((topic, reader.session), (False, 0.0))[0] and not reader.is_over:
+                reader.tell(sent)
+
+    # --- time ---------------------------------------------------------------------------------------------------------
+    async def _beat(self) -> None:
+        """A sign of life to whoever was sent nothing for a while. It carries the position, so that who comes back later
+        is told only what is new."""
+        while True:
+            await asyncio.sleep(1.0)
+            now, spread = monotonic(), {"spread": self.spread_ms}
+            sent: dict[int, bytes] = {}
+            for reader in list(self.readers):
+                if now - reader.sent_at >= BEAT_S:
+                    if reader.position not in sent:
+                        sent[reader.position] = message(spread, event="beat", position=reader.position)
+                    reader.tell(sent[reader.position])
+
+    async def _check(self) -> None:
+        """End the streams of sessions that are over."""
+        while True:
+            await asyncio.sleep(CHECK_S)
+            now = monotonic()
+            self._trusted = {asked: known for asked, known in self._trusted.items() if known[1] > now}
+            sessions = {reader.session for reader in self.readers if reader.session}
+            if sessions:
+                with suppress(Error):
+                    self._end(sessions - set(await self._people.ask(viewers_of, sessions)))
+
+
+def _kind(topic: str) -> Any:
+    return TOPICS.get(topic.partition(":")[0])
