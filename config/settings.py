@@ -189,6 +189,8 @@ CELERY_TIMEZONE = "UTC"
 # what waits for servers of others has a worker of its own, so that no car waits for them
 CELERY_TASK_ROUTES = {f"league.tasks.{name}": {"queue": "messages"} for name in ("notices", "webhooks", "deliver")}
 CELERY_TASK_ROUTES["core.events.tasks.*"] = {"queue": "messages"}
+# a show waits for no run and no video
+CELERY_TASK_ROUTES["races.tasks.live"] = {"queue": "messages"}
 CELERY_BEAT_SCHEDULE = {
     "sweep": {"task": "evaluation.tasks.sweep", "schedule": 15.0, "options": {"expires": 14}},
     "purge": {"task": "evaluation.tasks.purge", "schedule": 6 * 3600.0, "options": {"expires": 3600}},
@@ -199,6 +201,7 @@ CELERY_BEAT_SCHEDULE = {
         "options": {"expires": 50},
     },
     "duels": {"task": "races.tasks.duels", "schedule": 30.0, "options": {"expires": 29}},
+    "live": {"task": "races.tasks.live", "schedule": 1.0, "options": {"expires": 2}},
     "redrives": {"task": "races.tasks.redrives", "schedule": 30.0, "options": {"expires": 29}},
     "cars": {"task": "races.tasks.cars", "schedule": 60.0, "options": {"expires": 59}},
     "rounds": {"task": "league.tasks.close_rounds", "schedule": 60.0, "options": {"expires": 59}},

@@ -54,7 +54,11 @@ def garage_of(racer: Racer | AnonymousUser, *, search: str = "", sort: str = "")
     own = Evaluation.objects.filter(model=OuterRef("pk"), owner=OuterRef("owner")).order_by("-queued_at", "-pk")
     models = models.annotate(last_run_id=Subquery(own.values("pk")[:1]))
     if sort == GarageSort.DRIVEN:
-        models = models.annotate(last_driven=Max("evaluations__queued_at", filter=Q(evaluations__owner=F("owner"))))
+        models = models.annotate(
+            last_driven=Max(
+                "evaluations__queued_at", filter=Q(evaluations__owner=F("owner"), evaluations__sealed=False)
+            )
+        )
     return models.order_by(*_ORDERS.get(sort, _ORDERS[GarageSort.NEWEST]))
 
 

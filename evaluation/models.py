@@ -179,6 +179,20 @@ class State(models.TextChoices):
 FINAL_STATES = (State.FINISHED, State.FAILED, State.STOPPED)
 
 
+class OpenRuns(models.Manager["Evaluation"]):
+    """Every run but the sealed ones."""
+
+    def get_queryset(self) -> models.QuerySet[Evaluation]:
+        return super().get_queryset().filter(sealed=False)
+
+
+class OpenResults(models.Manager["Result"]):
+    """Every result but those of sealed runs."""
+
+    def get_queryset(self) -> models.QuerySet[Result]:
+        return super().get_queryset().filter(evaluation__sealed=False)
+
+
 class Evaluation(Job):
     """One run of one network on one track under one set of rules, and its place in the queue.
 
@@ -186,6 +200,10 @@ class Evaluation(Job):
     Cars that race along are rows of :class:`EvaluationRival`, made with it and frozen likewise.
     A worker claims a row by a guarded UPDATE that writes its lease; every later write names that lease.
     After a fault of ours it waits again, and is not claimed before ``not_before``.
+
+    A ``sealed`` run is computed before it is shown. Until it is unsealed nobody knows of it, staff included:
+    ``objects`` is without it, so that whoever lists runs or results must ask for ``with_sealed`` by name to find it.
+    Only what computes, keeps and plays runs does.
     """
 
     public_id = models.CharField(max_length=12, unique=True, default=new_public_id, editable=False)
@@ -199,9 +217,20 @@ class Evaluation(Job):
     turn = models.PositiveIntegerField(_("turn"), null=True, blank=True, help_text=_("Lower runs first."))
     urgent_from = models.DateTimeField(_("goes before others from"), null=True, blank=True)
 
+    sealed = models.BooleanField(
+        _("sealed"),
+        default=False,
+        db_default=False,
+        editable=False,
+        help_text=_("Computed ahead of its show: nobody knows of it before."),
+    )
+
     state = models.CharField(_("state"), max_length=8, choices=State.choices, default=State.QUEUED)
     progress = models.JSONField(_("progress"), default=dict, blank=True)
     queued_at = models.DateTimeField(_("queued"), default=timezone.now)
+
+    objects = OpenRuns()
+    with_sealed = models.Manager["Evaluation"]()
 
     class Meta:
         verbose_name = _("evaluation")
@@ -368,6 +397,9 @@ class Result(CompetitorResult):
     versions = models.JSONField(_("library versions"))
     cpu_model = models.CharField(_("processor"), max_length=128, blank=True)
     created_at = models.DateTimeField(_("recorded"), default=timezone.now)
+
+    objects = OpenResults()
+    with_sealed = models.Manager["Result"]()
 
     class Meta(CompetitorResult.Meta):
         verbose_name = _("result")

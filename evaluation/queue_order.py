@@ -41,7 +41,7 @@ def front_of_queue() -> list[int]:
 
 def queued() -> QuerySet[Evaluation]:
     """All queued evaluations, unordered."""
-    return Evaluation.objects.filter(state=State.QUEUED).order_by()
+    return Evaluation.with_sealed.filter(state=State.QUEUED).order_by()
 
 
 def next_turns(owners: Iterable[int], priority: int) -> list[int]:
@@ -49,7 +49,7 @@ def next_turns(owners: Iterable[int], priority: int) -> list[int]:
     order, as often as they have one)."""
     owners = list(owners)
     before = _round_under_way(priority) - 1
-    mine = Evaluation.objects.filter(owner=OuterRef("pk"), priority=priority, turn__isnull=False).order_by("-turn")
+    mine = Evaluation.with_sealed.filter(owner=OuterRef("pk"), priority=priority, turn__isnull=False).order_by("-turn")
     waiting, begun = mine.filter(state=State.QUEUED), mine.filter(started_at__isnull=False)
     racers = get_user_model().objects.filter(pk__in=set(owners)).order_by()
     last = racers.annotate(waiting=Subquery(waiting.values("turn")[:1]), begun=Subquery(begun.values("turn")[:1]))
@@ -66,7 +66,7 @@ def next_turns(owners: Iterable[int], priority: int) -> list[int]:
 
 def _round_under_way(priority: int) -> int:
     """The turn of a racer who has nothing in the queue and had nothing in this round."""
-    rows = Evaluation.objects.filter(priority=priority).order_by()
+    rows = Evaluation.with_sealed.filter(priority=priority).order_by()
     begun = rows.filter(started_at__isnull=False).aggregate(turn=Max("turn"))["turn"]
     begun = -1 if begun is None else begun
     if begun >= 0 and rows.filter(state=State.RUNNING).exists():

@@ -55,7 +55,7 @@ def sizes_of_files(
     """Bytes of the files that ``column`` of these rows names, by racer id; ``owner``: the way to the racer. One query.
 
     Sizes are those that were noted when the files were written."""
-    rows = model._base_manager.filter(**only).exclude(**{column: ""})
+    rows = model._default_manager.filter(**only).exclude(**{column: ""})
     if racers is not None:
         rows = rows.filter(**{f"{owner}__in": racers})
     size = Subquery(StoredFile.objects.filter(name=OuterRef(column)).values("size")[:1])

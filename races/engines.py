@@ -11,7 +11,8 @@ from django.db.models import Exists, OuterRef
 from evaluation.models import Evaluation, State
 from paddock.simulator import engine as simulator
 
-from .models import Draw, Opponents, Race, RaceState, Redrive, RedriveState, Submission
+from .models import Draw, LiveEvent, Opponents, Race, RaceState, Redrive, RedriveState, Submission
+from .models.live import OVER
 
 # Whether the results of a race are official, as a room above says: its board then stands for ever.
 OfficialCheck = Callable[[Race], bool]
@@ -48,6 +49,8 @@ def is_over(race: Race, now: datetime) -> bool:
     if race.state_at(now) != RaceState.CLOSED or race.next_engine:
         return False
     if race.opponents == Opponents.MODELS and not Draw.objects.filter(race=race, over_at__isnull=False).exists():
+        return False
+    if LiveEvent.objects.filter(race=race).exclude(state__in=OVER).exists():
         return False
     return not Submission.objects.filter(entry__race=race, evaluation__state__in=(State.QUEUED, State.RUNNING)).exists()
 

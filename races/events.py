@@ -52,6 +52,14 @@ DUELS_DRAWN = register(EventKind("duels.drawn", "the duels of a race are drawn",
 DUEL_DECIDED = register(EventKind("duel.decided", "a heat of a race is decided", RACE, _OF_RACE, ("round", "number")))
 DUELS_OVER = register(EventKind("duels.over", "the last heat of a race is decided", RACE, _OF_RACE))
 
+LIVE_PLANNED = register(EventKind("live.planned", "a race is to have a live event", RACE, _OF_RACE))
+LIVE_CHANGED = register(
+    EventKind("live.changed", "something was done in the live event of a race", RACE, _OF_RACE, ("version",))
+)
+LIVE_SHOWN = register(
+    EventKind("live.shown", "a run of a live event was played to its end", RACE, _OF_RACE, once="run")
+)
+
 
 def of_race(race: Race) -> dict[str, Any]:
     """The columns of an event that names a race: its id and its address."""

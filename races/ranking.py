@@ -34,6 +34,9 @@ NOT_CLASSIFIED = 10**12
 NO_RESULT = 2 * 10**12
 LAST = 2**31 - 1
 
+# So much less the rank column of a score that was driven in a race's live event has: it stands before all others.
+LIVE_LEAD = 10**12
+
 # The rank columns of an entry that was drawn for duels: see drawn_rank.
 SEEDS = 128  # more than any field has cars
 NO_LAP_MS = 2_000_000  # more than any lap lasts
@@ -45,7 +48,8 @@ class Standing:
 
     ``window``: numbers of the first and last lap that the average is taken over. ``total_ms``: of all laps, if all are
     complete. ``driven_percent``: completion of all laps added up (300 = three laps). ``sectors``: of the best lap;
-    ``best_sectors``: the best time in each over all complete laps; both empty when no lap is complete.
+    ``best_sectors``: the best time in each over all complete laps; both empty when no lap is complete. ``is_live``:
+    driven in the race's live event, so that it counts before all that was not.
     """
 
     classified: bool
@@ -62,12 +66,13 @@ class Standing:
     best_sectors: tuple[int, ...]
     best_lap_number: int | None
     window: tuple[int, int] | None
+    is_live: bool = False
 
     @property
     def rank_score(self) -> int:
         """First thing a board sorts by, smaller first."""
         if self.classified and self.score_ms is not None:
-            return self.score_ms
+            return self.score_ms - LIVE_LEAD * self.is_live
         return NOT_CLASSIFIED - min(self.driven_percent, MOST_DRIVEN)
 
     @property
@@ -264,9 +269,10 @@ def laps_needed(race: Race) -> int:
     return race.minimum_laps
 
 
-def standing_in(race: Race, laps: Sequence[Lap]) -> Standing:
-    """What ``laps`` are worth in ``race``."""
-    return rule_for(race).standing(laps, laps_needed(race))
+def standing_in(race: Race, laps: Sequence[Lap], *, is_live: bool = False) -> Standing:
+    """What ``laps`` are worth in ``race``; ``is_live``: driven in its live event."""
+    standing = rule_for(race).standing(laps, laps_needed(race))
+    return replace(standing, is_live=True) if is_live else standing
 
 
 def drawn_rank(points: int, lap_ms: int | None, seed: int) -> tuple[int, int]:

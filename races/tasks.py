@@ -10,6 +10,7 @@ from core.clock import database_now
 
 from .services import drive_all_on
 from .services.cars import settle_due
+from .services.live import tick_live
 from .services.redrives import sweep_redrives
 
 logger = logging.getLogger(__name__)
@@ -19,6 +20,12 @@ logger = logging.getLogger(__name__)
 def duels() -> int:
     """Draw the duels of races that have closed and drive on those under way. Returns how many heats were queued."""
     return drive_all_on(now=database_now())
+
+
+@shared_task
+def live() -> int:
+    """Move live events on. Returns how many things were done."""
+    return tick_live(now=database_now())
 
 
 @shared_task

@@ -114,7 +114,7 @@ def outcome(driven: Sequence[dict[str, Any]]) -> EvaluationOutcome:
 
 def start(evaluation: Evaluation, now: datetime) -> Evaluation:
     """Give this very evaluation to a worker, whoever else waits."""
-    changed = Evaluation.objects.filter(pk=evaluation.pk, state=State.QUEUED).update(
+    changed = Evaluation.with_sealed.filter(pk=evaluation.pk, state=State.QUEUED).update(
         state=State.RUNNING,
         lease=uuid.uuid4(),
         leased_until=now + timedelta(seconds=30),

@@ -71,7 +71,7 @@ class JobKind(Generic[J]):
 
     def free(self, now: datetime) -> QuerySet[J]:
         """Those that wait and do not pause, unordered: what a claim makes sure of."""
-        return self.model._default_manager.filter(
+        return self.model._base_manager.filter(
             Q(not_before=None) | Q(not_before__lte=now), state=self.waiting
         ).order_by()
 
@@ -81,11 +81,11 @@ class JobKind(Generic[J]):
 
     def held(self, pk: int, lease: uuid.UUID | None) -> QuerySet[J]:
         """The job while this lease is good: one row or none."""
-        return self.model._default_manager.filter(pk=pk, state=self.working, lease=lease)
+        return self.model._base_manager.filter(pk=pk, state=self.working, lease=lease)
 
     def under_way(self, pk: int) -> QuerySet[J]:
         """The job while it waits or is being done: one row or none."""
-        return self.model._default_manager.filter(pk=pk, state__in=(self.waiting, self.working))
+        return self.model._base_manager.filter(pk=pk, state__in=(self.waiting, self.working))
 
     def next_in_queue(self, now: datetime) -> Sequence[tuple[int, int]]:
         """``(id, attempt)`` of those that are claimed next, in their order: a few of them are enough."""
@@ -217,7 +217,7 @@ class JobKind(Generic[J]):
         One that cannot be put back (a receiver raises) does not keep the others waiting. ``wake=False`` is for a
         caller that is about to look at the queue itself.
         """
-        expired = self.model._default_manager.filter(state=self.working, leased_until__lt=now)
+        expired = self.model._base_manager.filter(state=self.working, leased_until__lt=now)
         requeued = sum(self._take_back(job, now) for job in expired.order_by("leased_until"))
         look_after(*self.needs, now=now)
         self.prepare(now)

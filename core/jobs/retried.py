@@ -152,5 +152,5 @@ class RetriedKind(JobKind[R]):
 
     def end_pauses(self, *, since: datetime) -> None:
         """What has failed by us ``since`` then is due at once."""
-        waiting = self.model._default_manager.filter(state=self.waiting)
+        waiting = self.model._base_manager.filter(state=self.waiting)
         waiting.filter(failed_at__gte=since, not_before__isnull=False).update(not_before=None)

@@ -13,6 +13,7 @@ from .jobs import EVALUATIONS, finish_evaluation
 from .nodes import engines_at_work, note_worker
 from .queue import queue_again, queue_copies, queue_evaluation, stop_evaluation
 from .results import delete_evaluation
+from .sealed import discard_sealed, unseal_evaluation
 from .turns import reschedule
 from .work import job_of, run_next_evaluation
 
@@ -22,6 +23,7 @@ __all__ = [
     "delete_evaluation",
     "delete_model",
     "describe_model",
+    "discard_sealed",
     "engines_at_work",
     "finish_evaluation",
     "job_of",
@@ -35,5 +37,6 @@ __all__ = [
     "share_model",
     "stop_evaluation",
     "stop_sharing_model",
+    "unseal_evaluation",
     "upload_model",
 ]

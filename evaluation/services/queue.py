@@ -36,6 +36,7 @@ def queue_evaluation(
     priority: int = 0,
     closes_at: datetime | None = None,
     checked: bool = False,
+    sealed: bool = False,
     now: datetime,
 ) -> Evaluation:
     """Freeze what is to be run and put it into the queue; a worker is woken once the transaction is committed.
@@ -45,7 +46,8 @@ def queue_evaluation(
 
     ``rivals``: models that race along as cars 1, 2 and 3, whoever owns them: that they may meet is the caller's word.
     A run with rivals is made of models that were entered before, so one that left its garage since then still races.
-    ``checked``: that the owner may drive this model, be it another's, is the caller's word too.
+    ``checked``: that the owner may drive this model, be it another's, is the caller's word too. ``sealed``: nobody
+    knows of the run until :func:`~evaluation.services.unseal_evaluation`.
 
     Raises UserFault("model_not_yours") for somebody else's model and, alone on the track, for a deleted one;
     ``rivals_race_type``, ``rivals_with_bots``, ``too_many_rivals``.
@@ -64,6 +66,7 @@ def queue_evaluation(
         priority=URGENT if hurries else priority,
         urgent_from=None if hurries else urgent_from,
         queued_at=now,
+        sealed=sealed,
     )
     insert_in_turn([evaluation])
     EvaluationRival.objects.bulk_create(
@@ -123,6 +126,7 @@ def stop_evaluation(*, evaluation: Evaluation, now: datetime) -> bool:
     stopped = EVALUATIONS.end(under_way, state=State.STOPPED, now=now, reason_code="stopped")
     evaluation.refresh_from_db()
     if stopped:
-        record_end(evaluation, None, now)
+        if not evaluation.sealed:
+            record_end(evaluation, None, now)
         evaluation_ended.send(sender=Evaluation, evaluation=evaluation, result=None, now=now)
     return stopped

@@ -163,7 +163,7 @@ def delete_evaluation(*, evaluation: Evaluation) -> None:
 
     Raises ProtectedError for one that belongs to a race.
     """
-    result = Result.objects.filter(evaluation=evaluation).first()
+    result = Result.with_sealed.filter(evaluation=evaluation).first()
     names: list[str] = []
     if result is not None:
         names = [result.trace.name or "", result.bots.name or ""]
@@ -177,7 +177,7 @@ def delete_files(names: list[str]) -> None:
     for name in names:
         try:
             # a commit whose answer got lost may have gone through all the same
-            of_result = Result.objects.filter(Q(trace=name) | Q(bots=name)).exists()
+            of_result = Result.with_sealed.filter(Q(trace=name) | Q(bots=name)).exists()
             if not of_result and not RivalResult.objects.filter(trace=name).exists():
                 delete(name)
         except Exception:

@@ -20,6 +20,7 @@ from paddock.errors import UserFault
 from races.events import RACE_OFFICIAL, of_race
 from races.models import Opponents, Race, RaceState
 from races.selectors.counting import cars_waiting, driven_again
+from races.selectors.live import pending_live
 from races.services.gates import moment
 
 from ..events import IN_FINALE, PROMOTED, QUALIFIED
@@ -140,8 +141,9 @@ def is_official(race: Race) -> bool:
 
 
 def cars_on_the_way(race: Race) -> int:
-    """How many cars of a race still wait or drive, for the first time or again; duels that are not over are one."""
-    active = cars_waiting(race) + _driven_again(race)
+    """How many cars of a race still wait or drive, for the first time or again; duels that are not over are one, and
+    so is a live event."""
+    active = cars_waiting(race) + _driven_again(race) + int(pending_live(race))
     if race.opponents != Opponents.MODELS or race.imported_at is not None:
         return active
     draw = getattr(race, "draw", None)

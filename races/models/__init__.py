@@ -5,6 +5,19 @@ from .choices import Division, DuelFormat, Lane, Opponents, RaceKind, RaceState,
 from .counting import BoardCount
 from .duel import Draw, Duel, DuelCompetitor, DuelState
 from .entry import Entry
+from .live import (
+    COUNTDOWN,
+    PLAYED_BEHIND,
+    REVEALED_AFTER,
+    LiveEvent,
+    LiveLog,
+    LiveOrder,
+    LiveRacer,
+    LiveSlot,
+    LiveState,
+    SlotPhase,
+    SlotState,
+)
 from .own import OwnEvaluation
 from .race import Race, new_invitation
 from .redrive import Redrive, RedriveState, Retiming
@@ -13,6 +26,9 @@ from .submission import Submission
 from .terms import RaceTerms, TermsAcceptance
 
 __all__ = [
+    "COUNTDOWN",
+    "PLAYED_BEHIND",
+    "REVEALED_AFTER",
     "BoardCount",
     "Division",
     "Draw",
@@ -22,6 +38,12 @@ __all__ = [
     "DuelState",
     "Entry",
     "Lane",
+    "LiveEvent",
+    "LiveLog",
+    "LiveOrder",
+    "LiveRacer",
+    "LiveSlot",
+    "LiveState",
     "Opponents",
     "OwnEvaluation",
     "Race",
@@ -35,6 +57,8 @@ __all__ = [
     "RedriveState",
     "RefusedCar",
     "Retiming",
+    "SlotPhase",
+    "SlotState",
     "Submission",
     "TermsAcceptance",
     "Visibility",

@@ -9,7 +9,7 @@ from django.db.models.functions import Coalesce
 from django.utils import timezone
 from django.utils.translation import gettext_lazy as _
 
-from ..ranking import LAST, MOST_DRIVEN, NO_LAP_MS, NO_RESULT, NOT_CLASSIFIED, SEEDS
+from ..ranking import LAST, LIVE_LEAD, MOST_DRIVEN, NO_LAP_MS, NO_RESULT, NOT_CLASSIFIED, SEEDS
 from .race import Race
 
 
@@ -63,6 +63,14 @@ class Entry(models.Model):
         help_text=_("Without a result of its own, because its car is that of this entry, which sent it before."),
     )
 
+    is_live = models.BooleanField(
+        _("driven live"),
+        default=False,
+        db_default=False,
+        editable=False,
+        help_text=_("The score is of the race's live event: it stands before all that were not driven there."),
+    )
+
     # In a race of duels, from the draw on; what stands above is then how the car qualified.
     seed = models.PositiveSmallIntegerField(
         _("seed"), null=True, blank=True, help_text=_("The place in qualifying when the duels were drawn.")
@@ -84,7 +92,14 @@ class Entry(models.Model):
             models.UniqueConstraint(fields=["race", "racer"], name="entry_once_in_a_race"),
             models.CheckConstraint(
                 condition=Q(classified=False, score_ms__isnull=True, rank_score__gte=NOT_CLASSIFIED - MOST_DRIVEN)
-                | Q(classified=True, seed=None, rank_score=F("score_ms"), rank_lap=F("best_lap_ms"))
+                | Q(classified=True, seed=None, is_live=False, rank_score=F("score_ms"), rank_lap=F("best_lap_ms"))
+                | Q(
+                    classified=True,
+                    seed=None,
+                    is_live=True,
+                    rank_score=F("score_ms") - LIVE_LEAD,
+                    rank_lap=F("best_lap_ms"),
+                )
                 | Q(
                     classified=True,
                     seed__isnull=False,

@@ -29,6 +29,13 @@ class Submission(models.Model):
     refunded = models.BooleanField(
         _("refunded"), default=False, help_text=_("Does not count among the submissions that the race allows.")
     )
+    is_live = models.BooleanField(
+        _("driven live"),
+        default=False,
+        db_default=False,
+        editable=False,
+        help_text=_("A run of the race's live event: it counts before all others, and among no submissions."),
+    )
     car_of = models.ForeignKey(
         Entry,
         models.SET_NULL,
@@ -47,8 +54,9 @@ class Submission(models.Model):
         constraints = [
             models.UniqueConstraint(fields=["entry", "number"], name="submission_number_once"),
             # one car, one result: the same network cannot be sent twice to a race by the same racer
+            # (a live event has several attempts, and says itself how many)
             models.UniqueConstraint(
-                fields=["entry", "network"], condition=Q(is_void=False), name="submission_of_a_car_once"
+                fields=["entry", "network"], condition=Q(is_void=False, is_live=False), name="submission_of_a_car_once"
             ),
             models.CheckConstraint(condition=Q(refunded=False) | Q(is_void=True), name="submission_refunded_is_void"),
             models.CheckConstraint(

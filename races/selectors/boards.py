@@ -263,6 +263,8 @@ def make_row(entry: Entry, rank: int | None, race: Race, leader_ms: int | None, 
     """A line of the board of ``race``; ``rank`` and ``leader_ms`` as the caller found them."""
     entry.race = race
     gap = entry.score_ms - leader_ms if entry.score_ms is not None and leader_ms is not None else None
+    if gap is not None and gap < 0 and not entry.is_baseline:
+        gap = None  # a faster qualifying than the leader's drive in the live event, which counts before it
     fastest = race.fastest_lap_ms
     return BoardRow(
         rank=rank,

@@ -133,7 +133,7 @@ def result_of(submission: Submission, laps: Sequence[Lap], *, tell_earlier: bool
     if submission.is_void:
         return None
     race = submission.entry.race
-    standing = standing_in(race, laps)
+    standing = standing_in(race, laps, is_live=submission.is_live)
     number, before = _best_earlier(submission) if tell_earlier else (None, None)
     return RunResult(
         submission=submission,
@@ -163,8 +163,8 @@ def _best_earlier(submission: Submission) -> tuple[int | None, Standing | None]:
     same_engine = Result.objects.filter(evaluation=submission.evaluation_id).values("engine")
     runs = runs.filter(evaluation__result__engine=Subquery(same_engine[:1])).order_by("number")
     number, best = None, None
-    for one, laps in runs.values_list("number", "evaluation__result__laps"):
-        standing = standing_in(race, laps)
+    for one, is_live, laps in runs.values_list("number", "is_live", "evaluation__result__laps"):
+        standing = standing_in(race, laps, is_live=is_live)
         if best is None or standing.key < best.key:
             number, best = one, standing
     return number, best
@@ -200,7 +200,7 @@ def _before_equals(entry: Entry) -> Q:
 
 
 def _gap(entry: Entry, other: Entry) -> int | None:
-    if (entry.seed is None) != (other.seed is None) or not entry.classified:
+    if (entry.seed is None, entry.is_live) != (other.seed is None, other.is_live) or not entry.classified:
         return None
     if entry.seed is None:
         return (entry.score_ms or 0) - (other.score_ms or 0)

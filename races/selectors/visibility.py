@@ -55,10 +55,13 @@ def races_visible_to(racer: Racer | AnonymousUser | None) -> QuerySet[Race]:
 def can_see_evaluation(racer: Racer | AnonymousUser | None, evaluation: Evaluation) -> bool:
     """Whether the racer may see an evaluation: laps, line, trace. Twin of :func:`evaluations_visible_to`.
 
-    Its owner, admins, and who organises the race that it was driven in; for the run that stands on a board and for
-    duels, everybody who may see that race. Other runs are the racer's own business. A run that is driven again with
-    another engine is seen by admins alone until its race has taken it.
+    Its owner, admins, and who organises the race that it was driven in; for the run that stands on a board, for
+    duels and for what was shown live, everybody who may see that race. Other runs are the racer's own business. A run
+    that is driven again with another engine is seen by admins alone until its race has taken it, one that is sealed by
+    nobody.
     """
+    if evaluation.sealed:
+        return False
     if _known(racer) and racer.is_staff:
         return True
     if is_hidden(evaluation):
@@ -72,7 +75,8 @@ def can_see_evaluation(racer: Racer | AnonymousUser | None, evaluation: Evaluati
     entry = submission.entry
     if can_organise(racer, entry.race):
         return True
-    return entry.best_id == submission.pk and not entry.is_withdrawn and can_see_race(racer, entry.race)
+    shown = entry.best_id == submission.pk or submission.is_live
+    return shown and not entry.is_withdrawn and can_see_race(racer, entry.race)
 
 
 def evaluations_visible_to(racer: Racer | AnonymousUser | None) -> QuerySet[Evaluation]:
@@ -81,7 +85,7 @@ def evaluations_visible_to(racer: Racer | AnonymousUser | None) -> QuerySet[Eval
     if _known(racer) and racer.is_staff:
         return evaluations
     in_race = Submission.objects.filter(evaluation=OuterRef("pk"))
-    on_board = in_race.filter(entry__best=F("pk"), entry__withdrawn_at=None)
+    on_board = in_race.filter(Q(entry__best=F("pk")) | Q(is_live=True), entry__withdrawn_at=None)
     duel = Duel.objects.filter(evaluation=OuterRef("pk"))
     seen = Q(Exists(on_board.filter(entry__race__visibility=Visibility.PUBLIC)))
     seen |= Q(Exists(duel.filter(race__visibility=Visibility.PUBLIC)))

@@ -45,6 +45,7 @@ _STANDING_FIELDS = (
     "achieved_at",
     "rank_score",
     "rank_lap",
+    "is_live",
     *FASTEST.values(),
     "car_of",
 )
@@ -110,7 +111,7 @@ def work_out_standings(race: Race, entries: Iterable[Entry]) -> None:
         _clear(entry)
         submissions = entry.submissions.filter(is_void=False, car_of=None, evaluation__result__engine=race.engine)
         for submission in submissions.select_related("evaluation__result").order_by("pk"):
-            _improve(entry, submission, _standing(race, submission.evaluation.result))
+            _improve(entry, submission, _standing(race, submission, submission.evaluation.result))
         if entry.best_id is None:
             entry.car_of_id = _whose_car(entry)
         entry.save(update_fields=_STANDING_FIELDS)
@@ -160,14 +161,14 @@ def recompute_fastest(*, race: Race) -> None:
     Race.objects.filter(pk=race.pk).update(**{name: fastest[f"least_{name}"] for name in FASTEST})
 
 
-def _standing(race: Race, result: Result) -> Standing:
-    return standing_in(race, result.laps)
+def _standing(race: Race, submission: Submission, result: Result) -> Standing:
+    return standing_in(race, result.laps, is_live=submission.is_live)
 
 
 def _take_result(entry: Entry, submission: Submission, result: Result) -> None:
     if submission.is_void or submission.car_of_id or entry.seed is not None or not admit(entry.race, result.engine):
         return
-    _improve(entry, submission, _standing(entry.race, result))
+    _improve(entry, submission, _standing(entry.race, submission, result))
     entry.save(update_fields=_STANDING_FIELDS)
     note_fastest(entry)
 
@@ -211,6 +212,7 @@ def _improve(entry: Entry, submission: Submission, standing: Standing) -> None:
     entry.achieved_at = submission.submitted_at
     entry.rank_score = standing.rank_score
     entry.rank_lap = standing.rank_lap
+    entry.is_live = standing.is_live and standing.classified
 
 
 def _note_own_fastest(entry: Entry, standing: Standing) -> None:

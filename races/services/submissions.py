@@ -93,7 +93,7 @@ def repeat_submission(*, submission: Submission, now: datetime) -> Submission:
     if is_over(race, now) and not keeps_engine(race):
         raise UserFault("race_engine_gone", engine=race.engine, site=site_engine())
     old = Submission.objects.select_related("evaluation__model").get(pk=submission.pk)
-    if old.evaluation.state not in (State.FAILED, State.STOPPED):
+    if old.is_live or old.evaluation.state not in (State.FAILED, State.STOPPED):
         raise UserFault("submission_not_failed")
     Submission.objects.filter(pk=old.pk).update(is_void=True, refunded=True)
     if old.refunded:

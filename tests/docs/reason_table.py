@@ -30,6 +30,7 @@ SECTIONS = (
     "The league",
     "Several cars in a race",
     "Duels",
+    "Live events",
     "Videos",
     "Vehicles",
     "Reward functions",

@@ -1,0 +1,293 @@
+"""A race's live event: its times and format, who takes part, the running order, and what its organisers did."""
+
+from __future__ import annotations
+
+from datetime import datetime, timedelta
+from typing import Any
+
+from django.conf import settings
+from django.core.validators import MaxValueValidator, MinValueValidator
+from django.db import models
+from django.db.models import F, Q
+from django.utils import timezone
+from django.utils.translation import gettext_lazy as _
+
+from .entry import Entry
+from .race import Race
+
+LOBBY = timedelta(hours=1)
+COUNTDOWN = timedelta(seconds=10)
+# Pages play so much behind the clock, so that all of them have what they play; results come after the last of them.
+PLAYED_BEHIND = timedelta(milliseconds=1500)
+REVEALED_AFTER = timedelta(seconds=2)
+MOST_ROUNDS = 5
+LEAST_ATTEMPT_MS, MOST_ATTEMPT_MS = 10_000, 600_000
+
+
+class LiveState(models.TextChoices):
+    """The states of a live event. ENDED and CANCELLED are final."""
+
+    PLANNED = "planned", _("planned")
+    RUNNING = "running", _("running")
+    PAUSED = "paused", _("paused")
+    ENDED = "ended", _("ended")
+    CANCELLED = "cancelled", _("cancelled")
+
+
+OVER = (LiveState.ENDED, LiveState.CANCELLED)
+UNDER_WAY = (LiveState.RUNNING, LiveState.PAUSED)
+
+
+class LiveOrder(models.TextChoices):
+    """In which order racers drive, until somebody moves them."""
+
+    SLOWEST_FIRST = "slowest_first", _("the slowest qualifier first")
+    FASTEST_FIRST = "fastest_first", _("the fastest qualifier first")
+    AS_ENTERED = "as_entered", _("as they entered the race")
+
+
+class LiveEvent(models.Model):
+    """A race's live event: its racers drive one after the other, and everybody watches each run at the same instant.
+
+    ``version`` counts what organisers did: whoever acts says which version they saw, so that two of them do one thing
+    once. That the lobby is open is a function of the time (:meth:`in_lobby`). ``last_at``: when something last was done
+    or shown; an event that is left alone ends by itself.
+    """
+
+    race = models.OneToOneField(Race, models.CASCADE, related_name="live_event", verbose_name=_("race"))
+    starts_at = models.DateTimeField(_("starts"))
+    time_zone = models.CharField(_("time zone"), max_length=64, default="UTC")
+    lobby_opens_at = models.DateTimeField(_("lobby opens"))
+    submissions_open = models.BooleanField(_("racers choose their models"), default=True)
+    roll_call = models.BooleanField(
+        _("roll call"), default=False, help_text=_("Who has not said that they are here is held back.")
+    )
+    rounds = models.PositiveSmallIntegerField(
+        _("rounds"), default=2, validators=[MinValueValidator(1), MaxValueValidator(MOST_ROUNDS)]
+    )
+    attempt_ms = models.PositiveIntegerField(
+        _("time of an attempt"),
+        default=180_000,
+        validators=[MinValueValidator(LEAST_ATTEMPT_MS), MaxValueValidator(MOST_ATTEMPT_MS)],
+        help_text=_("Simulated milliseconds, which everybody watches as so many real ones."),
+    )
+    order = models.CharField(_("order"), max_length=16, choices=LiveOrder.choices, default=LiveOrder.SLOWEST_FIRST)
+    auto_run = models.BooleanField(
+        _("runs by itself"), default=False, help_text=_("It begins in time and calls and launches the next by itself.")
+    )
+    gap_s = models.PositiveSmallIntegerField(
+        _("seconds between two runs"), default=20, validators=[MaxValueValidator(600)]
+    )
+
+    state = models.CharField(_("state"), max_length=9, choices=LiveState.choices, default=LiveState.PLANNED)
+    version = models.PositiveIntegerField(_("version"), default=1)
+    message = models.CharField(_("message to spectators"), max_length=200, blank=True, default="")
+    winner = models.ForeignKey(
+        Entry, models.SET_NULL, null=True, blank=True, related_name="+", verbose_name=_("winner")
+    )
+    podium_at = models.DateTimeField(_("podium shown"), null=True, blank=True)
+    begun_at = models.DateTimeField(_("begun"), null=True, blank=True)
+    ended_at = models.DateTimeField(_("ended"), null=True, blank=True)
+    last_at = models.DateTimeField(_("last moved"), default=timezone.now)
+    planned_by = models.ForeignKey(
+        settings.AUTH_USER_MODEL, models.SET_NULL, null=True, blank=True, related_name="+", verbose_name=_("planned by")
+    )
+
+    class Meta:
+        verbose_name = _("live event")
+        verbose_name_plural = _("live events")
+        ordering = ["-starts_at", "pk"]
+        indexes = [
+            models.Index(
+                fields=["starts_at"],
+                condition=Q(state__in=["planned", "running", "paused"]),
+                name="live_event_not_over",
+            )
+        ]
+        constraints = [
+            models.CheckConstraint(condition=Q(state__in=LiveState.values), name="live_event_state_known"),
+            models.CheckConstraint(condition=Q(order__in=LiveOrder.values), name="live_event_order_known"),
+            models.CheckConstraint(condition=Q(lobby_opens_at__lte=F("starts_at")), name="live_event_lobby_first"),
+            models.CheckConstraint(condition=Q(rounds__gte=1, rounds__lte=MOST_ROUNDS), name="live_event_rounds_range"),
+            models.CheckConstraint(
+                condition=Q(attempt_ms__gte=LEAST_ATTEMPT_MS, attempt_ms__lte=MOST_ATTEMPT_MS),
+                name="live_event_attempt_range",
+            ),
+            models.CheckConstraint(
+                condition=Q(state__in=["planned", "cancelled"]) | Q(begun_at__isnull=False),
+                name="live_event_under_way_has_begun",
+            ),
+            models.CheckConstraint(
+                condition=~Q(state="ended") | Q(ended_at__isnull=False), name="live_event_ended_has_time"
+            ),
+        ]
+
+    def __str__(self) -> str:
+        return f"{self.race}: {self.starts_at:%Y-%m-%d %H:%M}"
+
+    @property
+    def is_over(self) -> bool:
+        """Whether nothing is driven any more."""
+        return self.state in OVER
+
+    def in_lobby(self, now: datetime) -> bool:
+        """Whether the lobby is open and the event has not begun."""
+        return self.state == LiveState.PLANNED and now >= self.lobby_opens_at
+
+
+class LiveRacer(models.Model):
+    """A racer of the race in its live event: the model they drive, and whether they said that they are here.
+
+    ``model``: None until they choose one; then they drive what their result in the race came from.
+    ``qualified_rank``, ``qualified_ms``: place and score in the race when the event began.
+    """
+
+    # no index of its own: the unique one over event and entry begins with it
+    event = models.ForeignKey(
+        LiveEvent, models.CASCADE, related_name="racers", verbose_name=_("live event"), db_index=False
+    )
+    entry = models.ForeignKey(Entry, models.CASCADE, related_name="live_racers", verbose_name=_("entry"))
+    model = models.ForeignKey(
+        "evaluation.TrainedModel",
+        models.SET_NULL,
+        null=True,
+        blank=True,
+        related_name="+",
+        verbose_name=_("model"),
+    )
+    here_at = models.DateTimeField(_("is here since"), null=True, blank=True)
+    qualified_rank = models.PositiveIntegerField(_("place in qualifying"), null=True, blank=True)
+    qualified_ms = models.PositiveBigIntegerField(_("score in qualifying"), null=True, blank=True)
+
+    class Meta:
+        verbose_name = _("racer of a live event")
+        verbose_name_plural = _("racers of a live event")
+        constraints = [models.UniqueConstraint(fields=["event", "entry"], name="live_racer_once_in_an_event")]
+
+    def __str__(self) -> str:
+        return f"{self.entry}"
+
+
+class SlotState(models.TextChoices):
+    """The states of a place in the running order. What is RUNNING counts down and then drives: the time tells which."""
+
+    WAITING = "waiting", _("waiting")
+    CALLED = "called", _("called")
+    RUNNING = "running", _("on track")
+    DONE = "done", _("done")
+    SKIPPED = "skipped", _("skipped")
+    HELD = "held", _("held")
+    REMOVED = "removed", _("removed")
+
+
+TO_COME = (SlotState.WAITING, SlotState.CALLED)
+
+
+class SlotPhase(models.TextChoices):
+    """What spectators see of a running slot."""
+
+    COUNTDOWN = "countdown", _("starts at once")
+    ON_TRACK = "on_track", _("on track")
+
+
+class LiveSlot(models.Model):
+    """A place in the running order: an attempt of a racer, or a heat of duels.
+
+    ``evaluation``: its run, sealed until it has been shown. ``starts_at``: when it starts for everybody, by the
+    server's clock. ``ends_at``: when its last step has been played; it tells how long the car drove, so it stays here
+    until then. ``submission``: the run as a result of the race, from then on.
+    """
+
+    event = models.ForeignKey(LiveEvent, models.CASCADE, related_name="slots", verbose_name=_("live event"))
+    racer = models.ForeignKey(
+        LiveRacer, models.CASCADE, null=True, blank=True, related_name="slots", verbose_name=_("racer")
+    )
+    duel = models.ForeignKey(
+        "races.Duel", models.CASCADE, null=True, blank=True, related_name="live_slots", verbose_name=_("duel")
+    )
+    round = models.PositiveSmallIntegerField(_("round"))
+    attempt = models.PositiveSmallIntegerField(_("attempt"), default=1)
+    position = models.PositiveIntegerField(_("position"))
+    state = models.CharField(_("state"), max_length=7, choices=SlotState.choices, default=SlotState.WAITING)
+    evaluation = models.OneToOneField(
+        "evaluation.Evaluation",
+        models.PROTECT,
+        null=True,
+        blank=True,
+        related_name="live_slot",
+        verbose_name=_("evaluation"),
+    )
+    starts_at = models.DateTimeField(_("starts"), null=True, blank=True)
+    ends_at = models.DateTimeField(_("ends"), null=True, blank=True)
+    done_at = models.DateTimeField(_("done"), null=True, blank=True)
+    submission = models.OneToOneField(
+        "races.Submission",
+        models.SET_NULL,
+        null=True,
+        blank=True,
+        related_name="live_slot",
+        verbose_name=_("submission"),
+    )
+    reason_code = models.CharField(_("reason"), max_length=40, blank=True, default="")
+
+    class Meta:
+        verbose_name = _("place in the running order")
+        verbose_name_plural = _("running order")
+        ordering = ["event", "position", "pk"]
+        constraints = [
+            models.CheckConstraint(condition=Q(state__in=SlotState.values), name="live_slot_state_known"),
+            models.CheckConstraint(
+                condition=Q(racer__isnull=False, duel=None) | Q(racer=None, duel__isnull=False),
+                name="live_slot_of_a_racer_or_a_duel",
+            ),
+            # two launches at once: one of them
+            models.UniqueConstraint(fields=["event"], condition=Q(state="running"), name="live_slot_one_on_track"),
+            models.UniqueConstraint(
+                fields=["racer", "round", "attempt"], condition=Q(duel=None), name="live_slot_attempt_once"
+            ),
+            models.CheckConstraint(
+                condition=~Q(state="running")
+                | Q(starts_at__isnull=False, ends_at__isnull=False, evaluation__isnull=False),
+                name="live_slot_runs_an_evaluation",
+            ),
+            models.CheckConstraint(
+                condition=Q(ends_at=None) | Q(ends_at__gte=F("starts_at")), name="live_slot_ends_after_start"
+            ),
+            models.CheckConstraint(
+                condition=~Q(state="done") | Q(done_at__isnull=False), name="live_slot_done_has_time"
+            ),
+        ]
+
+    def __str__(self) -> str:
+        return f"{self.event} {self.position}"
+
+    def phase_at(self, now: datetime) -> str:
+        """What spectators see: of a running slot whether it counts down or drives, else its state."""
+        if self.state != SlotState.RUNNING or self.starts_at is None:
+            return self.state
+        return SlotPhase.COUNTDOWN if now < self.starts_at else SlotPhase.ON_TRACK
+
+
+class LiveLog(models.Model):
+    """Something that was done in a live event: by whom (None: by the clock), when, and how to undo it.
+
+    ``undo``: what stood before and after (:mod:`races.services.live.undo`); None for what cannot be undone.
+    """
+
+    event = models.ForeignKey(LiveEvent, models.CASCADE, related_name="log", verbose_name=_("live event"))
+    at = models.DateTimeField(_("time"))
+    by = models.ForeignKey(
+        settings.AUTH_USER_MODEL, models.SET_NULL, null=True, blank=True, related_name="+", verbose_name=_("by")
+    )
+    action = models.CharField(_("action"), max_length=16)
+    told: models.JSONField[Any, Any] = models.JSONField(_("details"), default=dict, blank=True)
+    undo: models.JSONField[Any, Any] = models.JSONField(_("how to undo it"), null=True, blank=True)
+    undone_at = models.DateTimeField(_("undone"), null=True, blank=True)
+
+    class Meta:
+        verbose_name = _("entry in the log of a live event")
+        verbose_name_plural = _("log of a live event")
+        ordering = ["event", "-pk"]
+
+    def __str__(self) -> str:
+        return f"{self.event} {self.action}"

@@ -1,0 +1,113 @@
+"""A run as it is played to spectators: chunks of half a second, each handed out once its time has passed.
+
+Pure but for :func:`chunks_of`, which reads the run's files once and keeps the last few runs.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from datetime import datetime, timedelta
+from functools import lru_cache
+from typing import Any
+
+from evaluation.models import Result
+from evaluation.services.results import read_layout, read_trace
+
+from .replay import replay_data
+
+CHUNK_MS = 500
+_COLUMNS = ("t", "x", "y", "yaw", "v", "steer", "lap", "status")
+_BOT_COLUMNS = ("x", "y", "yaw")
+# what a spectator is told of besides crossing a line, by the status that a step begins to have
+_INCIDENTS = ("off_track", "crashed", "immobilized", "reversed", "time_up")
+
+Chunk = dict[str, Any]
+
+
+def passed(starts_at: datetime, now: datetime) -> int:
+    """How many chunks of a run that started at ``starts_at`` have wholly passed at ``now``."""
+    return max(0, (now - starts_at) // timedelta(milliseconds=CHUNK_MS))
+
+
+def chunks_of(result: Result) -> tuple[Chunk, ...]:
+    """All chunks of a run, in order: ``{"n", "cars", "bots", "events"}``.
+
+    ``cars``: for each car ``{"number", "t", "x", "y", "yaw", "v", "steer", "lap", "status"}``, columns of equal length
+    as :func:`races.replay.replay_data` has them. ``events``: what happened in it, in the order of ``t`` (ms):
+    ``{"t", "car", "kind": "sector" | "lap", "lap", "sector", "ms"}`` and ``{"t", "car", "kind": status, "lap"}``.
+    It is all of the future: what of it may leave the server is for :func:`passed` to say.
+    """
+    return _chunks(result.pk, result.trace.name or "")
+
+
+@lru_cache(maxsize=16)
+def _chunks(pk: int, trace: str) -> tuple[Chunk, ...]:
+    result = Result.with_sealed.select_related("evaluation__track").prefetch_related("rivals").get(pk=pk)
+    rivals = list(result.rivals.all())
+    data = replay_data(
+        result.evaluation.track,
+        read_trace(result),
+        read_layout(result).get("bots", ()),
+        {rival.number: read_trace(rival) for rival in rivals},
+    )
+    laps = {0: result.laps, **{rival.number: rival.laps for rival in rivals}}
+    cars = [{"number": 0, **{name: data[name] for name in _COLUMNS}}, *data["rivals"]]
+    return cut(cars, data["bots"], laps)
+
+
+Columns = Mapping[str, Any]
+Laps = Sequence[Mapping[str, Any]]
+
+
+def cut(cars: Sequence[Columns], bots: Sequence[Columns], laps: Mapping[int, Laps]) -> tuple[Chunk, ...]:
+    """Columns of whole runs, and their laps by the number of the car, in chunks of :data:`CHUNK_MS`."""
+    happened = sorted(
+        (event for car in cars for event in [*_crossings(car["number"], laps[car["number"]]), *_incidents(car)]),
+        key=lambda event: (event["t"], event["car"]),
+    )
+    last = max([*(car["t"][-1] for car in cars if car["t"]), *(event["t"] for event in happened)], default=-1)
+    return tuple(_chunk(n, cars, bots, happened) for n in range(last // CHUNK_MS + 1))
+
+
+def _chunk(n: int, cars: Sequence[Columns], bots: Sequence[Columns], happened: Sequence[dict[str, Any]]) -> Chunk:
+    def rows(car: Mapping[str, Any]) -> list[int]:
+        return [index for index, t in enumerate(car["t"]) if t // CHUNK_MS == n]
+
+    steps = rows(cars[0]) if cars else []
+    return {
+        "n": n,
+        "cars": [
+            {"number": car["number"], **{name: [car[name][index] for index in rows(car)] for name in _COLUMNS}}
+            for car in cars
+        ],
+        "bots": [
+            {name: [bot[name][index] for index in steps if index < len(bot[name])] for name in _BOT_COLUMNS}
+            for bot in bots
+        ],
+        "events": [event for event in happened if event["t"] // CHUNK_MS == n],
+    }
+
+
+def _crossings(number: int, laps: Sequence[Mapping[str, Any]]) -> list[dict[str, Any]]:
+    """Lines that a car crossed. Of a lap that was not finished the sectors that were."""
+    found = []
+    for lap in laps:
+        at = lap["start_ms"]
+        for sector, time_ms in enumerate(lap.get("sector_ms") or (), start=1):
+            at += time_ms
+            found.append(
+                {"t": at, "car": number, "kind": "sector", "lap": lap["number"], "sector": sector, "ms": time_ms}
+            )
+        if lap["complete"]:
+            at = lap["start_ms"] + lap["time_ms"]
+            found.append({"t": at, "car": number, "kind": "lap", "lap": lap["number"], "ms": lap["time_ms"]})
+    return found
+
+
+def _incidents(car: Mapping[str, Any]) -> list[dict[str, Any]]:
+    found, before = [], ""
+    for t, lap, status in zip(car["t"], car["lap"], car["status"], strict=True):
+        if status != before and status in _INCIDENTS:
+            found.append({"t": t, "car": car["number"], "kind": status, "lap": lap})
+        before = status
+    return found

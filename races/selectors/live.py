@@ -1,0 +1,212 @@
+"""Live events as pages and the API show them: who may see them, how they stand, what is played now.
+
+Nothing here reads a sealed run but :func:`played`, which hands out what has passed.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from datetime import datetime, timedelta
+from typing import TYPE_CHECKING, Any
+
+from django.db.models import QuerySet
+
+from evaluation.models import FINAL_STATES, Evaluation, Result, State
+
+from ..models import LiveEvent, LiveRacer, LiveSlot, LiveState, Race, SlotState
+from ..models.live import OVER, TO_COME
+from ..poses import Chunk, chunks_of, passed
+from ..ranking import Standing, standing_in
+from .visibility import can_organise, can_see_race, races_visible_to
+
+if TYPE_CHECKING:
+    from django.contrib.auth.models import AnonymousUser
+
+    from accounts.models import Racer
+
+UP_NEXT = 3
+PODIUM = 3
+MOST_CHUNKS = 120  # a minute in one answer
+
+
+@dataclass(frozen=True)
+class LiveRow:
+    """A racer in the standings of a live event. ``standing``: of their best attempt that was shown, None before the
+    first; ``attempts``: how many were. ``gap_ms``: to the leader's score."""
+
+    racer: LiveRacer
+    rank: int | None
+    standing: Standing | None
+    attempts: int
+    gap_ms: int | None
+
+
+@dataclass(frozen=True)
+class SlotRow:
+    """A place in the running order for its organisers. ``sealed``: ``"sealed"`` once its run is computed,
+    ``"computing"`` until then, ``""`` where none is asked for or it was shown. How the run ended is told to nobody."""
+
+    slot: LiveSlot
+    phase: str
+    sealed: str
+    may: frozenset[str]
+
+
+def can_see_live(racer: Racer | AnonymousUser | None, event: LiveEvent) -> bool:
+    """Whether the racer may see a live event: who may see its race. Twin of :func:`live_events_visible_to`."""
+    return can_see_race(racer, event.race)
+
+
+def live_events_visible_to(racer: Racer | AnonymousUser | None) -> QuerySet[LiveEvent]:
+    """All live events that the racer may see. Twin of :func:`can_see_live`."""
+    races = races_visible_to(racer).order_by().values("pk")
+    return LiveEvent.objects.filter(race__in=races).select_related("race__track", "race__organiser", "winner__racer")
+
+
+def can_run_live(racer: Racer | AnonymousUser | None, event: LiveEvent) -> bool:
+    """Whether the racer may act in the event's console: who organises its race."""
+    return can_organise(racer, event.race)
+
+
+def live_events_run_by(racer: Racer | AnonymousUser | None) -> QuerySet[LiveEvent]:
+    """All live events that the racer may run. Twin of :func:`can_run_live`."""
+    events = live_events_visible_to(racer)
+    if racer is None or not racer.is_authenticated:
+        return events.none()
+    return events if racer.is_staff else events.filter(race__organiser_id=racer.pk)
+
+
+def live_to_come(racer: Racer | AnonymousUser | None, now: datetime, *, within: timedelta) -> QuerySet[LiveEvent]:
+    """What is live now or begins soon, as far as the racer may see it, the first first."""
+    events = live_events_visible_to(racer).exclude(state__in=OVER).filter(race__cancelled_at=None)
+    return events.filter(starts_at__lte=now + within).order_by("starts_at", "pk")
+
+
+def phase_of(event: LiveEvent, now: datetime) -> str:
+    """The state of an event, or ``"lobby"`` between the opening of the lobby and the beginning."""
+    if event.race.cancelled_at is not None:
+        return str(LiveState.CANCELLED)
+    return "lobby" if event.in_lobby(now) else str(event.state)
+
+
+def live_racers(event: LiveEvent) -> list[LiveRacer]:
+    """Who takes part so far: who chose a model, said that they are here, or is in the running order."""
+    racers = LiveRacer.objects.filter(event=event).select_related("entry__racer", "model__owner")
+    return list(racers.order_by("entry__entered_at", "pk"))
+
+
+def running_order(event: LiveEvent) -> list[LiveSlot]:
+    """Every place in the running order, in order."""
+    related = ("racer__entry__racer", "racer__model", "submission__evaluation")
+    return list(LiveSlot.objects.filter(event=event).select_related(*related).order_by("position", "pk"))
+
+
+def on_track(slots: Sequence[LiveSlot]) -> LiveSlot | None:
+    """The slot that counts down or is played."""
+    return next((slot for slot in slots if slot.state == SlotState.RUNNING), None)
+
+
+def up_next(slots: Sequence[LiveSlot]) -> list[LiveSlot]:
+    """Who comes next, who was called first."""
+    coming = [slot for slot in slots if slot.state in TO_COME]
+    return sorted(coming, key=lambda slot: (slot.state != SlotState.CALLED, slot.position, slot.pk))[:UP_NEXT]
+
+
+def live_standings(event: LiveEvent) -> list[LiveRow]:
+    """How the event stands by the runs that were shown, the first first; then who has no rank yet."""
+    race = event.race
+    slots = LiveSlot.objects.filter(event=event, racer__isnull=False).exclude(state=SlotState.REMOVED)
+    slots = slots.select_related("racer__entry__racer").order_by("position", "pk")
+    shown = [slot for slot in slots if slot.state == SlotState.DONE]
+    laps = _laps_of(shown)
+    best: dict[int, Standing] = {}
+    attempts: dict[int, int] = {}
+    racers: dict[int, LiveRacer] = {}
+    for slot in slots:
+        assert slot.racer is not None
+        racers.setdefault(slot.racer.pk, slot.racer)
+    for slot in shown:
+        assert slot.racer is not None
+        attempts[slot.racer.pk] = attempts.get(slot.racer.pk, 0) + 1
+        if slot.evaluation_id in laps:
+            standing = standing_in(race, laps[slot.evaluation_id])
+            held = best.get(slot.racer.pk)
+            best[slot.racer.pk] = standing if held is None or standing.key < held.key else held
+    ranked = sorted((pk for pk in racers if pk in best), key=lambda pk: best[pk].key)
+    leader = best[ranked[0]].score_ms if ranked else None
+    rows = []
+    for place, pk in enumerate(ranked, start=1):
+        standing = best[pk]
+        gap = None if standing.score_ms is None or leader is None else standing.score_ms - leader
+        rows.append(LiveRow(racers[pk], place if standing.classified else None, standing, attempts[pk], gap))
+    rows += [LiveRow(racer, None, None, attempts.get(pk, 0), None) for pk, racer in racers.items() if pk not in best]
+    return rows
+
+
+def _laps_of(slots: Sequence[LiveSlot]) -> dict[int | None, Any]:
+    """The laps of runs that were shown, by their evaluation."""
+    results = Result.objects.filter(evaluation__in=[slot.evaluation_id for slot in slots])
+    return dict(results.values_list("evaluation", "laps"))
+
+
+def console_rows(event: LiveEvent, now: datetime) -> list[SlotRow]:
+    """The running order with what may be done to each place."""
+    slots = running_order(event)
+    wanted = [slot.evaluation_id for slot in slots if slot.evaluation_id is not None]
+    final = set(Evaluation.with_sealed.filter(pk__in=wanted, state__in=FINAL_STATES).values_list("pk", flat=True))
+    busy = any(slot.state == SlotState.RUNNING for slot in slots)
+    return [_console_row(event, slot, slot.evaluation_id in final, busy, now) for slot in slots]
+
+
+def _console_row(event: LiveEvent, slot: LiveSlot, computed: bool, busy: bool, now: datetime) -> SlotRow:
+    sealed = ""
+    if slot.evaluation_id is not None and slot.state in (*TO_COME, SlotState.HELD, SlotState.SKIPPED):
+        sealed = "sealed" if computed else "computing"
+    may: set[str] = set()
+    if event.state in (LiveState.RUNNING, LiveState.PAUSED):
+        if slot.state == SlotState.WAITING:
+            may |= {"call"}
+        if slot.state in TO_COME:
+            may |= {"skip", "hold", "remove", "move"}
+            if event.state == LiveState.RUNNING and sealed == "sealed" and not busy:
+                may |= {"launch"}
+        if slot.state == SlotState.HELD:
+            may |= {"release", "skip", "remove", "move"}
+        if slot.state in (SlotState.SKIPPED, SlotState.REMOVED):
+            may |= {"release"}
+        if slot.state in (SlotState.DONE, SlotState.SKIPPED):
+            may |= {"again"}
+    return SlotRow(slot, slot.phase_at(now), sealed, frozenset(may))
+
+
+def played(slot: LiveSlot, now: datetime, *, after: int = -1) -> tuple[list[Chunk], bool]:
+    """The chunks of a run whose time has come, from the one after number ``after`` on, :data:`MOST_CHUNKS` at most;
+    and whether these are the last there are. Of a run that was not launched there are none.
+
+    This is the only way by which something of a sealed run leaves the server.
+    """
+    if slot.state not in (SlotState.RUNNING, SlotState.DONE) or slot.starts_at is None or slot.evaluation_id is None:
+        return [], False
+    result = Result.with_sealed.filter(evaluation=slot.evaluation_id).defer("trajectory", "metrics").first()
+    if result is None:
+        return [], slot.state == SlotState.DONE
+    first = max(0, after + 1)
+    until = passed(slot.starts_at, now)
+    if slot.state != SlotState.DONE and until <= first:
+        return [], False
+    chunks = chunks_of(result)
+    shown = chunks if slot.state == SlotState.DONE else chunks[:until]
+    some = list(shown[first : first + MOST_CHUNKS])
+    return some, slot.state == SlotState.DONE and first + len(some) >= len(chunks)
+
+
+def has_failed(slot: LiveSlot) -> bool:
+    """Whether a run that was shown had no result, by its car's fault."""
+    submission = slot.submission
+    return slot.state == SlotState.DONE and submission is not None and submission.evaluation.state == State.FAILED
+
+
+def pending_live(race: Race) -> bool:
+    """Whether a race's live event is still to come or under way, so that its board is not final."""
+    return LiveEvent.objects.filter(race=race).exclude(state__in=OVER).exists()

@@ -1,0 +1,119 @@
+"""What happens in live events by the passing of time: played runs are revealed, events that run by themselves go on,
+and one that nobody ends, ends.
+
+All of it is in rows and done by guarded updates, so any number of clocks may look at once, and one that was away takes
+up where the rows stand.
+"""
+
+from __future__ import annotations
+
+import logging
+from datetime import datetime, timedelta
+
+from django.db.models import Q
+
+from evaluation.models import State
+from paddock.errors import UserFault
+
+from ...models import REVEALED_AFTER, LiveEvent, LiveSlot, LiveState, SlotState
+from ...models.live import OVER
+from .order import hold_slot
+from .planning import cancel_live
+from .roll import throw_away
+from .sealing import next_slots, prepare_ahead
+from .show import begin_live, end_live, launch, ready_ms, reveal, tidy_ended
+from .undo import FOR
+
+logger = logging.getLogger(__name__)
+LEFT_ALONE = timedelta(hours=6)  # then an event ends by itself
+LAST_WORDS = timedelta(minutes=2)  # between the last run and the end of an event that runs by itself
+
+
+def tick_live(*, now: datetime) -> int:
+    """Do what has become due. Returns how many things. One event that fails keeps no other waiting."""
+    due = Q(state__in=(LiveState.RUNNING, LiveState.PAUSED)) | Q(state=LiveState.PLANNED, starts_at__lte=now)
+    done = 0
+    for event in LiveEvent.objects.filter(due).select_related("race").order_by("starts_at", "pk"):
+        done += _safely(event, now)
+    sealed = Q(slots__evaluation__sealed=True) & ~Q(slots__state=SlotState.RUNNING)
+    for event in LiveEvent.objects.filter(sealed, state__in=OVER, last_at__lt=now - FOR).distinct():
+        done += tidy_ended(event=event, now=now)
+    return done
+
+
+def _safely(event: LiveEvent, now: datetime) -> int:
+    try:
+        return _move_on(event, now)
+    except UserFault as fault:  # an organiser was quicker
+        logger.info("The live event of %s does not move on: %s", event.race.slug, fault.code)
+    except Exception:  # the others go on; this one is tried again at the next tick
+        logger.exception("The live event of %s cannot move on.", event.race.slug)
+    return 0
+
+
+def _move_on(event: LiveEvent, now: datetime) -> int:
+    if event.race.cancelled_at is not None:
+        return _give_up(event, now)
+    if event.state == LiveState.PLANNED:
+        if event.auto_run:
+            begin_live(event=event, by=None, seen=event.version, now=now)
+            return 1
+        if event.starts_at <= now - LEFT_ALONE:
+            cancel_live(event=event, by=None, seen=event.version, now=now)
+            return 1
+        return 0
+    running = LiveSlot.objects.filter(event=event, state=SlotState.RUNNING).first()
+    if running is not None:
+        due = running.ends_at is not None and running.ends_at <= now - REVEALED_AFTER
+        return int(due and reveal(slot=running, now=now))
+    if event.last_at <= now - LEFT_ALONE:
+        end_live(event=event, by=None, seen=event.version, now=now)
+        return 1
+    done = prepare_ahead(event=event, now=now) + _compute_again(event, now)
+    if event.auto_run and event.state == LiveState.RUNNING:
+        done += _next_by_itself(event, now)
+    return done
+
+
+def _next_by_itself(event: LiveEvent, now: datetime) -> int:
+    coming = next_slots(event)
+    if not coming:
+        if event.last_at <= now - LAST_WORDS:
+            end_live(event=event, by=None, seen=event.version, now=now)
+            return 1
+        return 0
+    if event.last_at > now - timedelta(seconds=event.gap_s):
+        return 0
+    first = coming[0]
+    try:
+        ready_ms(first)
+    except UserFault as fault:
+        if fault.code != "live_no_model":
+            return 0  # it is being computed
+        hold_slot(event=event, slot=first, by=None, seen=event.version, now=now, reason=fault.code)
+        return 1
+    launch(event=event, slot=first, by=None, seen=event.version, now=now)
+    return 1
+
+
+def _compute_again(event: LiveEvent, now: datetime) -> int:
+    """Throw away what was computed without a word on the car (Paddock failed, an operator stopped it): it is computed
+    anew."""
+    done = 0
+    for slot in next_slots(event):
+        run = slot.evaluation
+        if run is not None and (run.state == State.STOPPED or run.is_platform_fault):
+            throw_away(slot, run, now)
+            done += 1
+    return done
+
+
+def _give_up(event: LiveEvent, now: datetime) -> int:
+    """The race was cancelled: so is what is left of its event."""
+    if event.state == LiveState.PLANNED:
+        cancel_live(event=event, by=None, seen=event.version, now=now)
+    elif not LiveSlot.objects.filter(event=event, state=SlotState.RUNNING).exists():
+        end_live(event=event, by=None, seen=event.version, now=now)
+    else:
+        return int(any(reveal(slot=slot, now=now) for slot in event.slots.filter(state=SlotState.RUNNING)))
+    return 1

@@ -1,0 +1,153 @@
+"""What an organiser does with the places in the running order."""
+
+from __future__ import annotations
+
+from datetime import datetime
+from typing import TYPE_CHECKING
+
+from django.db.models import Max
+
+from paddock.errors import UserFault
+
+from ...models import LiveEvent, LiveSlot, SlotState
+from ...models.live import TO_COME, UNDER_WAY
+from .acting import Act, acting
+from .planning import slots_of
+from .sealing import prepare_after_commit
+
+if TYPE_CHECKING:
+    from accounts.models import Racer
+
+_MOVABLE = (*TO_COME, SlotState.HELD)
+
+
+def call_slot(*, event: LiveEvent, slot: LiveSlot | int, by: Racer | None, seen: int | None, now: datetime) -> LiveSlot:
+    """Call a racer to the start: theirs is the next run. Whoever was called before them waits again.
+
+    Raises UserFault as ``acting``, ``live_slot_state`` unless the slot waits.
+    """
+    with acting(event, "call", by=by, seen=seen, now=now, states=UNDER_WAY) as act:
+        found = _in(act, slot, SlotState.WAITING)
+        LiveSlot.objects.filter(event=act.event, state=SlotState.CALLED).update(state=SlotState.WAITING)
+        _set(found, SlotState.CALLED)
+        prepare_after_commit(act.event, now)
+    return found
+
+
+def skip_slot(*, event: LiveEvent, slot: LiveSlot | int, by: Racer | None, seen: int | None, now: datetime) -> LiveSlot:
+    """Let an attempt pass undriven. Raises UserFault as ``acting``, ``live_slot_state``."""
+    return _to(event, slot, SlotState.SKIPPED, "skip", _MOVABLE, by, seen, now)
+
+
+def hold_slot(
+    *, event: LiveEvent, slot: LiveSlot | int, by: Racer | None, seen: int | None, now: datetime, reason: str = ""
+) -> LiveSlot:
+    """Keep an attempt back until it is released. Raises UserFault as ``acting``, ``live_slot_state``."""
+    return _to(event, slot, SlotState.HELD, "hold", TO_COME, by, seen, now, reason)
+
+
+def release_slot(
+    *, event: LiveEvent, slot: LiveSlot | int, by: Racer | None, seen: int | None, now: datetime
+) -> LiveSlot:
+    """Let an attempt wait again that was held, skipped or removed. Raises UserFault likewise."""
+    states = (SlotState.HELD, SlotState.SKIPPED, SlotState.REMOVED)
+    return _to(event, slot, SlotState.WAITING, "release", states, by, seen, now)
+
+
+def remove_slot(
+    *, event: LiveEvent, slot: LiveSlot | int, by: Racer | None, seen: int | None, now: datetime
+) -> list[LiveSlot]:
+    """Take a racer out of the event: everything of theirs that is still to come. What they drove stays.
+
+    Raises UserFault as ``acting``, ``live_slot_state``.
+    """
+    with acting(event, "remove", by=by, seen=seen, now=now, states=UNDER_WAY) as act:
+        found = _in(act, slot, *_MOVABLE, SlotState.SKIPPED)
+        theirs = [
+            one
+            for one in slots_of(act.event)
+            if one.racer_id == found.racer_id and one.state in (*_MOVABLE, SlotState.SKIPPED)
+        ]
+        for one in theirs:
+            _set(one, SlotState.REMOVED)
+        prepare_after_commit(act.event, now)
+    return theirs
+
+
+def run_again(*, event: LiveEvent, slot: LiveSlot | int, by: Racer, seen: int | None, now: datetime) -> LiveSlot:
+    """Give a racer one more attempt of a round, which comes next. What the one before reached still counts.
+
+    Raises UserFault as ``acting``, ``live_slot_state`` unless it was driven or skipped.
+    """
+    with acting(event, "again", by=by, seen=seen, now=now, states=UNDER_WAY) as act:
+        found = _in(act, slot, SlotState.DONE, SlotState.SKIPPED)
+        theirs = LiveSlot.objects.filter(racer=found.racer, round=found.round)
+        attempt = (theirs.aggregate(most=Max("attempt"))["most"] or 0) + 1
+        new = LiveSlot.objects.create(
+            event=act.event, racer=found.racer, round=found.round, attempt=attempt, position=2**31 - 1
+        )
+        rows = [one for one in slots_of(act.event) if one.pk != new.pk]
+        ahead = [index for index, one in enumerate(rows) if one.state not in _MOVABLE]
+        rows.insert(max(ahead, default=-1) + 1, new)
+        _number(rows)
+        act.told["attempt"] = attempt
+        prepare_after_commit(act.event, now)
+    new.refresh_from_db()
+    return new
+
+
+def move_slot(
+    *, event: LiveEvent, slot: LiveSlot | int, before: LiveSlot | int | None, by: Racer, seen: int | None, now: datetime
+) -> LiveSlot:
+    """Put an attempt that is still to come before another that is, or with None behind all.
+
+    Raises UserFault as ``acting``, ``live_slot_state`` where one of the two is not to come.
+    """
+    with acting(event, "move", by=by, seen=seen, now=now, states=UNDER_WAY) as act:
+        target = None if before is None else _in(act, before, *_MOVABLE)
+        found = _in(act, slot, *_MOVABLE)
+        rows = [one for one in slots_of(act.event) if one.pk != found.pk]
+        numbers = [one.pk for one in rows]
+        rows.insert(len(rows) if target is None or target.pk == found.pk else numbers.index(target.pk), found)
+        if target is not None and target.pk == found.pk:
+            rows = slots_of(act.event)
+        _number(rows)
+        prepare_after_commit(act.event, now)
+    found.refresh_from_db()
+    return found
+
+
+def _to(
+    event: LiveEvent,
+    slot: LiveSlot | int,
+    state: SlotState,
+    action: str,
+    states: tuple[str, ...],
+    by: Racer | None,
+    seen: int | None,
+    now: datetime,
+    reason: str = "",
+) -> LiveSlot:
+    with acting(event, action, by=by, seen=seen, now=now, states=UNDER_WAY) as act:
+        found = _in(act, slot, *states)
+        _set(found, state, reason)
+        prepare_after_commit(act.event, now)
+    return found
+
+
+def _in(act: Act, slot: LiveSlot | int, *states: str) -> LiveSlot:
+    found = act.slot(slot)
+    if found.state not in states:
+        raise UserFault("live_slot_state", state=found.get_state_display())
+    return found
+
+
+def _set(slot: LiveSlot, state: SlotState, reason: str = "") -> None:
+    slot.state, slot.reason_code = state, reason
+    slot.save(update_fields=["state", "reason_code"])
+
+
+def _number(rows: list[LiveSlot]) -> None:
+    for position, one in enumerate(rows, start=1):
+        one.position = position
+    LiveSlot.objects.bulk_update(rows, ["position"])

@@ -1,0 +1,130 @@
+"""Planning a live event, changing its plan, calling it off."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from datetime import datetime, timedelta
+from typing import TYPE_CHECKING, Any
+from zoneinfo import ZoneInfo, ZoneInfoNotFoundError
+
+from django.db import transaction
+
+from core.events import record
+from core.locks import hold
+from paddock.errors import UserFault
+
+from ...events import LIVE_PLANNED, of_race
+from ...models import LiveEvent, LiveLog, LiveOrder, LiveSlot, LiveState, Opponents, Race
+from ...models.live import LEAST_ATTEMPT_MS, LOBBY, MOST_ATTEMPT_MS, MOST_ROUNDS
+from ...selectors.visibility import can_organise
+from ..gates import moment
+from .acting import acting
+
+if TYPE_CHECKING:
+    from accounts.models import Racer
+
+FARTHEST = timedelta(days=366)
+PLANNABLE = ("starts_at", "time_zone", "rounds", "attempt_ms", "order", "gap_s", "roll_call", "auto_run")
+MOST_GAP_S = 600
+
+
+@transaction.atomic
+def plan_live(*, race: Race, by: Racer, now: datetime, starts_at: datetime, **plan: Any) -> LiveEvent:
+    """Give a race a live event; one that was called off before it began is planned anew.
+
+    ``plan``: any of :data:`PLANNABLE`. Raises UserFault ``race_not_yours``, ``race_cancelled``, ``race_recorded``,
+    ``live_exists``, ``live_with_duels``, ``live_in_the_past``, ``live_too_far_ahead``, ``live_time_zone``,
+    ``live_format`` with the name of what is out of its range.
+    """
+    if not can_organise(by, race):
+        raise UserFault("race_not_yours")
+    hold(race)
+    race = Race.objects.get(pk=race.pk)
+    if race.imported_at is not None:
+        raise UserFault("race_recorded")
+    if race.cancelled_at is not None:
+        raise UserFault("race_cancelled", reason=race.cancel_reason)
+    if race.opponents == Opponents.MODELS:
+        raise UserFault("live_with_duels")
+    check_plan({"starts_at": starts_at, **plan}, now)
+    event = LiveEvent.objects.filter(race=race).first()
+    if event is not None and (event.state != LiveState.CANCELLED or event.begun_at is not None):
+        raise UserFault("live_exists")
+    if event is None:
+        event = LiveEvent(race=race)
+    event.state, event.planned_by, event.last_at = LiveState.PLANNED, by, now
+    event.starts_at, event.lobby_opens_at = starts_at, starts_at - LOBBY
+    event.ended_at, event.version = None, event.version + 1
+    for name, value in plan.items():
+        setattr(event, name, value)
+    event.save()
+    LiveLog.objects.create(event=event, at=now, by=by, action="plan", told={"starts": moment(starts_at)})
+    record(LIVE_PLANNED, at=now, **of_race(race))
+    return event
+
+
+def change_live(*, event: LiveEvent, by: Racer, seen: int | None, now: datetime, **plan: Any) -> LiveEvent:
+    """Change the plan of an event that has not begun. Raises UserFault as :func:`plan_live` and ``acting``."""
+    check_plan(plan, now)
+    with acting(event, "plan", by=by, seen=seen, now=now, states=(LiveState.PLANNED,)) as act:
+        for name, value in plan.items():
+            setattr(act.event, name, value)
+        act.event.lobby_opens_at = act.event.starts_at - LOBBY
+        act.told["starts"] = moment(act.event.starts_at)
+        act.final = True
+    return event
+
+
+def cancel_live(*, event: LiveEvent, by: Racer | None, seen: int | None, now: datetime) -> LiveEvent:
+    """Call an event off before it has begun. Raises UserFault as ``acting``."""
+    with acting(event, "cancel", by=by, seen=seen, now=now, states=(LiveState.PLANNED,)) as act:
+        act.event.state = LiveState.CANCELLED
+    return event
+
+
+def set_submissions(*, event: LiveEvent, is_open: bool, by: Racer, seen: int | None, now: datetime) -> LiveEvent:
+    """Let racers choose their models, or no longer. Raises UserFault as ``acting``."""
+    with acting(event, "submissions", by=by, seen=seen, now=now) as act:
+        act.event.submissions_open = is_open
+        act.told["open"] = is_open
+    return event
+
+
+def set_auto_run(*, event: LiveEvent, auto_run: bool, by: Racer, seen: int | None, now: datetime) -> LiveEvent:
+    """Let the event go on by itself, or by hand. Raises UserFault as ``acting``."""
+    with acting(event, "auto", by=by, seen=seen, now=now) as act:
+        act.event.auto_run = auto_run
+        act.told["auto"] = auto_run
+    return event
+
+
+def check_plan(plan: Mapping[str, Any], now: datetime) -> None:
+    """Refuse what makes no sense. Raises UserFault; TypeError for a name that is not planned."""
+    if unknown := set(plan) - set(PLANNABLE):
+        raise TypeError(f"nothing of a live event that is planned: {', '.join(sorted(unknown))}")
+    if "starts_at" in plan:
+        if plan["starts_at"] <= now:
+            raise UserFault("live_in_the_past")
+        if plan["starts_at"] > now + FARTHEST:
+            raise UserFault("live_too_far_ahead", days=FARTHEST.days)
+    if "time_zone" in plan:
+        try:
+            ZoneInfo(str(plan["time_zone"]))
+        except (ZoneInfoNotFoundError, ValueError, OSError) as error:
+            raise UserFault("live_time_zone", zone=str(plan["time_zone"])[:64]) from error
+    ranges = {
+        "rounds": (1, MOST_ROUNDS),
+        "attempt_ms": (LEAST_ATTEMPT_MS, MOST_ATTEMPT_MS),
+        "gap_s": (0, MOST_GAP_S),
+    }
+    for name, (least, most) in ranges.items():
+        if name in plan and not least <= plan[name] <= most:
+            raise UserFault("live_format", name=name, least=least, most=most)
+    if "order" in plan and plan["order"] not in LiveOrder.values:
+        raise UserFault("live_order", known=", ".join(LiveOrder.values))
+
+
+def slots_of(event: LiveEvent) -> list[LiveSlot]:
+    """The running order, in order."""
+    related = ("racer__entry__racer", "racer__model__owner", "evaluation")
+    return list(LiveSlot.objects.filter(event=event).select_related(*related).order_by("position", "pk"))

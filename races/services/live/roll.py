@@ -1,0 +1,172 @@
+"""Who takes part in a live event, what they drive, and whether they are here."""
+
+from __future__ import annotations
+
+from datetime import datetime
+from typing import TYPE_CHECKING
+
+from django.db import transaction
+from django.db.models import Max, QuerySet
+
+from core.events import record
+from evaluation.models import Evaluation, TrainedModel
+from evaluation.selectors import can_use_model
+from evaluation.services import discard_sealed
+from paddock.errors import UserFault
+
+from ...events import LIVE_CHANGED, of_race
+from ...models import Entry, LiveEvent, LiveRacer, LiveSlot, LiveState, Race, SlotState
+from ...models.live import UNDER_WAY
+from ...selectors.boards import ranks_of
+from ...sensors import not_offered
+from ..cars import take_place
+from ..locks import lock_entry
+from .acting import acting
+
+if TYPE_CHECKING:
+    from accounts.models import Racer
+
+
+@transaction.atomic
+def choose_model(*, event: LiveEvent, racer: Racer, model: TrainedModel, now: datetime) -> LiveRacer:
+    """Choose what to drive with in a live event: one model, another as long as models are chosen. What was computed
+    ahead with the one before is thrown away.
+
+    Raises UserFault ``live_over``, ``live_submissions_closed``, ``live_called`` once the racer's next run is called,
+    ``live_not_in``, ``model_not_yours``, ``sensors_not_offered``, ``car_of_another``.
+    """
+    event = _open_to_racers(event)
+    if not event.submissions_open:
+        raise UserFault("live_submissions_closed")
+    if not can_use_model(racer, model):
+        raise UserFault("model_not_yours")
+    entry = _entry(event, racer)
+    mine = LiveRacer.objects.filter(event=event, entry=entry).first()
+    if mine is not None and mine.slots.filter(state__in=(SlotState.CALLED, SlotState.RUNNING)).exists():
+        raise UserFault("live_called")
+    missing = not_offered(model.sensors, event.race.sensors)
+    if missing:
+        raise UserFault("sensors_not_offered", needed=", ".join(missing), offered=", ".join(event.race.sensors))
+    if mine is not None:
+        drop_computed(mine, but=model, now=now)
+    entry = lock_entry(entry)
+    take_place(entry=entry, race=entry.race, network=model.network)
+    mine, _ = LiveRacer.objects.update_or_create(event=event, entry=entry, defaults={"model": model})
+    _tell(event, now)
+    return mine
+
+
+@transaction.atomic
+def say_here(*, event: LiveEvent, racer: Racer, now: datetime) -> LiveRacer:
+    """Answer the roll call, from the opening of the lobby on. Once is enough.
+
+    Raises UserFault ``live_over``, ``live_lobby_closed``, ``live_not_in``.
+    """
+    event = _open_to_racers(event)
+    if event.state == LiveState.PLANNED and not event.in_lobby(now):
+        raise UserFault("live_lobby_closed")
+    mine, _ = LiveRacer.objects.get_or_create(event=event, entry=_entry(event, racer))
+    if mine.here_at is None:
+        mine.here_at = now
+        mine.save(update_fields=["here_at"])
+        _tell(event, now)
+    return mine
+
+
+def add_late(*, event: LiveEvent, entry: Entry, by: Racer, seen: int | None, now: datetime) -> LiveRacer:
+    """Put a racer who came late at the end of the rounds that are still to come.
+
+    Raises UserFault as ``acting``, ``live_not_in`` for who is not in the race, ``live_already_in``.
+    """
+    with acting(event, "add", by=by, seen=seen, now=now, states=UNDER_WAY) as act:
+        found = racers_of(act.event.race).filter(pk=entry.pk).first()
+        if found is None:
+            raise UserFault("live_not_in")
+        racer, _ = LiveRacer.objects.get_or_create(event=act.event, entry=found)
+        if LiveSlot.objects.filter(racer=racer).exclude(state=SlotState.REMOVED).exists():
+            raise UserFault("live_already_in")
+        act.told["racer"] = found.racer.alias
+        note_qualifying([racer])
+        attempts = LiveSlot.objects.filter(racer=racer).aggregate(most=Max("attempt"))["most"] or 0
+        for round_ in range(_round_on(act.event), act.event.rounds + 1):
+            last = LiveSlot.objects.filter(event=act.event, round__lte=round_).aggregate(at=Max("position"))["at"] or 0
+            behind = LiveSlot.objects.filter(event=act.event, position__gt=last)
+            for slot in behind.order_by("-position"):
+                LiveSlot.objects.filter(pk=slot.pk).update(position=slot.position + 1)
+            LiveSlot.objects.create(event=act.event, racer=racer, round=round_, attempt=attempts + 1, position=last + 1)
+    return racer
+
+
+def racers_of(race: Race) -> QuerySet[Entry]:
+    """The entries of a race that may take part in its live event."""
+    entries = Entry.objects.filter(race=race, withdrawn_at=None, is_baseline=False)
+    return entries.select_related("racer", "best__evaluation__model__owner")
+
+
+def take_roll(event: LiveEvent) -> list[LiveRacer]:
+    """Every racer of the race is in its live event, with how they qualified. The caller holds the event."""
+    entries = list(racers_of(event.race).order_by("pk"))
+    known = set(LiveRacer.objects.filter(event=event).values_list("entry", flat=True))
+    LiveRacer.objects.bulk_create(LiveRacer(event=event, entry=entry) for entry in entries if entry.pk not in known)
+    racers = LiveRacer.objects.filter(event=event, entry__in=entries)
+    found = list(
+        racers.select_related("entry__racer", "entry__race", "model__owner").order_by("entry__entered_at", "pk")
+    )
+    note_qualifying(found)
+    return found
+
+
+def note_qualifying(racers: list[LiveRacer]) -> None:
+    """Write down how they stand in the race now."""
+    ranks = ranks_of([racer.entry for racer in racers])
+    for racer in racers:
+        racer.qualified_rank = ranks[racer.entry_id]
+        racer.qualified_ms = racer.entry.score_ms if racer.entry.classified else None
+    LiveRacer.objects.bulk_update(racers, ["qualified_rank", "qualified_ms"])
+
+
+def model_of(racer: LiveRacer) -> TrainedModel | None:
+    """What a racer drives: their choice, else the model of their result; None once it has left their garage."""
+    best = racer.entry.best
+    model = racer.model or (best.evaluation.model if best is not None else None)
+    return model if model is not None and can_use_model(racer.entry.racer, model) else None
+
+
+def drop_computed(racer: LiveRacer, *, but: TrainedModel | None, now: datetime) -> None:
+    """Throw away what was computed ahead for a racer with another model than ``but``, and has not been launched."""
+    slots = LiveSlot.objects.filter(racer=racer, evaluation__sealed=True).exclude(state=SlotState.RUNNING)
+    for slot in slots.select_related("evaluation"):
+        evaluation = slot.evaluation
+        if evaluation is not None and (but is None or evaluation.model_id != but.pk):
+            throw_away(slot, evaluation, now)
+
+
+def throw_away(slot: LiveSlot, evaluation: Evaluation, now: datetime) -> None:
+    """Forget the sealed run of a slot that nobody has seen."""
+    LiveSlot.objects.filter(pk=slot.pk).update(evaluation=None, reason_code="")
+    discard_sealed(evaluation=evaluation, now=now)
+
+
+def _open_to_racers(event: LiveEvent) -> LiveEvent:
+    locked = LiveEvent.objects.select_for_update(of=("self",)).select_related("race").get(pk=event.pk)
+    if locked.is_over:
+        raise UserFault("live_over")
+    return locked
+
+
+def _entry(event: LiveEvent, racer: Racer) -> Entry:
+    entry = racers_of(event.race).filter(racer=racer).first()
+    if entry is None:
+        raise UserFault("live_not_in")
+    return entry
+
+
+def _round_on(event: LiveEvent) -> int:
+    """The round that is on: the first with somebody who still drives, else the last."""
+    to_come = (SlotState.WAITING, SlotState.CALLED, SlotState.RUNNING, SlotState.HELD)
+    first = LiveSlot.objects.filter(event=event, state__in=to_come).order_by("position").first()
+    return event.rounds if first is None else first.round
+
+
+def _tell(event: LiveEvent, now: datetime) -> None:
+    record(LIVE_CHANGED, at=now, **of_race(event.race), version=event.version)

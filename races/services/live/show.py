@@ -1,0 +1,232 @@
+"""The show: it begins, runs are launched and revealed, it pauses and ends."""
+
+from __future__ import annotations
+
+from datetime import datetime, timedelta
+from typing import TYPE_CHECKING
+
+from django.db import transaction
+from django.db.models import F
+
+from core.events import record
+from evaluation.models import Evaluation, Result, State
+from evaluation.services import unseal_evaluation
+from paddock.errors import UserFault
+
+from ...events import LIVE_SHOWN, of_race
+from ...models import (
+    COUNTDOWN,
+    REVEALED_AFTER,
+    Entry,
+    LiveEvent,
+    LiveOrder,
+    LiveRacer,
+    LiveSlot,
+    LiveState,
+    SlotState,
+    Submission,
+)
+from ...models.live import TO_COME, UNDER_WAY
+from ...selectors.live import live_standings
+from ..locks import lock_entry
+from .acting import acting
+from .roll import take_roll
+from .sealing import clear_up, next_slots, prepare_after_commit
+
+if TYPE_CHECKING:
+    from accounts.models import Racer
+
+_NO_PLACE = 2**31 - 1
+
+
+def begin_live(*, event: LiveEvent, by: Racer | None, seen: int | None, now: datetime) -> LiveEvent:
+    """Begin an event, before its time if its organisers like: the running order is written, the first runs computed.
+
+    Raises UserFault as ``acting``, ``live_nobody``.
+    """
+    with acting(event, "begin", by=by, seen=seen, now=now, states=(LiveState.PLANNED,)) as act:
+        racers = in_order(act.event, take_roll(act.event))
+        if not racers:
+            raise UserFault("live_nobody")
+        slots: list[LiveSlot] = []
+        for round_ in range(1, act.event.rounds + 1):
+            for racer in racers:
+                absent = act.event.roll_call and racer.here_at is None
+                slots.append(
+                    LiveSlot(
+                        event=act.event,
+                        racer=racer,
+                        round=round_,
+                        position=len(slots) + 1,
+                        state=SlotState.HELD if absent else SlotState.WAITING,
+                        reason_code="live_absent" if absent else "",
+                    )
+                )
+        LiveSlot.objects.bulk_create(slots)
+        act.event.state, act.event.begun_at = LiveState.RUNNING, now
+        act.told["racers"] = len(racers)
+        act.final = True
+        prepare_after_commit(act.event, now)
+    return event
+
+
+def in_order(event: LiveEvent, racers: list[LiveRacer]) -> list[LiveRacer]:
+    """Racers (as they entered) in the order of the event. Who has not qualified drives before all who have."""
+    if event.order == LiveOrder.AS_ENTERED:
+        return racers
+    slowest_first = sorted(racers, key=lambda racer: -(racer.qualified_rank or _NO_PLACE))
+    return slowest_first if event.order == LiveOrder.SLOWEST_FIRST else slowest_first[::-1]
+
+
+def launch(
+    *, event: LiveEvent, by: Racer | None, seen: int | None, now: datetime, slot: LiveSlot | int | None = None
+) -> LiveSlot:
+    """Start the countdown of a run that is computed: the next one, unless ``slot`` says which.
+
+    It plays from ``starts_at`` on, ten seconds from now, for everybody at the same instant. Raises UserFault as
+    ``acting``, ``live_busy`` while a run is played, ``live_nothing_next``, ``live_slot_state``, ``live_not_ready``
+    while it is being computed, ``live_no_model``.
+    """
+    with acting(event, "launch", by=by, seen=seen, now=now, states=(LiveState.RUNNING,)) as act:
+        if LiveSlot.objects.filter(event=act.event, state=SlotState.RUNNING).exists():
+            raise UserFault("live_busy")
+        if slot is None:
+            coming = next_slots(act.event)
+            if not coming:
+                raise UserFault("live_nothing_next")
+            slot = coming[0]
+        found = act.slot(slot)
+        if found.state not in TO_COME:
+            raise UserFault("live_slot_state", state=found.get_state_display())
+        lasts_ms = ready_ms(found)
+        LiveSlot.objects.filter(event=act.event, state=SlotState.CALLED).exclude(pk=found.pk).update(
+            state=SlotState.WAITING
+        )
+        found.state, found.starts_at = SlotState.RUNNING, now + COUNTDOWN
+        found.ends_at = found.starts_at + timedelta(milliseconds=lasts_ms)
+        found.reason_code = ""
+        found.save(update_fields=["state", "starts_at", "ends_at", "reason_code"])
+        prepare_after_commit(act.event, now)
+    return found
+
+
+def ready_ms(slot: LiveSlot) -> int:
+    """How long a computed run plays, in milliseconds; 0 for a car that failed. Raises UserFault."""
+    evaluation = slot.evaluation
+    if evaluation is None:
+        raise UserFault("live_no_model" if slot.reason_code == "live_no_model" else "live_not_ready")
+    if not evaluation.is_final or evaluation.state == State.STOPPED or evaluation.is_platform_fault:
+        raise UserFault("live_not_ready")  # what says nothing of the car is computed again
+    if evaluation.state != State.FINISHED:
+        return 0
+    return Result.with_sealed.values_list("simulated_ms", flat=True).get(evaluation=evaluation)
+
+
+def is_ready(slot: LiveSlot) -> bool:
+    """Whether a slot could be launched now."""
+    try:
+        ready_ms(slot)
+    except UserFault:
+        return False
+    return True
+
+
+@transaction.atomic
+def reveal(*, slot: LiveSlot, now: datetime) -> bool:
+    """Let a run that has been played to its end be a result of its race, once. False when that is not due, or done.
+
+    Its submission is written, the run unsealed, the standing and ``race.result`` with it: all or nothing.
+    """
+    event = LiveEvent.objects.select_for_update(of=("self",)).select_related("race").get(pk=slot.event_id)
+    due = LiveSlot.objects.filter(pk=slot.pk, state=SlotState.RUNNING, ends_at__lte=now - REVEALED_AFTER)
+    if not due.update(state=SlotState.DONE, done_at=now):
+        return False
+    slot = LiveSlot.objects.select_related("racer__entry__racer", "evaluation__model").get(pk=slot.pk)
+    assert slot.racer is not None
+    assert slot.evaluation_id is not None
+    evaluation = (
+        Evaluation.with_sealed.select_for_update(of=("self",)).select_related("model").get(pk=slot.evaluation_id)
+    )
+    assert slot.starts_at is not None, "it was launched"
+    entry = lock_entry(slot.racer.entry)
+    Entry.objects.filter(pk=entry.pk).update(last_number=F("last_number") + 1)
+    entry.refresh_from_db(fields=["last_number"])
+    submission = Submission.objects.create(
+        entry=entry,
+        number=entry.last_number,
+        evaluation=evaluation,
+        network_id=evaluation.model.network_id,
+        submitted_at=slot.starts_at,
+        is_live=True,
+    )
+    reason = evaluation.reason_code if evaluation.state != State.FINISHED else ""
+    LiveSlot.objects.filter(pk=slot.pk).update(submission=submission, reason_code=reason)
+    LiveEvent.objects.filter(pk=event.pk).update(last_at=now)
+    unseal_evaluation(evaluation=evaluation, now=now)
+    record(LIVE_SHOWN, at=now, **of_race(event.race), once=evaluation.public_id)
+    prepare_after_commit(event, now)
+    return True
+
+
+def pause_live(*, event: LiveEvent, by: Racer, seen: int | None, now: datetime) -> LiveEvent:
+    """Launch nothing more until the event goes on; a run that is on track drives to its end."""
+    with acting(event, "pause", by=by, seen=seen, now=now, states=(LiveState.RUNNING,)) as act:
+        act.event.state = LiveState.PAUSED
+    return event
+
+
+def resume_live(*, event: LiveEvent, by: Racer, seen: int | None, now: datetime) -> LiveEvent:
+    """Go on after a pause."""
+    with acting(event, "resume", by=by, seen=seen, now=now, states=(LiveState.PAUSED,)) as act:
+        act.event.state = LiveState.RUNNING
+    return event
+
+
+def end_live(*, event: LiveEvent, by: Racer | None, seen: int | None, now: datetime) -> LiveEvent:
+    """End the event: the best of it has won unless somebody was crowned, what was not shown is thrown away when it can
+    no longer be undone. Raises UserFault as ``acting``, ``live_busy`` while a run is played."""
+    with acting(event, "end", by=by, seen=seen, now=now, states=UNDER_WAY) as act:
+        if LiveSlot.objects.filter(event=act.event, state=SlotState.RUNNING).exists():
+            raise UserFault("live_busy")
+        if act.event.winner_id is None:
+            first = next((row for row in live_standings(act.event) if row.rank == 1), None)
+            act.event.winner_id = None if first is None else first.racer.entry_id
+        act.event.state, act.event.ended_at = LiveState.ENDED, now
+        act.event.podium_at = act.event.podium_at or now
+    return event
+
+
+def tidy_ended(*, event: LiveEvent, now: datetime) -> int:
+    """Throw away the sealed runs of an event that is over for good. Returns how many."""
+    with transaction.atomic():
+        locked = LiveEvent.objects.select_for_update().get(pk=event.pk)
+        return clear_up(locked, now) if locked.is_over else 0
+
+
+def say_to_spectators(*, event: LiveEvent, message: str, by: Racer, seen: int | None, now: datetime) -> LiveEvent:
+    """Show everybody a line of text; an empty one takes it away. Raises UserFault as ``acting``, ``live_message``."""
+    said = " ".join(message.split())
+    most = LiveEvent._meta.get_field("message").max_length or 0
+    if len(said) > most:
+        raise UserFault("live_message", most=most)
+    with acting(event, "message", by=by, seen=seen, now=now) as act:
+        act.event.message = said
+        act.told["message"] = said
+    return event
+
+
+def crown(*, event: LiveEvent, entry: Entry, by: Racer, seen: int | None, now: datetime) -> LiveEvent:
+    """Say who has won. Raises UserFault as ``acting``, ``live_not_in`` for who does not take part."""
+    with acting(event, "winner", by=by, seen=seen, now=now, states=(*UNDER_WAY, LiveState.ENDED)) as act:
+        if not LiveRacer.objects.filter(event=act.event, entry=entry).exists():
+            raise UserFault("live_not_in")
+        act.event.winner = entry
+        act.told["racer"] = entry.racer.alias
+    return event
+
+
+def show_podium(*, event: LiveEvent, by: Racer, seen: int | None, now: datetime) -> LiveEvent:
+    """Show the podium to everybody. Raises UserFault as ``acting``."""
+    with acting(event, "podium", by=by, seen=seen, now=now, states=(*UNDER_WAY, LiveState.ENDED)) as act:
+        act.event.podium_at = now
+    return event
