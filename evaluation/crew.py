@@ -22,6 +22,7 @@ from .sandbox.policy import PolicyProcess, failed_start
 from .venue import Venue
 
 RUNNER_MODULE = "evaluation.runner_process"
+DRIVES_MODULE = "evaluation.drives_process"  # many laps of one car
 VENUES_KEPT = 3  # a large track is 30 MB in a runner that has prepared it
 _START_S = 30.0
 
@@ -33,11 +34,18 @@ class Crew:
 
     Each policy has its own sandbox and shares nothing with the others. A context manager: leaving kills all.
     ``level``: as for :func:`evaluation.sandbox.launch.launch`. ``venues``: where the job may be, which the runner gets
-    ready for while it waits. Raises PlatformFault where they cannot be started.
+    ready for while it waits. ``module``: what the runner runs. Raises PlatformFault where they cannot be started.
     """
 
-    def __init__(self, cars: int = 1, level: int | None = None, venues: Sequence[Venue] = ()) -> None:
+    def __init__(
+        self,
+        cars: int = 1,
+        level: int | None = None,
+        venues: Sequence[Venue] = (),
+        module: str = RUNNER_MODULE,
+    ) -> None:
         self._level = level
+        self._module = module
         self.policies: list[PolicyProcess] = []
         self._venues = list(venues)
         with contextlib.ExitStack() as stack:
@@ -91,7 +99,7 @@ class Crew:
             self.policies.append(stack.enter_context(PolicyProcess(level=self._level)))
         pipes = [fd for policy in self.policies for fd in (policy.process.stdout, policy.process.stdin)]
         return stack.enter_context(
-            launch(RUNNER_MODULE, limits=RUNNER, level=self._level, arguments=[str(fd) for fd in pipes], pass_fds=pipes)
+            launch(self._module, limits=RUNNER, level=self._level, arguments=[str(fd) for fd in pipes], pass_fds=pipes)
         )
 
 

@@ -12,7 +12,7 @@ import select
 import time
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import asdict, dataclass, field, fields, replace
-from typing import Any
+from typing import Any, Protocol
 
 from paddock.errors import PaddockError, PlatformFault, UserFault, fault_from_dict
 from paddock.geometry.track import TrackGeometry
@@ -35,6 +35,17 @@ WALL_LIMIT_S = 300.0
 _START_S = 30.0
 _MESSAGE_S = 10.0  # a runner that began to write a message ends it
 _STOP_EVERY_S = 0.25
+
+
+class SubmittedCar(Protocol):
+    """What a policy process is given, and what the runner must know of it, as in :class:`RaceJob`."""
+
+    @property
+    def onnx(self) -> bytes: ...
+    @property
+    def metadata(self) -> dict[str, Any]: ...
+    @property
+    def facts(self) -> dict[str, Any] | None: ...
 
 
 @dataclass(frozen=True)
@@ -190,8 +201,9 @@ def _evaluate(
     with crew or Crew(cars, level) as used:
         used.enlist(cars)
         used.runner.allow(wall_limit_s * cars)
-        run = _Run(used, on_progress, should_stop)
-        onnxruntime = run.prepare(job, budget)
+        run = SandboxedRun(used, on_progress, should_stop)
+        told = {**used.described(job.venue), "rules": job.rules.to_dict(), "budget": asdict(budget)}
+        onnxruntime = run.prepare([job, *job.rivals], told)
         prepared = time.monotonic()
         with one_core([process.inner_pid for process in run.processes.values()]):
             message, blobs = run.drive()
@@ -213,8 +225,8 @@ def _evaluate(
             raise run.noted(PlatformFault("runner_protocol")) from error
 
 
-class _Run:
-    """One evaluation in the hands of :func:`evaluate`.
+class SandboxedRun:
+    """One job in the hands of this process: of :func:`evaluate`, or of :func:`evaluation.drives.drive_all`.
 
     ``processes``: the runner and the policies by the names that operators read. ``retired``: the fault of each car that
     retired, by its number.
@@ -235,16 +247,13 @@ class _Run:
         self.processes = {"runner": crew.runner}
         self.processes |= {name: policy.process for name, policy in zip(names, crew.policies, strict=True)}
 
-    def prepare(self, job: RaceJob, budget: PolicyBudget) -> str:
-        """Hand out the job and the networks, so that the next message starts the race. The version of onnxruntime."""
+    def prepare(self, cars: Sequence[SubmittedCar], told: dict[str, Any]) -> str:
+        """Hand out the job (``told``, in the runner's words) and the networks, so that the next message starts the
+        race. The version of onnxruntime."""
         deadline = time.monotonic() + _START_S
         widen_pipe(self._runner.stdin)
-        cars: list[RaceJob | RivalModel] = [job, *job.rivals]
-        described = {**self._crew.described(job.venue), "rules": job.rules.to_dict(), "budget": asdict(budget)}
         try:
-            write_message(
-                self._runner.stdin, {**described, "metadata": [car.metadata for car in cars]}, deadline=deadline
-            )
+            write_message(self._runner.stdin, {**told, "metadata": [car.metadata for car in cars]}, deadline=deadline)
             for number, car in enumerate(cars):
                 with self._retiring(number):
                     self._policies[number].give(car.onnx, car.facts)

@@ -20,7 +20,7 @@ import select
 import sys
 import time
 import traceback
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import Any
 
 import cv2
@@ -51,9 +51,14 @@ versions()  # reads the names of installed packages, once
 
 def main(frames_in: int, frames_out: int) -> None:
     """Run one job; see the module."""
+    telling_faults(_run, frames_in, frames_out)
+
+
+def telling_faults(run: Callable[[int, int], None], frames_in: int, frames_out: int) -> None:
+    """``run``, whose faults become the last message."""
     make_ready()  # a process that is kept ready does this before there is a job
     try:
-        _run(frames_in, frames_out)
+        run(frames_in, frames_out)
     except PaddockError as fault:
         write_message(frames_out, {"error": fault.to_dict()})
     except MemoryError:
@@ -72,14 +77,14 @@ def _run(frames_in: int, frames_out: int) -> None:
         for venue in venues:
             if select.select([frames_in], [], [], 0)[0]:
                 break  # the job has come, and would wait
-            grounds.append(_rehearsed(_ground(venue)))
+            grounds.append(_rehearsed(ground_of(venue)))
             make_ready()
         job, _ = read_message(frames_in)
     if "prepared" in job:
         number = job["prepared"]
-        ground = grounds[number] if number < len(grounds) else _ground(venues[number])
+        ground = grounds[number] if number < len(grounds) else ground_of(venues[number])
     else:
-        ground = _ground(job["venue"])
+        ground = ground_of(job["venue"])
     rules = RaceRules.from_dict(job["rules"])
     spaces = [ActionSpace.from_metadata(metadata) for metadata in job["metadata"]]
     headers = [policy_header(metadata, space) for metadata, space in zip(job["metadata"], spaces, strict=True)]
@@ -120,7 +125,7 @@ def _run(frames_in: int, frames_out: int) -> None:
         read_message(frames_in)
 
 
-def _ground(venue: dict[str, Any]) -> PreparedTrack:
+def ground_of(venue: dict[str, Any]) -> PreparedTrack:
     """The ground of an :class:`evaluation.venue.Venue`."""
     track = TrackGeometry.from_trusted_dict(venue["track"])  # the worker sent it
     return PreparedTrack(track, venue["direction"], THEMES[venue["look"]])

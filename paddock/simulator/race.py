@@ -20,6 +20,7 @@ from .camera.theme import OFFICIAL, Theme
 from .competitor import Competitor
 from .engine import ENGINE_ID, versions
 from .physics import PADDOCK_CAR, CarPhysics
+from .randomisation import Disturbance
 from .referee import LAPS_DONE, RETIRED, Lap
 from .speeds import commanded_speeds
 from .stage import PreparedTrack, Simulation
@@ -150,6 +151,7 @@ def run_race(
     physics: CarPhysics = PADDOCK_CAR,
     start_m: float | None = None,
     ground: PreparedTrack | None = None,
+    disturbance: Disturbance | None = None,
 ) -> RaceResult:
     """Race one car, alone or against ``rivals`` in the same world, and return the result.
 
@@ -161,16 +163,21 @@ def run_race(
     then over without a result, and so it is for any error but a UserFault; of several cars the one whose policy raises
     a UserFault retires, and its laps stand. ``on_progress`` is told every ``progress_every_steps`` control steps and at
     the end. ``start_m`` (None: that of the rules) moves start and finish along the track, but no box. ``ground``: that
-    of this track, direction and theme, where somebody has built it up already.
+    of this track, direction and theme, where somebody has built it up already. ``disturbance``: what is other than
+    usual for a car alone; no race of several has one.
 
-    Raises UserFault where boxes or bots have no room, ValueError for more cars than a world takes.
+    Raises UserFault where boxes or bots have no room, ValueError for more cars than a world takes and for several that
+    are to be disturbed.
     """
     if len(rivals) >= MAX_CARS:
         raise ValueError(f"at most {MAX_CARS} cars race in one world, not {1 + len(rivals)}")
+    if rivals and disturbance is not None:
+        raise ValueError("only a car alone is disturbed")
     begun = perf_counter()
     entrants = [Entrant(action_space, sensors, policy, lidar_config), *rivals]
     with Simulation(ground or PreparedTrack(track, rules.direction, theme), rules, physics) as stage:
-        race = _Race(stage, entrants, rules.start_m if start_m is None else start_m, rules.speed_commands)
+        begins_m = rules.start_m if start_m is None else start_m
+        race = _Race(stage, entrants, begins_m, rules.speed_commands, disturbance)
         first = race.cars[0]
         while not race.over:
             race.step()
@@ -218,15 +225,24 @@ class _Race:
     """A race while it runs."""
 
     def __init__(
-        self, stage: Simulation, entrants: Sequence[Entrant], start_m: float, commands: Sequence[SpeedCommand]
+        self,
+        stage: Simulation,
+        entrants: Sequence[Entrant],
+        start_m: float,
+        commands: Sequence[SpeedCommand],
+        disturbance: Disturbance | None = None,
     ) -> None:
         self._stage = stage
+        self._disturbance = disturbance
         self._entrants = entrants
         alone = len(entrants) == 1
         self.cars = [
             stage.add(entrant.sensors, start_m, entrant.lidar_config, grid=None if alone else number)
             for number, entrant in enumerate(entrants)
         ]
+        if disturbance is not None and disturbance.moves_the_start:
+            (car,), track = self.cars, stage.ground.track
+            car.begin_at(disturbance.place(car.referee.pose, track.width_at(start_m % track.length)))
         self.retired: list[dict[str, Any] | None] = [None] * len(entrants)
         self._speeds = commanded_speeds(commands, len(entrants))
         self.steps = 0
@@ -265,11 +281,14 @@ class _Race:
     def _ask(self, entrant: Entrant, car: Competitor) -> Action:
         looked = perf_counter()
         readings = car.observe()
+        if self._disturbance is not None:
+            readings = self._disturbance.observe(readings)
         asked = perf_counter()
         output = entrant.policy(readings)
         self.camera_s += asked - looked
         self.policy_s += perf_counter() - asked
-        return entrant.action_space.decode(output, car.referee.step + 1)
+        action = entrant.action_space.decode(output, car.referee.step + 1)
+        return action if self._disturbance is None else self._disturbance.act(action)
 
     def order(self) -> list[int]:
         """The cars from the winner on: those that did all laps by their times, the others by the distance they drove,

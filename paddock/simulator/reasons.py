@@ -69,5 +69,9 @@ register(
             "%(bots)s bots at least %(least_m)s m apart do not fit on this track of %(length_m)s m. Ask for fewer bots "
             "or choose a longer track."
         ),
+        "variation_not_placed": _(
+            "Variation %(number)s cannot be placed on %(track)s: the road is %(width_m)s m wide at %(start_m)s m, and "
+            "the car would not stand on it with all its wheels. Choose a wider track, or another seed."
+        ),
     },
 )

@@ -30,7 +30,7 @@ class TrainerSpec:
     ``more_tracks``: others beside it, ``{"track", "look"}`` each. Every episode drives on one of them all, drawn from
     the seed; with ``alternate_direction`` a car's every second episode goes the other way. Evaluations drive each of
     these ways (:attr:`ways`). ``randomise``: strengths of what episodes draw about the world, see
-    :class:`paddock.simulator.envs.randomisation.Randomisation`; evaluations are without.
+    :class:`paddock.simulator.randomisation.Randomisation`; evaluations are without.
 
     It stops at the first of: ``stop_seconds`` of wall time (those of earlier attempts, ``seconds_before``, count),
     ``stop_steps`` control steps, and ``stop_clean_laps`` laps in a row without a fault from the finish line,

@@ -13,12 +13,12 @@ from paddock.errors import UserFault
 from ..action import DISCRETE, Action
 from ..competitor import Competitor
 from ..race import lap_results
+from ..randomisation import USUAL
 from ..referee import LAPS_DONE
 from ..rewards import Objects, reward_params
 from ..stage import PreparedTrack, Simulation
 from ..trace import TIME_UP
 from ..world import World
-from .randomisation import USUAL
 from .setting import Readings, Setting
 
 _LAYOUTS = 20  # seeds that an episode tries until random boxes have room

@@ -33,10 +33,10 @@ from ..action import DISCRETE, ActionSpace
 from ..camera.theme import OFFICIAL, Theme
 from ..layout import lay_out
 from ..physics import PADDOCK_CAR, CarPhysics
+from ..randomisation import NOTHING, Randomisation
 from ..rewards import RewardFunction, avoid_objects, follow_centre_line
 from ..sensors import sensor_spec
 from ..stage import PreparedTrack
-from .randomisation import NOTHING, Randomisation
 
 # Five angles at two speeds: what the console offered by default, at speeds that finish a lap in reasonable time.
 DEFAULT_METADATA: Mapping[str, Any] = {

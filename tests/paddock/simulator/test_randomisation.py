@@ -9,7 +9,7 @@ import pytest
 import paddock.simulator.envs  # noqa: F401  registers the environments
 from paddock.simulator.action import Action
 from paddock.simulator.camera.theme import OFFICIAL
-from paddock.simulator.envs.randomisation import CAMERA_GREYS, LATENCY_STEPS, Randomisation
+from paddock.simulator.randomisation import CAMERA_GREYS, LATENCY_STEPS, Randomisation
 from paddock.simulator.vector import TimeTrialVectorEnv
 
 from .tracks_for_tests import stadium

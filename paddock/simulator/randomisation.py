@@ -1,8 +1,8 @@
 """Domain randomisation: what an episode changes about the world, so that a policy does not hang on one picture of it.
 
 deepracer-simapp (ENABLE_DOMAIN_RANDOMIZATION) draws the light and the colours of boxes and bots for each episode. Here
-each of five things has a strength of its own, and every draw comes from the generator of the episode. Races and
-evaluations have none of it.
+each of five things has a strength of its own, and every draw comes from the generator of the episode. Races have none
+of it; a car's report drives under some of it (:mod:`.variations`).
 """
 
 from __future__ import annotations
@@ -15,10 +15,10 @@ from dataclasses import dataclass, field
 import cv2
 import numpy as np
 
-from ..action import Action
-from ..camera.theme import Theme
-from ..car import Pose
-from ..lidar import LEAST_M, RAW_LIMIT_M
+from .action import Action
+from .camera.theme import Theme
+from .car import Pose
+from .lidar import LEAST_M, RAW_LIMIT_M
 
 # What a strength of 1 comes to.
 LIGHT_LEAST, LIGHT_MOST = 0.35, 1.5  # the light is between so much and so many times the usual
