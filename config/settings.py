@@ -193,6 +193,7 @@ CELERY_TASK_ROUTES["core.events.tasks.*"] = {"queue": "messages"}
 CELERY_TASK_ROUTES["races.tasks.live"] = {"queue": "messages"}
 CELERY_BEAT_SCHEDULE = {
     "sweep": {"task": "evaluation.tasks.sweep", "schedule": 15.0, "options": {"expires": 14}},
+    "reports": {"task": "evaluation.tasks.sweep_reports", "schedule": 15.0, "options": {"expires": 14}},
     "purge": {"task": "evaluation.tasks.purge", "schedule": 6 * 3600.0, "options": {"expires": 3600}},
     # a turn of 10 s each: 50 minutes of a night at most, none once everything was checked
     "scrub": {
@@ -259,6 +260,9 @@ STORAGE_PER_RACER_MB = env_int("PADDOCK_STORAGE_PER_RACER_MB", 10240, minimum=1)
 RACES_PER_RACER = env_int("PADDOCK_RACES_PER_RACER", 20, minimum=1)
 OWN_RUNS_AT_ONCE = env_int("PADDOCK_OWN_RUNS_AT_ONCE", 10, minimum=0)
 OWN_RUNS_A_DAY = env_int("PADDOCK_OWN_RUNS_A_DAY", 300, minimum=0)
+REPORTS_AT_ONCE = env_int("PADDOCK_REPORTS_AT_ONCE", 2, minimum=0)
+REPORTS_A_DAY = env_int("PADDOCK_REPORTS_A_DAY", 20, minimum=0)
+REPORTS_PER_RACER = env_int("PADDOCK_REPORTS_PER_RACER", 100, minimum=0)
 DUELS_IN_ROUND_ROBIN = env_int("PADDOCK_DUELS_IN_ROUND_ROBIN", 16, minimum=2, maximum=32)
 DUELS_IN_BRACKET = env_int("PADDOCK_DUELS_IN_BRACKET", 64, minimum=2, maximum=127)
 WEBHOOKS_PRIVATE = env_bool("PADDOCK_WEBHOOKS_PRIVATE", False)

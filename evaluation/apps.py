@@ -14,12 +14,16 @@ class EvaluationConfig(AppConfig):
         from . import events, streams  # noqa: F401 - its kinds of events are known from the start
         from .models import TrainedModel
         from .quotas import MODELS, NETWORKS, STORAGE, TRACES, UPLOADS
+        from .reports import jobs  # noqa: F401 - its kind of job is known from the start
+        from .reports.quotas import ALL
         from .sandbox import probe as probing
         from .services.sources import take_source_along
 
         quotas.register(MODELS)
         streams.register()
         quotas.register(STORAGE)
+        for quota in ALL:
+            quotas.register(quota)
         storage.register(NETWORKS)
         storage.register(TRACES)
         storage.register(UPLOADS)

@@ -128,3 +128,40 @@ register(
         "too_many_rivals": _("At most %(limit)s other cars may race along. Leave some of them out."),
     },
 )
+
+register(
+    "Reports",
+    "user",
+    {
+        "report_model_gone": _(
+            "There is no such model for you: it has left its garage or is not shared any more. Choose another."
+        ),
+        "report_tracks": _(
+            "Name tracks for a report on chosen tracks, and for no other: the other sets name their own."
+        ),
+        "report_track_gone": _("There is no track %(track)s here. Choose another one."),
+        "report_too_many_tracks": _("A report drives at most %(limit)s tracks. Choose fewer."),
+        "report_track_without_shape": _(
+            "The shape of %(track)s is not known here, so no car can drive on it. Leave it out."
+        ),
+        "report_no_way_round": _(
+            "%(track)s is driven from start to end: it has no lap that could begin anywhere. Choose a loop for the "
+            "variations."
+        ),
+        "report_sensors": _(
+            "The model reads %(sensors)s, which no track of this simulator serves. Train it again with other sensors."
+        ),
+        "report_empty": _("The report would drive nothing. Choose tracks, a track for the variations, or both."),
+        "report_seed": _("The seed must be a whole number from 0 to %(most)s."),
+        "report_direction": _("There is no such direction. Choose one of %(known)s."),
+        "reports_at_once": _(
+            "%(limit)s reports of yours are under way, as many as may be at a time. Wait for one, or stop one."
+        ),
+        "reports_a_day": _(
+            "You have asked for %(limit)s reports within 24 hours, as many as a racer may. Come back later, or ask an "
+            "operator for more."
+        ),
+        "reports_kept": _("You keep %(limit)s reports, as many as a racer may. Delete one that you need no more."),
+        "report_under_way": _("The report is still being driven. Stop it first."),
+    },
+)

@@ -14,6 +14,8 @@ from core.jobs.work import work_off
 from paddock.errors import PlatformFault
 
 from .crew import Spare
+from .reports.jobs import CHUNKS, run_next_chunk, wake_if_due
+from .reports.services import purge_reports
 from .sandbox import probe as probing
 from .services import EVALUATIONS, note_worker, purge_garages, run_next_evaluation
 from .services.stored import scrub as scrub_files
@@ -37,7 +39,7 @@ def work(self: Task) -> int:
         fit = probing.probe().sufficient
         return fit and run_next_evaluation(worker=worker, interrupted=told_to_stop, spare=_spare)
 
-    return work_off(EVALUATIONS, turn, budget_s=BUDGET_S, idle=_wait_ready)
+    return work_off(EVALUATIONS, turn, budget_s=BUDGET_S, idle=_go_on_to_reports)
 
 
 @shared_task(bind=True)
@@ -50,9 +52,30 @@ def sweep(self: Task) -> dict[str, int]:
     return {"requeued": report.requeued, "waiting": report.waiting}
 
 
+@shared_task(bind=True)
+def drive_reports(self: Task) -> int:
+    """Drive chunks of reports until none waits, an evaluation does, or the time is up. Returns how many were driven."""
+    worker = self.request.hostname or "local"
+    if not _fit(worker):
+        return 0
+
+    def turn(told_to_stop: Callable[[], bool]) -> bool:
+        return probing.probe().sufficient and run_next_chunk(worker=worker, interrupted=told_to_stop)
+
+    return work_off(CHUNKS, turn, budget_s=BUDGET_S, idle=_wait_ready)
+
+
+@shared_task
+def sweep_reports() -> dict[str, int]:
+    """Put chunks back that lost their worker, and send wake-ups again. Beat sends it every few seconds."""
+    report = CHUNKS.sweep(now=database_now())
+    return {"requeued": report.requeued, "waiting": report.waiting}
+
+
 @shared_task
 def purge() -> int:
     """Remove deleted models that never raced. Beat sends it every few hours."""
+    purge_reports(now=database_now())
     return purge_garages(now=database_now())
 
 
@@ -83,6 +106,12 @@ def end_process(**kwargs: object) -> None:
     """What was kept ready is not needed any more. (It dies with this process in any case.)"""
     if _spare is not None:
         _spare.close()
+
+
+def _go_on_to_reports() -> None:
+    """Reports have waited for the evaluations."""
+    _wait_ready()
+    wake_if_due(database_now())
 
 
 def _wait_ready() -> None:

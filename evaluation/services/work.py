@@ -90,13 +90,16 @@ def _run(
 
 
 def _note_inexact(evaluation: Evaluation, outcome: EvaluationOutcome) -> None:
-    """Networks whose bound did not hold go the exact way from now on."""
     if not outcome.inexact:
         return
     models = [evaluation.model, *(rival.model for rival in evaluation.rivals.order_by("number"))]
     for number in outcome.inexact:
-        network = models[number].network
-        logger.warning("The bound of network %s did not hold; it goes the exact way from now on.", network)
-        Network.objects.filter(pk=network.pk).update(
-            facts=NetworkFacts(bound=None).to_dict() | {"shapes": (network.facts or {}).get("shapes", {})}
-        )
+        note_inexact(models[number].network)
+
+
+def note_inexact(network: Network) -> None:
+    """A network whose bound did not hold goes the exact way from now on."""
+    logger.warning("The bound of network %s did not hold; it goes the exact way from now on.", network)
+    Network.objects.filter(pk=network.pk).update(
+        facts=NetworkFacts(bound=None).to_dict() | {"shapes": (network.facts or {}).get("shapes", {})}
+    )

@@ -1,8 +1,8 @@
 """The variations of a lap that a car's report drives: each other than usual in one thing, or in all of them.
 
-Five kinds, :data:`EACH` of each, which grow from mild to as much as is sensible (:mod:`.randomisation` says how much
-that is). Every draw comes from the report's seed and the variation's number alone: they are the same in whatever order
-and by whichever worker they are driven. No Django.
+Five kinds, so many of each (:mod:`paddock.rules.report`), which grow from mild to as much as is sensible
+(:mod:`.randomisation` says how much that is). Every draw comes from the report's seed and the variation's number alone:
+they are the same in whatever order and by whichever worker they are driven. No Django.
 """
 
 from __future__ import annotations
@@ -14,16 +14,12 @@ from numpy.random import default_rng  # now: a locked process reads no files any
 
 from paddock.errors import UserFault
 from paddock.geometry.track import TrackGeometry
+from paddock.rules.report import ALL, COLOURS, LIGHT, SENSORS, START, VARIATIONS, kind_of, percent_of
 
 from .camera.theme import Theme
 from .car import Pose
 from .physics import PADDOCK_CAR, CarPhysics
 from .randomisation import Disturbance, Randomisation
-
-START, LIGHT, COLOURS, SENSORS, ALL = KINDS = ("start", "light", "colours", "sensors", "all")
-EACH = 20
-VARIATIONS = EACH * len(KINDS)
-MOST_SEED = 2**31 - 1
 
 # What of the world a kind changes; START and ALL begin anywhere on the lap besides.
 _CHANGES: Mapping[str, tuple[str, ...]] = {
@@ -56,14 +52,16 @@ def variations(seed: int, length_m: float) -> list[Variation]:
 
 
 def _variation(number: int, seed: int, length_m: float) -> Variation:
-    kind, step = KINDS[number // EACH], number % EACH
+    kind = kind_of(number)
     anywhere = float(default_rng((seed, number, 1)).uniform(0.0, length_m))
     start_m = round(anywhere, 3) % length_m if START in _CHANGES[kind] else 0.0
-    return Variation(number, kind, 100 * (step + 1) // EACH, start_m, seed)
+    return Variation(number, kind, percent_of(number), start_m, seed)
 
 
 def check_placed(track: TrackGeometry, variation: Variation, theme: Theme, physics: CarPhysics = PADDOCK_CAR) -> None:
     """Raises UserFault ``variation_not_placed`` where the car would not stand on the road with all its wheels."""
+    if START not in _CHANGES[variation.kind]:
+        return
     disturbance = variation.disturbance(theme)
     width = track.width_at(variation.start_m % track.length)
     pose = disturbance.place(Pose(*track.point_at(variation.start_m)), width)

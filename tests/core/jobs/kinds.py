@@ -10,6 +10,8 @@ import pytest
 
 from core.jobs.kinds import JobKind
 from core.jobs.models import Leased
+from evaluation.reports.jobs import CHUNKS
+from evaluation.reports.services import ask_for_report
 from evaluation.services import EVALUATIONS, queue_evaluation
 from league.models import Mail, Notice, NoticeKind, WebhookDelivery
 from league.services.deliveries import DELIVERIES
@@ -38,6 +40,11 @@ def a_delivery(racer: Any, track: Any, now: datetime) -> Leased:
     return WebhookDelivery.objects.create(webhook=hook, event="run.finished", about="x", at=now, body="{}")
 
 
+def a_chunk(racer: Any, track: Any, now: datetime) -> Leased:
+    report = ask_for_report(owner=racer, model=model_row(racer), track_set="chosen", tracks=[track], now=now)
+    return report.chunks.get()
+
+
 def a_mail(racer: Any, track: Any, now: datetime) -> Leased:
     notice = Notice.objects.create(racer=racer, kind=NoticeKind.OPENS, about="x", at=now)
     return Mail.objects.create(notice=notice)
@@ -49,6 +56,7 @@ MAKERS: dict[JobKind[Any], Callable[..., Leased]] = {
     VIDEOS: a_video,
     DELIVERIES: a_delivery,
     MAILS: a_mail,
+    CHUNKS: a_chunk,
 }
 
 

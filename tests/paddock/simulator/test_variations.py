@@ -10,10 +10,11 @@ import pytest
 from paddock.errors import UserFault
 from paddock.geometry.catalogue import by_slug
 from paddock.rules.race import HEAD_TO_HEAD, RaceRules
+from paddock.rules.report import ALL, EACH, KINDS, SENSORS, START, VARIATIONS
 from paddock.simulator.action import ActionSpace
 from paddock.simulator.camera.theme import OFFICIAL
 from paddock.simulator.race import Entrant, run_race
-from paddock.simulator.variations import ALL, EACH, KINDS, SENSORS, START, VARIATIONS, check_placed, variations
+from paddock.simulator.variations import check_placed, variations
 
 from .tracks_for_tests import stadium
 
