@@ -12,6 +12,6 @@ SECTIONS = (
     Section("train", "trainings", _("Train"), ("/train/",)),
     Section("learn", "learn", _("Learn"), ("/learn/",)),
     Section("tracks", "tracks", _("Tracks"), ("/tracks/",)),
-    Section("garage", "models", _("Garage"), ("/models/", "/vehicles/", "/runs/")),
+    Section("garage", "models", _("Garage"), ("/models/", "/vehicles/", "/runs/", "/reports/")),
     Section("about", "about", _("How it works"), ("/about/", "/guides/")),
 )

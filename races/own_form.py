@@ -10,8 +10,8 @@ from django import forms
 from django.utils.translation import gettext_lazy as _
 
 from core.forms import add_fault
+from evaluation.choices import cars_of
 from evaluation.models import TrainedModel
-from evaluation.selectors import models_of, shared_models
 from paddock.errors import UserFault
 from paddock.rules.race import MAX_CARS, MODELS, OWN_RULES, ROUND_ROBIN, RULES
 
@@ -25,7 +25,6 @@ from .selectors.own import usable_model, usable_rivals
 if TYPE_CHECKING:
     from accounts.models import Racer
 
-SHARED_OFFERED = 100  # of the models that others share, the latest; any other comes by the address of its page
 RIVALS = tuple(f"rival_{number}" for number in range(1, MAX_CARS))
 # What every run has, in rows of three on a page.
 _IN_ROWS = tuple(
@@ -142,20 +141,6 @@ def own_preview(form: OwnForm, *, submitted: bool) -> Preview:
     if shown.race is not None and shown.race.opponents == MODELS:
         shown.race.opponents, shown.race.duel_format = "", ""
     return shown
-
-
-def cars_of(racer: Racer, *asked: str | None) -> list[tuple[Any, Any]]:
-    """The cars that a racer may choose from, for a select: their own, what the house has, the latest that others share;
-    and those ``asked`` for, by their public ids."""
-    mine = [(model.public_id, model.name) for model in models_of(racer).order_by("name")]
-    shared = shared_models(racer).exclude(owner=racer)
-    house = [(model.public_id, model.name) for model in shared.filter(owner__is_house=True).order_by("name")]
-    others = list(shared.filter(owner__is_house=False)[:SHARED_OFFERED])
-    wanted = [one for one in asked if one and one not in {model.public_id for model in others}]
-    others += list(shared.filter(owner__is_house=False, public_id__in=wanted))
-    told = [(model.public_id, f"{model.name} · {model.owner.alias}") for model in others]
-    groups = [(_("My models"), mine), (_("House cars"), house), (_("Shared with me"), told)]
-    return [(name, cars) for name, cars in groups if cars]
 
 
 def values_of(options: Mapping[str, Any]) -> dict[str, Any]:

@@ -6,6 +6,7 @@ from django.urls import URLPattern, URLResolver, include, path, re_path
 from drf_spectacular.views import SpectacularJSONAPIView
 
 from evaluation import api as models
+from evaluation.reports import api as reports
 from league.api import notices, organising, seasons, webhooks
 from races.api import boards, duels, entries, evaluations, own, races, specifications, videos
 from tracks import api as tracks
@@ -72,6 +73,10 @@ version_1: list[URLPattern | URLResolver] = [
     path("evaluations/<slug:public_id>/logs/", evaluations.LogsView.as_view(), name="api-evaluation-logs"),
     path("evaluations/<slug:public_id>/trace/", evaluations.TraceView.as_view(), name="api-trace"),
     path("evaluations/<slug:public_id>/videos/", videos.VideosView.as_view(), name="api-videos"),
+    path("reports/", reports.ReportsView.as_view(), name="api-reports"),
+    path("reports/<slug:public_id>/", reports.ReportView.as_view(), name="api-report"),
+    path("reports/<slug:public_id>/stop/", reports.ReportStopView.as_view(), name="api-report-stop"),
+    path("reports/<slug:public_id>/again/", reports.ReportAgainView.as_view(), name="api-report-again"),
     path("videos/<slug:public_id>/", videos.VideoView.as_view(), name="api-video"),
     path("videos/<slug:public_id>/stop/", videos.VideoStopView.as_view(), name="api-video-stop"),
     path("videos/<slug:public_id>/file/", videos.VideoFileView.as_view(), name="api-video-file"),

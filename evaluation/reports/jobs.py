@@ -8,7 +8,7 @@ from __future__ import annotations
 import uuid
 from collections.abc import Callable, Sequence
 from datetime import datetime
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from django.conf import settings
 from django.db import transaction
@@ -75,6 +75,18 @@ class ReportChunks(RetriedKind[ReportChunk]):
         CarReport.objects.filter(pk=job.report_id, state__in=UNDER_WAY).update(
             state=State.FAILED, ended_at=now, reason_code=ended.reason_code, reason_params=ended.reason_params
         )
+
+    def begin_anew(self, rows: QuerySet[ReportChunk], **columns: Any) -> bool:
+        """With a chunk that failed its report begins anew, and what was not driven because of it."""
+        reports = list(rows.values_list("report", flat=True))
+        if not super().begin_anew(rows, **columns):
+            return False
+        failed = CarReport.objects.filter(pk__in=reports, state=State.FAILED)
+        fresh = {"state": State.QUEUED, "started_at": None, "ended_at": None, "reason_code": "", "reason_params": {}}
+        if failed.update(**fresh):
+            left = (State.FAILED, State.STOPPED)
+            super().begin_anew(ReportChunk.objects.filter(report__in=reports, state__in=left))
+        return True
 
 
 CHUNKS = register(ReportChunks())

@@ -113,6 +113,11 @@ class CarReport(models.Model):
         return self.state in FINAL_STATES
 
     @property
+    def way(self) -> str:
+        """Which way round the varied laps are driven, in words; ``""`` without any."""
+        return self.variations_on.way(self.direction) if self.variations_on is not None else ""
+
+    @property
     def reason(self) -> str:
         """Why it failed, in the reader's language, or ``""``."""
         return reason_sentence(self.reason_code, self.reason_params)

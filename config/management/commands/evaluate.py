@@ -97,10 +97,10 @@ class Command(JsonCommand):
             lay_out(geometry, rules)  # before anything takes long
             started = time.monotonic()
             paths = [path for path in (package, metadata, options["weights"]) if path is not None]
-            cars = [_admit(paths, options["checkpoint"])]
+            cars = [admit_files(paths, options["checkpoint"])]
             for sentence in sentences(cars[0]):
                 self.stderr.write(sentence)
-            cars += [_admit(_files_of(rival)) for rival in options["rival"]]
+            cars += [admit_files(_files_of(rival)) for rival in options["rival"]]
             admission_s = time.monotonic() - started
             first, *rivals = [RivalModel(car.onnx, car.metadata.to_dict(), car.facts.to_dict()) for car in cars]
             look = options["look"] or found.look
@@ -214,7 +214,8 @@ def _said(retired: dict[str, Any]) -> dict[str, Any]:
     return {**retired, "message": str(fault_from_dict(retired))}
 
 
-def _admit(paths: list[Path], checkpoint: str = "") -> AdmittedPackage:
+def admit_files(paths: list[Path], checkpoint: str = "") -> AdmittedPackage:
+    """Read and gate a model's files as an upload. Raises PaddockError, Refusal."""
     with ExitStack() as stack:
         try:
             parts = [UploadPart(path.name, stack.enter_context(path.open("rb"))) for path in paths]

@@ -1,0 +1,306 @@
+"""Reports through the API: ask for one, list them, read, stop, repeat, delete."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from django.db.models import QuerySet
+from django.shortcuts import get_object_or_404
+from django.utils import timezone
+from drf_spectacular.utils import OpenApiParameter, extend_schema, extend_schema_field, extend_schema_view
+from rest_framework import generics, serializers, status
+from rest_framework.exceptions import PermissionDenied
+from rest_framework.permissions import IsAuthenticated
+from rest_framework.request import Request
+from rest_framework.response import Response
+from rest_framework.views import APIView
+
+from accounts.scopes import RACE
+from accounts.who import racer_of
+from core.bodies import Body, read_as, refuse_fields
+from paddock.errors import UserFault
+from paddock.errors.reasons import REASONS
+from paddock.rules.race import DIRECTIONS
+from paddock.rules.report import KINDS, MOST_SEED, kind_of, percent_of
+from tracks.models import Track
+
+from ..models import State
+from . import services
+from .grading import GRADES
+from .models import CarReport, ReportLap, TrackSet
+from .planning import MOST_TRACKS
+from .selectors import can_stop_report, figures_of, is_report_of, reportable_model, reports_of, reports_visible_to
+
+
+class ReportModelSerializer(serializers.Serializer):
+    """Which model a report is on."""
+
+    public_id = serializers.CharField()
+    name = serializers.CharField()
+    sha256 = serializers.CharField(source="network_id")
+
+
+class ReportReasonSerializer(serializers.Serializer):
+    """Why a report failed."""
+
+    code = serializers.CharField()
+    fault = serializers.ChoiceField(["user", "platform"], help_text="platform: it does not count, try again.")
+    sentence = serializers.CharField()
+    params = serializers.DictField()
+
+
+class ReportSerializer(serializers.Serializer):
+    """A report in a list."""
+
+    public_id = serializers.CharField()
+    state = serializers.ChoiceField(State.choices)
+    model = ReportModelSerializer()
+    track_set = serializers.ChoiceField(TrackSet.choices)
+    variations_on = serializers.SlugRelatedField(
+        slug_field="slug", read_only=True, allow_null=True, help_text="The track whose lap is varied."
+    )
+    direction = serializers.CharField(allow_blank=True, help_text="Of the varied laps: ccw or cw; empty without any.")
+    seed = serializers.IntegerField()
+    driven = serializers.IntegerField(help_text="Laps that are driven already.")
+    laps_in_all = serializers.IntegerField()
+    grade = serializers.ChoiceField(
+        [*[each.name for each in GRADES], ""], help_text="Of robustness; empty before the end, and without variations."
+    )
+    runs_sha256 = serializers.CharField(
+        allow_blank=True, help_text="Over all laps: the same for the same model, tracks, seed and engine."
+    )
+    engine = serializers.CharField(allow_blank=True)
+    reason = serializers.SerializerMethodField(help_text="When it failed.")
+    asked_at = serializers.DateTimeField()
+    ended_at = serializers.DateTimeField(allow_null=True)
+
+    @extend_schema_field(ReportReasonSerializer(allow_null=True))
+    def get_reason(self, report: CarReport) -> dict[str, Any] | None:
+        if not report.reason_code:
+            return None
+        told = {"code": report.reason_code, "sentence": report.reason, "params": report.reason_params}
+        return ReportReasonSerializer(told | {"fault": REASONS[report.reason_code].fault}).data
+
+
+class ReportLapSerializer(serializers.Serializer):
+    """One lap. Figures are null before it is driven."""
+
+    number = serializers.IntegerField()
+    track = serializers.CharField(source="track.slug")
+    direction = serializers.ChoiceField(DIRECTIONS)
+    variation = serializers.IntegerField(allow_null=True, help_text="0 to 99; null for the track as it is.")
+    kind = serializers.SerializerMethodField(help_text="What is other than usual; null for nothing.")
+    strength_percent = serializers.SerializerMethodField()
+    complete = serializers.BooleanField(allow_null=True)
+    time_ms = serializers.IntegerField(allow_null=True, help_text="Of the lap, or until it ended.")
+    percent = serializers.FloatField(allow_null=True, help_text="How much of the lap was driven.")
+    status = serializers.CharField(allow_blank=True, help_text="How it ended, in the words of sim-traces.")
+    trace_sha256 = serializers.CharField(allow_blank=True)
+
+    @extend_schema_field(serializers.ChoiceField(KINDS, allow_null=True))
+    def get_kind(self, lap: ReportLap) -> str | None:
+        return None if lap.variation is None else kind_of(lap.variation)
+
+    @extend_schema_field(serializers.IntegerField(allow_null=True))
+    def get_strength_percent(self, lap: ReportLap) -> int | None:
+        return None if lap.variation is None else percent_of(lap.variation)
+
+
+class KindSummarySerializer(serializers.Serializer):
+    """What came of one kind of variation, or of all."""
+
+    kind = serializers.ChoiceField([*KINDS, ""], help_text="Empty: all of them.")
+    driven = serializers.IntegerField()
+    completed = serializers.IntegerField()
+    copes_percent = serializers.IntegerField(help_text="Up to which strength every one was completed.")
+    best_ms = serializers.IntegerField(allow_null=True)
+    median_ms = serializers.IntegerField(allow_null=True)
+    spread_permille = serializers.IntegerField(
+        allow_null=True, help_text="From the tenth to the ninetieth per cent of completed laps, of the middle one."
+    )
+
+
+class RobustnessSerializer(serializers.Serializer):
+    """What the variations say."""
+
+    grade = serializers.ChoiceField([each.name for each in GRADES])
+    overall = KindSummarySerializer()
+    kinds = KindSummarySerializer(many=True)
+
+
+class ReportDetailSerializer(ReportSerializer):
+    """A report with its laps."""
+
+    robustness = serializers.SerializerMethodField(help_text="Once it is finished, where it has variations.")
+    laps = ReportLapSerializer(many=True, source="driven_laps")
+
+    @extend_schema_field(RobustnessSerializer(allow_null=True))
+    def get_robustness(self, report: CarReport) -> dict[str, Any] | None:
+        if report.state != State.FINISHED:
+            return None
+        found = figures_of(report).robustness
+        return None if found is None else RobustnessSerializer(found).data
+
+
+class NewReportSerializer(Body):
+    """A report: a model, and what it drives."""
+
+    model = serializers.CharField(max_length=12, help_text="A model of yours, or one that is shared: its public id.")
+    track_set = serializers.ChoiceField(
+        TrackSet.choices, required=False, help_text="Each track is driven in both directions; league unless given."
+    )
+    tracks = serializers.ListField(
+        child=serializers.CharField(max_length=64),
+        required=False,
+        max_length=MOST_TRACKS,
+        help_text="Slugs, for the set chosen.",
+    )
+    variations_on = serializers.CharField(
+        max_length=64, required=False, allow_null=True, help_text="The slug of the track whose lap is varied."
+    )
+    direction = serializers.CharField(
+        max_length=3, required=False, help_text="Of the varied laps: ccw or cw; the file's own unless given."
+    )
+    seed = serializers.IntegerField(min_value=0, max_value=MOST_SEED, required=False)
+
+
+class ReportFilterSerializer(serializers.Serializer):
+    """Which reports to list."""
+
+    state = serializers.ChoiceField(State.choices, required=False)
+    model = serializers.CharField(required=False, max_length=12)
+
+
+@extend_schema_view(
+    get=extend_schema(
+        operation_id="list_reports",
+        summary="Your reports on cars",
+        description="The latest first.",
+        parameters=[
+            OpenApiParameter("state", enum=State.values),
+            OpenApiParameter("model", str, description="The model's public id."),
+        ],
+        responses=ReportSerializer,
+        tags=["reports"],
+    )
+)
+class ReportsView(generics.ListAPIView):
+    """Reports: list them, ask for one."""
+
+    token_scope = RACE
+    permission_classes = [IsAuthenticated]
+    serializer_class = ReportSerializer
+
+    def get_queryset(self) -> QuerySet[CarReport]:
+        asked = read_as(ReportFilterSerializer, self.request.query_params)
+        ways = {"state": "state", "model": "model__public_id"}
+        return reports_of(self.request.user).filter(**{ways[name]: value for name, value in asked.items()})
+
+    @extend_schema(
+        operation_id="create_report",
+        summary="Drive a car on many tracks and under a hundred variations of a lap",
+        description="Private: only you and admins see it. It waits behind races and runs, and counts in none.",
+        request=NewReportSerializer,
+        responses={201: ReportDetailSerializer},
+        tags=["reports"],
+    )
+    def post(self, request: Request) -> Response:
+        said, racer = read_as(NewReportSerializer, request.data), racer_of(request)
+        said["model"] = reportable_model(racer, said["model"])
+        said["tracks"] = [_track(slug) for slug in said.get("tracks", ())]
+        if said.get("variations_on") is not None:
+            said["variations_on"] = _track(said["variations_on"])
+        made = services.ask_for_report(owner=racer, now=timezone.now(), **said)
+        return Response(_detail(request, made.public_id), status=status.HTTP_201_CREATED)
+
+
+class ReportView(APIView):
+    """One report."""
+
+    token_scope = RACE
+    permission_classes = [IsAuthenticated]
+
+    @extend_schema(
+        operation_id="get_report",
+        summary="A report, with its laps",
+        responses=ReportDetailSerializer,
+        tags=["reports"],
+    )
+    def get(self, request: Request, public_id: str) -> Response:
+        return Response(_detail(request, public_id))
+
+    @extend_schema(
+        operation_id="delete_report",
+        summary="Delete a report of yours that is over",
+        request=None,
+        responses={204: None},
+        tags=["reports"],
+    )
+    def delete(self, request: Request, public_id: str) -> Response:
+        report = _mine(request, public_id)
+        refuse_fields(request)
+        services.delete_report(report=report, now=timezone.now())
+        return Response(status=status.HTTP_204_NO_CONTENT)
+
+
+class ReportStopView(APIView):
+    """Stopping a report."""
+
+    token_scope = RACE
+    permission_classes = [IsAuthenticated]
+
+    @extend_schema(
+        operation_id="stop_report",
+        summary="Stop a report that waits or is driven",
+        description="One that has ended already is left as it is.",
+        request=None,
+        responses=ReportDetailSerializer,
+        tags=["reports"],
+    )
+    def post(self, request: Request, public_id: str) -> Response:
+        report = get_object_or_404(reports_visible_to(request.user), public_id=public_id)
+        refuse_fields(request)
+        if can_stop_report(request.user, report):
+            services.stop_report(report=report, now=timezone.now())
+        return Response(_detail(request, public_id))
+
+
+class ReportAgainView(APIView):
+    """Driving a report again."""
+
+    token_scope = RACE
+    permission_classes = [IsAuthenticated]
+
+    @extend_schema(
+        operation_id="repeat_report",
+        summary="Drive a report of yours again",
+        description="The same car on the same tracks, from the same seed.",
+        request=None,
+        responses={201: ReportDetailSerializer},
+        tags=["reports"],
+    )
+    def post(self, request: Request, public_id: str) -> Response:
+        report = _mine(request, public_id)
+        refuse_fields(request)
+        made = services.drive_report_again(report=report, now=timezone.now())
+        return Response(_detail(request, made.public_id), status=status.HTTP_201_CREATED)
+
+
+def _mine(request: Request, public_id: str) -> CarReport:
+    report = get_object_or_404(reports_visible_to(request.user), public_id=public_id)
+    if not is_report_of(request.user, report):
+        raise PermissionDenied()
+    return report
+
+
+def _detail(request: Request, public_id: str) -> dict[str, Any]:
+    report = get_object_or_404(reports_visible_to(request.user), public_id=public_id)
+    report.driven_laps = list(report.laps.select_related("track").defer("track__npy").order_by("number"))  # type: ignore[attr-defined]
+    return ReportDetailSerializer(report).data
+
+
+def _track(slug: str) -> Track:
+    track = Track.objects.filter(slug=slug).first()
+    if track is None:
+        raise UserFault("report_track_gone", track=slug)
+    return track

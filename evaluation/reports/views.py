@@ -1,0 +1,177 @@
+"""Reports on pages: the list, the form, one of them, two side by side."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from django.contrib import messages
+from django.contrib.auth.decorators import login_required
+from django.core.paginator import Paginator
+from django.http import Http404, HttpRequest, HttpResponse
+from django.shortcuts import get_object_or_404, redirect, render
+from django.utils import timezone
+from django.utils.html import format_html
+from django.utils.translation import gettext as _
+from django.views.decorators.http import require_http_methods, require_POST, require_safe
+
+from accounts.models import Racer
+from accounts.quotas import Usage, usage_of
+from accounts.who import racer_of
+from core.forms import explain
+from paddock.errors import UserFault
+
+from ..models import State
+from ..selectors import can_see_model
+from . import quotas, services
+from .comparing import compared
+from .forms import ReportForm
+from .grading import GRADES
+from .models import CarReport
+from .picture import crosses, map_box, variation_picture
+from .selectors import can_stop_report, figures_of, is_report_of, reports_of, reports_visible_to, workers_at
+
+PER_PAGE = 30
+COMPARED_WITH = 50  # of my finished reports, the latest are offered
+
+
+@login_required
+@require_safe
+def reports(request: HttpRequest) -> HttpResponse:
+    """My reports, the latest first."""
+    racer = racer_of(request)
+    page = Paginator(reports_of(racer), PER_PAGE).get_page(request.GET.get("page"))
+    return render(request, "evaluation/reports/reports.html", {"page": page, "quotas": _quotas(racer)})
+
+
+@login_required
+@require_http_methods(["GET", "HEAD", "POST"])
+def report_new(request: HttpRequest) -> HttpResponse:
+    """Ask for a report. ``model`` fills in the model."""
+    racer = racer_of(request)
+    form = ReportForm(request.POST or None, racer=racer, initial={"model": request.GET.get("model", "")[:12]})
+    if request.method == "POST" and form.is_valid():
+        try:
+            return redirect(services.ask_for_report(owner=racer, now=timezone.now(), **form.said(racer)))
+        except UserFault as fault:
+            form.show(fault)
+    context = {"form": form, "quotas": _quotas(racer)}
+    return render(request, "evaluation/reports/new.html", context, status=422 if form.errors else 200)
+
+
+@login_required
+@require_safe
+def report(request: HttpRequest, public_id: str) -> HttpResponse:
+    """One report; while it is driven, the page renews itself. ``with``: another one beside it."""
+    shown = _visible(request, public_id)
+    response = render(request, "evaluation/reports/page.html", _context(request, shown))
+    if not shown.is_final:
+        response["Cache-Control"] = "private, no-store"
+    return response
+
+
+@login_required
+@require_safe
+def report_live(request: HttpRequest, public_id: str) -> HttpResponse:
+    """The part that changes while a report is driven; all of it once that is done. ``seen``: what is on screen."""
+    shown = _visible(request, public_id)
+    if _mark(shown) == request.GET.get("seen"):
+        return HttpResponse(status=204)
+    context = _context(request, shown)
+    if shown.is_final:
+        response = render(request, "evaluation/reports/report.html", context)
+        response["HX-Retarget"] = "#report"
+        response["HX-Reswap"] = "outerHTML"
+    else:
+        response = render(request, "evaluation/reports/live.html", context)
+    response["Cache-Control"] = "private, no-store"
+    return response
+
+
+@login_required
+@require_POST
+def report_stop(request: HttpRequest, public_id: str) -> HttpResponse:
+    """Stop a report that is under way."""
+    shown = _visible(request, public_id)
+    if can_stop_report(request.user, shown):
+        services.stop_report(report=shown, now=timezone.now())
+    return redirect(shown)
+
+
+@login_required
+@require_POST
+def report_again(request: HttpRequest, public_id: str) -> HttpResponse:
+    """Drive a report of mine again."""
+    mine = _mine(request, public_id)
+    try:
+        return redirect(services.drive_report_again(report=mine, now=timezone.now()))
+    except UserFault as fault:
+        _tell(request, fault)
+        return redirect(mine)
+
+
+@login_required
+@require_http_methods(["GET", "HEAD", "POST"])
+def report_delete(request: HttpRequest, public_id: str) -> HttpResponse:
+    """Ask, then delete a report of mine that is over."""
+    mine = _mine(request, public_id)
+    if request.method == "POST":
+        try:
+            services.delete_report(report=mine, now=timezone.now())
+        except UserFault as fault:
+            _tell(request, fault)
+            return redirect(mine)
+        messages.success(request, _("The report is deleted."))
+        return redirect("reports")
+    return render(request, "evaluation/reports/delete.html", {"report": mine})
+
+
+def _visible(request: HttpRequest, public_id: str) -> CarReport:
+    return get_object_or_404(reports_visible_to(request.user), public_id=public_id)
+
+
+def _mine(request: HttpRequest, public_id: str) -> CarReport:
+    shown = _visible(request, public_id)
+    if not is_report_of(request.user, shown):
+        raise Http404
+    return shown
+
+
+def _context(request: HttpRequest, shown: CarReport) -> dict[str, Any]:
+    context: dict[str, Any] = {
+        "report": shown,
+        "is_mine": is_report_of(request.user, shown),
+        "can_stop": can_stop_report(request.user, shown),
+        "shows_model": can_see_model(request.user, shown.model),
+        "mark": _mark(shown),
+        "share": 100 * shown.driven // shown.laps_in_all if shown.laps_in_all else 0,  # type: ignore[attr-defined]
+    }
+    if not shown.is_final:
+        return context | {"workers": workers_at(shown)}
+    if shown.state != State.FINISHED:
+        return context
+    figures = figures_of(shown)
+    context |= {"figures": figures, "grades": GRADES}
+    if figures.varied and shown.variations_on is not None:
+        context["picture"] = variation_picture(figures.varied)
+        context["crosses"] = crosses(shown.variations_on, figures.varied)
+        context["map_box"] = map_box(shown.variations_on)
+    others = reports_of(request.user).filter(state=State.FINISHED).exclude(pk=shown.pk)
+    context["others"] = list(others[:COMPARED_WITH])
+    other = others.filter(public_id=request.GET.get("with", "")).first()
+    if other is not None:
+        context["compared"] = compared(shown, figures, other, figures_of(other))
+    return context
+
+
+def _mark(shown: CarReport) -> str:
+    return f"{shown.state} {shown.driven}"  # type: ignore[attr-defined]
+
+
+def _tell(request: HttpRequest, fault: UserFault) -> None:
+    text = format_html('{} <code data-code="{}">{}</code>', explain(fault), fault.code, fault.code)
+    messages.error(request, text, extra_tags="fault")
+
+
+def _quotas(racer: Racer) -> list[Usage]:
+    """How much of what limits reports is used."""
+    return usage_of(racer, timezone.now(), only=[quota.name for quota in quotas.ALL])
