@@ -21,6 +21,7 @@ from . import load
 # Part: module, and options for a full and for a quick measurement.
 PARTS: dict[str, tuple[str, tuple[str, ...], tuple[str, ...]]] = {
     "evaluation": ("evaluation", (), ("--runs", "1", "--laps", "1", "--no-site")),
+    "car_report": ("car_report", (), ("--models", "flyer")),
     "board": ("board", ("--runs", "9"), ("--sizes", "1000,10000", "--runs", "3", "--closed", "2000", "--load", "0")),
     "board_postgres": (
         "board",

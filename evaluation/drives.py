@@ -14,16 +14,14 @@ from typing import Any
 from paddock.errors import PlatformFault
 from paddock.network.bound import NetworkFacts
 from paddock.network.policy_wire import EXCEEDED, WAYS
-from paddock.rules.race import UNTIL_THE_FIRST_FAULT, RaceRules
+from paddock.rules.race import RaceRules
+from paddock.rules.report import LAP
 from paddock.simulator.variations import Variation
 
 from .crew import DRIVES_MODULE, Crew
 from .pipeline import WALL_LIMIT_S, PolicyBudget, SandboxedRun
 from .sandbox.cores import one_core
 from .venue import Venue
-
-# One lap until the first fault: how far a car comes by itself, and how fast.
-LAP = RaceRules(laps=1, **UNTIL_THE_FIRST_FAULT)
 
 
 @dataclass(frozen=True)

@@ -56,7 +56,7 @@ class ReportSerializer(serializers.Serializer):
     state = serializers.ChoiceField(State.choices)
     model = ReportModelSerializer()
     track_set = serializers.ChoiceField(TrackSet.choices)
-    variations_on = serializers.SlugRelatedField(
+    variations_on: serializers.SlugRelatedField = serializers.SlugRelatedField(
         slug_field="slug", read_only=True, allow_null=True, help_text="The track whose lap is varied."
     )
     direction = serializers.CharField(allow_blank=True, help_text="Of the varied laps: ccw or cw; empty without any.")

@@ -77,8 +77,10 @@ class ReportForm(forms.Form):
             *cars_of(racer, self["model"].value()),
         ]
         shaped = all_tracks().filter(length_m__isnull=False)
-        self.fields["tracks"].queryset = shaped.order_by("name")
-        self.fields["variations_on"].queryset = shaped.filter(is_open=False).order_by("name")
+        for name, offered in (("tracks", shaped), ("variations_on", shaped.filter(is_open=False))):
+            field = self.fields[name]
+            assert isinstance(field, forms.ModelChoiceField), "both choose among tracks"
+            field.queryset = offered.order_by("name")
 
     def clean(self) -> dict[str, Any]:
         """Tracks that are ticked count for chosen tracks alone, and a direction where there are variations."""

@@ -6,7 +6,7 @@ Every write of a chunk that also changes its report locks the chunk first and th
 from __future__ import annotations
 
 import uuid
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from datetime import datetime
 from typing import TYPE_CHECKING, Any
 
@@ -27,6 +27,8 @@ from .grading import DrivenLap, digest_of, robustness_of
 from .models import UNDER_WAY, CarReport, ReportChunk, ReportLap
 
 if TYPE_CHECKING:
+    from paddock.simulator.variations import Variation
+
     from ..drives import DriveJob, DrivesOutcome
 
 _RESULT = ("complete", "time_ms", "percent", "status", "x", "y", "trace_sha256")
@@ -82,7 +84,13 @@ class ReportChunks(RetriedKind[ReportChunk]):
         if not super().begin_anew(rows, **columns):
             return False
         failed = CarReport.objects.filter(pk__in=reports, state=State.FAILED)
-        fresh = {"state": State.QUEUED, "started_at": None, "ended_at": None, "reason_code": "", "reason_params": {}}
+        fresh: dict[str, Any] = {
+            "state": State.QUEUED,
+            "started_at": None,
+            "ended_at": None,
+            "reason_code": "",
+            "reason_params": {},
+        }
         if failed.update(**fresh):
             left = (State.FAILED, State.STOPPED)
             super().begin_anew(ReportChunk.objects.filter(report__in=reports, state__in=left))
@@ -138,7 +146,7 @@ def job_of_chunk(chunk: ReportChunk) -> DriveJob:
     report = chunk.report
     laps = list(chunk.laps.select_related("track").order_by("number"))
     venues = {}
-    varied = []
+    varied: list[Variation] = []
     for lap in laps:
         key = lap.track_id, lap.direction
         if key not in venues:
@@ -207,9 +215,7 @@ def _end_report(chunk: ReportChunk, now: datetime) -> None:
 
 def driven_laps(report: CarReport) -> list[DrivenLap]:
     """The laps of a report that are driven, in their order."""
-    rows: Sequence[ReportLap] = (
-        report.laps.filter(complete__isnull=False).select_related("track").defer("track__npy").order_by("number")
-    )
+    rows = report.laps.filter(complete__isnull=False).select_related("track").defer("track__npy").order_by("number")
     return [
         DrivenLap(
             number=lap.number,

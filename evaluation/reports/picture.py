@@ -12,8 +12,7 @@ from tracks.models import Track
 from .models import ReportLap
 
 CELL, LEFT, ROW = 16, 96, 26  # of the strip of variations, in the picture's units
-TIMES_WIDTH = 320
-BAR = 200.0  # of a track's bar at a whole lap
+WIDTH = LEFT + EACH * CELL
 
 
 @dataclass(frozen=True)
@@ -46,11 +45,12 @@ class KindRow:
 
 @dataclass(frozen=True)
 class VariationPicture:
-    """``ticks``: of the line of times, as (x, milliseconds)."""
+    """Two drawings of the same rows: the cells, and the completed laps on a line of times from ``left``; ``ticks``: its
+    ends."""
 
     width: int
     height: int
-    times_left: int
+    left: int
     rows: list[KindRow]
     ticks: list[Dot]
 
@@ -70,11 +70,10 @@ def variation_picture(laps: Sequence[ReportLap]) -> VariationPicture:
     """The strip and the times of the laps under variations."""
     times = [lap.time_ms or 0 for lap in laps if lap.complete]
     least, most = (min(times), max(times)) if times else (0, 0)
-    left = LEFT + EACH * CELL + 28
     span = max(most - least, 1)
 
     def place(time_ms: int) -> float:
-        return round(left + (TIMES_WIDTH - 40) * (time_ms - least) / span, 1)
+        return round(LEFT + 6 + (WIDTH - LEFT - 12) * (time_ms - least) / span, 1)
 
     rows = []
     for number, kind in enumerate(KINDS):
@@ -92,7 +91,7 @@ def variation_picture(laps: Sequence[ReportLap]) -> VariationPicture:
         rows.append(KindRow(kind, 24 + number * ROW, cells, dots))
     ends = sorted({least, most}) if times else []
     ticks = [Dot(place(time_ms), time_ms) for time_ms in ends]
-    return VariationPicture(left + TIMES_WIDTH, 24 + len(KINDS) * ROW + 26, left, rows, ticks)
+    return VariationPicture(WIDTH, 24 + len(KINDS) * ROW + 20, LEFT, rows, ticks)
 
 
 def crosses(track: Track, laps: Sequence[ReportLap]) -> list[Cross]:

@@ -13,11 +13,11 @@ from paddock.rules.report import VARIATIONS
 from tracks.models import Track
 
 from ..models import TrainedModel
+from . import MOST_IN_CHUNK
 from .models import TrackSet
 
 LEAGUE = tuple(entry.slug for entry in CATALOGUE[:6])  # the catalogue lists the league's six first
 MOST_TRACKS = 100
-MOST_IN_CHUNK = 20
 CHUNK_S = 10.0  # so long, about, a submission to a race waits for a worker that has just begun a chunk
 _STEPS_A_METRE = 10.0  # at 1.5 m/s
 _STEP_S, _MACS_A_S = 0.0005, 4e9  # simulator and pipes, and the network; on a slow core

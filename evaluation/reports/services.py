@@ -11,8 +11,8 @@ from django.db import transaction
 from accounts.quotas import Quota, limit_of, used_by
 from core.locks import hold
 from paddock.errors import UserFault
-from paddock.rules.race import DIRECTIONS, UNTIL_THE_FIRST_FAULT, RaceRules
-from paddock.rules.report import MOST_SEED
+from paddock.rules.race import DIRECTIONS
+from paddock.rules.report import LAP, MOST_SEED
 
 from ..models import State, TrainedModel
 from ..selectors import can_see_model
@@ -71,7 +71,7 @@ def ask_for_report(
         variations_on=variations_on,
         direction=direction if variations_on is not None else "",
         seed=seed,
-        rules=RaceRules(laps=1, **UNTIL_THE_FIRST_FAULT).to_dict(),
+        rules=LAP.to_dict(),
         asked_at=now,
     )
     dealt = list(chunks_of(laps, model.network.macs))

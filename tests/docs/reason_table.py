@@ -27,6 +27,7 @@ SECTIONS = (
     "Recorded drives",
     "Races",
     "Own runs",
+    "Reports",
     "The league",
     "Several cars in a race",
     "Duels",

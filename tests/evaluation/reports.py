@@ -44,7 +44,9 @@ def outcome_of(chunk: ReportChunk, came: Came = came_round, engine: str = ENGINE
 def drive(report: CarReport, now: datetime, came: Came = came_round, **more: Any) -> CarReport:
     """Let workers drive all of it."""
     while report.state in ("queued", "running"):
-        chunk = CHUNKS.claim(worker="w", now=now)
+        waiting = report.chunks.filter(state="queued").order_by("number").first()
+        assert waiting is not None
+        chunk = CHUNKS.take(waiting.pk, waiting.attempt, worker="w", now=now)
         assert chunk is not None and chunk.lease is not None
         assert finish_chunk(pk=chunk.pk, lease=chunk.lease, outcome=outcome_of(chunk, came, **more), now=now)
         report.refresh_from_db()

@@ -9,13 +9,14 @@ from pathlib import Path
 import pytest
 
 from evaluation.admit import admit
-from evaluation.drives import LAP, Drive, DriveJob, drive_all
+from evaluation.drives import Drive, DriveJob, drive_all
 from evaluation.pipeline import RaceJob, evaluate
 from evaluation.venue import Venue
 from paddock.errors import UserFault
 from paddock.geometry.catalogue import by_slug
 from paddock.network.bound import NetworkFacts
 from paddock.packages.read import UploadPart
+from paddock.rules.report import LAP
 from paddock.simulator.engine import ENGINE_ID
 from paddock.simulator.variations import variations
 from tests.sandbox.conftest import nothing_left  # noqa: F401

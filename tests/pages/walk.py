@@ -13,6 +13,7 @@ from django.urls import URLPattern, get_resolver, resolve
 
 from accounts.groups.services import ask_to_join, confirm_member, make_group
 from accounts.models import RacerGroup
+from evaluation.reports.models import CarReport
 from evaluation.services import finish_evaluation, share_model
 from league.models import Season, Stage
 from league.services import close_due_rounds, open_demo_season
@@ -22,6 +23,7 @@ from races.models import OwnEvaluation
 from races.services import drive_own
 from tests.drawn_runs import a_driven_run
 from tests.duels import drawn, end_all
+from tests.evaluation import reports
 from tests.factories import a_model, a_race, a_racer, drive, laps, outcome, start
 from tests.happened import tell_what_happened
 from tests.pages.conftest import World, make_world
@@ -50,6 +52,7 @@ NO_PAGES = {
         "set_language",
     ),
     *("standings_file", "submit", "theme", "training_best", "training_evaluate", "training_last", "training_live"),
+    *("report_again", "report_live", "report_stop"),
     *("training_logs", "training_metrics", "training_sb3", "training_stop", "training_trace", "video_file"),
     *("video_live", "video_poster", "video_stop", "webhook_remove", "webhook_secret", "webhook_test"),
     "training_first",
@@ -125,9 +128,17 @@ def _own(world: World) -> list[OwnEvaluation]:
     return [done, ask(track=world.track, race_type="head_to_head", rivals=rivals)]
 
 
+def _reports(world: World) -> list[CarReport]:
+    """Alice's reports: one that is done, and one that waits."""
+    waiting, done = (reports.a_report(world.alice, world.now, model=world.model) for _ in range(2))
+    reports.drive(done, world.now, reports.off_the_road(39, 99))
+    return [done, waiting]
+
+
 def _paths(world, season, trained, training, driven, vehicle, token) -> dict[str, list[str]]:
     runs = {name: world.evaluation(name).public_id for name in ("queued", "running", "failed", "finished")}
     own = [run.evaluation.public_id for run in _own(world)]
+    done, waits = (report.public_id for report in _reports(world))
     at = f"/seasons/{season.slug}/"
     return {
         "anonymous": [
@@ -155,6 +166,7 @@ def _paths(world, season, trained, training, driven, vehicle, token) -> dict[str
                 f"/evaluations/{own[1]}/",
             ),
             f"/evaluations/{own[0]}/delete/",
+            *("/reports/", "/reports/new/", f"/reports/{done}/", f"/reports/{waits}/", f"/reports/{done}/delete/"),
             *("/models/", "/models/upload/", "/models/shared/", f"/models/{world.model.public_id}/"),
             *(f"/models/{world.model.public_id}/edit/", f"/models/{world.model.public_id}/delete/"),
             *("/vehicles/", "/vehicles/new/", f"/vehicles/{vehicle.public_id}/"),

@@ -17,8 +17,9 @@ from config.management.tracks import TRACK_HELP, find_track
 from core.templatetags.formats import lap_time
 from evaluation.admit import AdmittedPackage
 from evaluation.drives import Drive, DriveJob, DriveOutcome, drive_all
+from evaluation.reports import MOST_IN_CHUNK
 from evaluation.reports.grading import DrivenLap, KindSummary, digest_of, robustness_of
-from evaluation.reports.planning import LEAGUE, MOST_IN_CHUNK
+from evaluation.reports.planning import LEAGUE
 from evaluation.venue import Venue
 from paddock.errors import PaddockError, UserFault
 from paddock.geometry.catalogue import CATALOGUE
