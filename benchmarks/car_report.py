@@ -15,7 +15,7 @@ from typing import Any
 
 os.environ.setdefault("OMP_NUM_THREADS", "1")
 
-from evaluation.drives import Drive, DriveJob, DriveOutcome, drive_all
+from evaluation.drives import DriveJob, DriveOutcome, LapDrive, drive_all
 from evaluation.reports import MOST_IN_CHUNK
 from evaluation.reports.grading import DrivenLap, robustness_of
 from evaluation.venue import Venue
@@ -50,7 +50,7 @@ def _measure(car: AdmittedCar, slug: str, seed: int) -> dict[str, Any]:
     pin_to_one_core()
     track = by_slug(slug).geometry()
     venue = Venue(track, track.direction, "official")
-    drives = [Drive(one.number, venue, one) for one in variations(seed, track.length)]
+    drives = [LapDrive(one.number, venue, one) for one in variations(seed, track.length)]
     began, cpu_s = time.monotonic(), 0.0
     outcomes: list[DriveOutcome] = []
     for at in range(0, len(drives), MOST_IN_CHUNK):

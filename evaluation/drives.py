@@ -25,7 +25,7 @@ from .venue import Venue
 
 
 @dataclass(frozen=True)
-class Drive:
+class LapDrive:
     """One lap. ``number``: the caller's; ``variation``: what is other than usual in it, None for nothing."""
 
     number: int
@@ -40,7 +40,7 @@ class DriveJob:
     onnx: bytes
     metadata: dict[str, Any]
     facts: dict[str, Any] | None
-    drives: tuple[Drive, ...]
+    drives: tuple[LapDrive, ...]
     rules: RaceRules = LAP
 
 

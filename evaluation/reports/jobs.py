@@ -139,7 +139,7 @@ def job_of_chunk(chunk: ReportChunk) -> DriveJob:
     """What the worker drives. Raises PlatformFault("storage_failed") or ("file_damaged") for the network's file."""
     from paddock.simulator.variations import variations
 
-    from ..drives import Drive, DriveJob
+    from ..drives import DriveJob, LapDrive
     from ..services.stored import read
     from ..venue import Venue
 
@@ -158,7 +158,7 @@ def job_of_chunk(chunk: ReportChunk) -> DriveJob:
         metadata=report.model.metadata,
         facts=report.model.network.facts,
         drives=tuple(
-            Drive(
+            LapDrive(
                 lap.number,
                 venues[lap.track_id, lap.direction],
                 None if lap.variation is None else varied[lap.variation],

@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 from evaluation.admit import admit
-from evaluation.drives import Drive, DriveJob, drive_all
+from evaluation.drives import DriveJob, LapDrive, drive_all
 from evaluation.pipeline import RaceJob, evaluate
 from evaluation.venue import Venue
 from paddock.errors import UserFault
@@ -46,8 +46,8 @@ def flyer():
 def some():
     """A few variations, and a lap of each direction as it is."""
     of_all = variations(5, venue().track.length)
-    picked = [Drive(one.number, venue(), one) for one in of_all[4::24]]
-    return (*picked, Drive(100, venue()), Drive(101, venue(direction="cw")))
+    picked = [LapDrive(one.number, venue(), one) for one in of_all[4::24]]
+    return (*picked, LapDrive(100, venue()), LapDrive(101, venue(direction="cw")))
 
 
 def test_each_lap_is_the_same_whatever_is_driven_with_it(flyer, some):
@@ -62,13 +62,13 @@ def test_each_lap_is_the_same_whatever_is_driven_with_it(flyer, some):
 
 
 def test_a_lap_without_a_variation_is_that_of_a_race(flyer):
-    lap = drive_all(replace(flyer, drives=(Drive(0, venue()),))).drives[0]
+    lap = drive_all(replace(flyer, drives=(LapDrive(0, venue()),))).drives[0]
     race = evaluate(RaceJob(venue().track, LAP, flyer.onnx, flyer.metadata, facts=flyer.facts))
     assert (lap.trace_sha256, lap.time_ms) == (race.trace_sha256, race.laps[0]["time_ms"])
 
 
 def test_a_car_that_leaves_the_road_says_where():
-    straight_on = DriveJob(constant_network((0.0, 9.0, 0.0)), METADATA, None, (Drive(0, venue()),))
+    straight_on = DriveJob(constant_network((0.0, 9.0, 0.0)), METADATA, None, (LapDrive(0, venue()),))
     (lap,) = drive_all(straight_on).drives
     assert not lap.complete and lap.status == "Off track" and lap.end_reason == "resets_used"
     assert 0.0 < lap.percent < 60.0 and (lap.x, lap.y) != (0.0, 0.0)

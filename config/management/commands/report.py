@@ -16,7 +16,7 @@ from config.management.commands.evaluate import admit_files
 from config.management.tracks import TRACK_HELP, find_track
 from core.templatetags.formats import lap_time
 from evaluation.admit import AdmittedPackage
-from evaluation.drives import Drive, DriveJob, DriveOutcome, drive_all
+from evaluation.drives import DriveJob, DriveOutcome, LapDrive, drive_all
 from evaluation.reports import MOST_IN_CHUNK
 from evaluation.reports.grading import DrivenLap, KindSummary, digest_of, robustness_of
 from evaluation.reports.planning import LEAGUE
@@ -99,7 +99,7 @@ class Command(JsonCommand):
             self.stdout.write(f"grade {robustness.grade}")
         self.stdout.write(f"engine {engine}, runs {digest}")
 
-    def _driven(self, car: AdmittedPackage, drives: list[Drive]) -> tuple[list[DriveOutcome], str]:
+    def _driven(self, car: AdmittedPackage, drives: list[LapDrive]) -> tuple[list[DriveOutcome], str]:
         outcomes: list[DriveOutcome] = []
         engine = ""
         for at in range(0, len(drives), MOST_IN_CHUNK):
@@ -112,20 +112,20 @@ class Command(JsonCommand):
         return outcomes, engine
 
 
-def _drives(options: dict[str, Any]) -> tuple[list[Drive], dict[int, TrackGeometry]]:
+def _drives(options: dict[str, Any]) -> tuple[list[LapDrive], dict[int, TrackGeometry]]:
     """The laps in the order of a report on the site, and their tracks by number. Raises UserFault, Refusal."""
     seed = options["seed"]
     if not 0 <= seed <= MOST_SEED:
         raise UserFault("report_seed", most=MOST_SEED)
     named = SETS.get(options["tracks"])
     names = options["tracks"].split(",") if named is None else named
-    drives: list[Drive] = []
+    drives: list[LapDrive] = []
     own: dict[int, TrackGeometry] = {}
     for name in names:
         found = find_track(name)
         for way in sorted(DIRECTIONS, key=lambda way: way != found.geometry.direction):
             own[len(drives)] = found.geometry
-            drives.append(Drive(len(drives), Venue(found.geometry.in_direction(way), way, found.look)))
+            drives.append(LapDrive(len(drives), Venue(found.geometry.in_direction(way), way, found.look)))
     if options["variations_on"] != "none":
         found = find_track(options["variations_on"])
         if found.geometry.is_open:
@@ -135,13 +135,13 @@ def _drives(options: dict[str, Any]) -> tuple[list[Drive], dict[int, TrackGeomet
         for one in variations(seed, venue.track.length):
             check_placed(venue.track, one, THEMES[venue.look])
             own[len(drives)] = found.geometry
-            drives.append(Drive(len(drives), venue, one))
+            drives.append(LapDrive(len(drives), venue, one))
     if not drives:
         raise UserFault("report_empty")
     return drives, own
 
 
-def _lap(drive: Drive, outcome: DriveOutcome, track: TrackGeometry) -> DrivenLap:
+def _lap(drive: LapDrive, outcome: DriveOutcome, track: TrackGeometry) -> DrivenLap:
     """``track``: as its file has it, whichever way it was driven."""
     return DrivenLap(
         number=drive.number,
