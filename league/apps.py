@@ -7,6 +7,7 @@ class LeagueConfig(AppConfig):
     verbose_name = _("League")
 
     def ready(self) -> None:
+        from accounts.quotas import register as register_quota
         from accounts.signals import account_taken_over
         from core.events import register_reader
         from core.pages import register_slots
@@ -20,7 +21,7 @@ class LeagueConfig(AppConfig):
         from .eligibility import check_division
         from .receivers import drop_webhooks, follow_board
         from .selectors.boards import cut_shown
-        from .services import deliveries, mails  # noqa: F401 - their kinds of jobs are known from the start
+        from .services import deliveries, inviting, mails  # noqa: F401 - their kinds of jobs are known from the start
         from .services.closing import is_official
         from .services.follow import SEASONS
         from .services.news import NOTICES
@@ -28,6 +29,7 @@ class LeagueConfig(AppConfig):
         from .services.webhooks import WEBHOOKS
 
         register(check_division)
+        register_quota(inviting.INVITED_A_DAY)
         for reader in (NOTICES, WEBHOOKS, SEASONS):
             register_reader(reader)
         register_time_check(check_round_times)
@@ -41,6 +43,7 @@ class LeagueConfig(AppConfig):
                 "settings.notices": "league/parts/tab_notices.html",
                 "settings.webhooks": "league/parts/tab_webhooks.html",
                 "race.crumb": "league/parts/race_crumb.html",
+                "race.organise": "league/parts/to_invited.html",
                 "race.side": "league/parts/race_side.html",
                 "race.cancelling": "league/parts/cancelling.html",
                 "race.removing": "league/parts/removing.html",

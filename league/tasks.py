@@ -14,6 +14,7 @@ from core.wakeup import send
 from .services import close_due_rounds, enter_house_cars
 from .services.clock import tick
 from .services.deliveries import AT_ONCE, deliver_due, hosts_due
+from .services.inviting import send_invitations
 from .services.mails import send_mails
 from .services.notices import forget_old_notices
 from .services.webhooks import tidy_webhooks
@@ -41,10 +42,10 @@ def close_rounds() -> int:
 
 @shared_task
 def notices() -> int:
-    """Send the notices that are to go by mail. Returns how many went."""
+    """Send the notices and invitations that are to go by mail. Returns how many went."""
     now = database_now()
     forget_old_notices(now=now)
-    return send_mails(now=now)
+    return send_mails(now=now) + send_invitations(now=now)
 
 
 @shared_task

@@ -2,11 +2,14 @@
 
 from django.urls import path, re_path
 
-from .views import home, notices, organising, racers, seasons, webhooks
+from .views import home, inviting, notices, organising, racers, seasons, webhooks
 
 urlpatterns = [
     path("", home.home, name="home"),
     path("racers/<str:alias>/", racers.racer, name="racer"),
+    path("races/invited/<str:token>/", inviting.invited, name="invited"),
+    path("races/<slug:slug>/invited/", inviting.race_invited, name="race_invited"),
+    path("invitations/stop/<str:token>/", inviting.invited_stop, name="invited_stop"),
     path("seasons/", seasons.seasons, name="seasons"),
     path("seasons/new/", organising.season_new, name="season_new"),
     path("seasons/now/", seasons.season_now, name="season_now"),

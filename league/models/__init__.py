@@ -1,5 +1,6 @@
 """Seasons with their rounds, what came of the rounds, and what was recorded elsewhere."""
 
+from .invited import MailInvitation, NoInvitations
 from .notice import Lead, Mail, Notice, NoticeChoice, NoticeKind
 from .outcome import ChampionshipPlace, Decision, FinalePlace, Membership, RoundPoints, StewardDecision
 from .rating import DuelRating
@@ -14,7 +15,9 @@ __all__ = [
     "FinalePlace",
     "Lead",
     "Mail",
+    "MailInvitation",
     "Membership",
+    "NoInvitations",
     "Notice",
     "NoticeChoice",
     "NoticeKind",

@@ -52,6 +52,13 @@ def accept_invitation(*, token: str, racer: Racer, now: datetime, terms: int | N
 
 
 @transaction.atomic
+def enter_as_invited(*, race: Race, racer: Racer, now: datetime, terms: int | None = None) -> Entry:
+    """Enter a race to which somebody who organises it has invited the racer in person: whoever calls has made sure of
+    that. Raises as :func:`enter_race` does."""
+    return _enter(race, racer, now, invited=True, terms=terms)
+
+
+@transaction.atomic
 def withdraw(*, entry: Entry, now: datetime) -> Entry:
     """Take a racer out of a race that is not over: off the board, what waits or drives is stopped, nothing is lost.
 

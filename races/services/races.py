@@ -35,7 +35,7 @@ if TYPE_CHECKING:
     from accounts.models import Racer
 
 # Addresses that pages use for something else.
-RESERVED_SLUGS = frozenset({"new", "create", "layout", "edit", "invitation", "join", "mine", "api"})
+RESERVED_SLUGS = frozenset({"new", "create", "layout", "edit", "invitation", "invited", "join", "mine", "api"})
 _COPIED = tuple(name for name in EDITABLE_FIELDS if name not in ("opens_at", "closes_at"))
 
 

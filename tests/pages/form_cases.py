@@ -122,6 +122,14 @@ CASES = [
     Case("admin", "/groups/club/", "css=#members [value=remove]", "Saved."),
     Case("admin", "/groups/club/", "Turn down", "Saved."),
     Case("admin", "/groups/club/", "Delete the group", "The group is deleted."),
+    # invitations by e-mail
+    Case("alice", "/races/secret-race/invited/", "Invite them", "1 address is invited.", {"Addresses": "b@x.org"}),
+    Case("alice", "/races/secret-race/invited/", "css=[name=again]", "Another invitation is on its way"),
+    Case("alice", "/races/secret-race/invited/", "css=[name=withdraw]", "The invitation is withdrawn."),
+    Case("guest", "/races/invited/{invited}/", "Log in and join", "css=input[name=login]"),
+    Case("guest", "/races/invited/{invited}/", "Sign up and join", "css=input[name=password2]"),
+    Case("newcomer", "/races/invited/{invited}/", "Join the race", "You are in."),
+    Case("guest", "/invitations/stop/{invited_stop}/", "Stop them", "css=main:not(:has(form))"),
     # races
     Case("newcomer", "/races/next-race/", "Enter", "You are in."),
     Case("newcomer", "/races/open-race/", "Submit", "css=#live-card"),

@@ -15,8 +15,9 @@ from accounts.groups.services import ask_to_join, confirm_member, make_group
 from accounts.models import Racer
 from accounts.tokens import create_token
 from evaluation.services import share_model, stop_evaluation
-from league.models import NoticeKind, Round, Stage
+from league.models import MailInvitation, NoticeKind, Round, Stage
 from league.services import close_due_rounds, close_round
+from league.services.inviting import invite_by_mail, link_token, stop_token
 from league.services.notices import stopping_token
 from league.services.webhooks import add_webhook
 from races.models import Race
@@ -99,6 +100,13 @@ class Cast:
         for one in own[:2]:
             stop_evaluation(evaluation=one.evaluation, now=now)
         self._season(world)
+        then, later = now - timedelta(days=2), world.upcoming
+        type(later).objects.filter(pk=later.pk).update(organiser=alice)
+        later.refresh_from_db()
+        ask = {"by": alice, "language": "en"}
+        invite_by_mail(race=world.secret, addresses=["old@example.org"], now=then, **ask)
+        invite_by_mail(race=later, addresses=["c@example.org"], now=now, **ask)
+        MailInvitation.objects.update(state="sent", ended_at=then)
         self.group = make_group(by=alice, name="Club", now=now)
         for racer in (bob, gone, a_racer("asking")):
             asked = ask_to_join(code=self.group.code, racer=racer, now=now)
@@ -110,6 +118,8 @@ class Cast:
         self.words = {name: getattr(world, name).evaluation.public_id for name in names} | {
             "invitation": world.secret.invitation,
             "driven": driven.public_id,
+            "invited": link_token(MailInvitation.objects.get(email="c@example.org")),
+            "invited_stop": stop_token("c@example.org"),
             "group_code": self.group.code,
             "ready": ready.public_id,
             "waits": waits.public_id,
@@ -168,6 +178,9 @@ class Cast:
             "vehicles/<str:public_id>/": [{"public_id": said["vehicle"]}],
             "groups/<": [{"slug": "club"}],
             "groups/join/<": [{"code": said["group_code"]}],
+            "races/invited/<": [{"token": said["invited"]}],
+            "races/<slug:slug>/invited/": [{"slug": "secret-race"}],
+            "invitations/stop/<": [{"token": said["invited_stop"]}],
             "guides/": [{"slug": "tracks"}],
             "learn/": [{"slug": lesson.slug} for lesson in LESSONS[:1]],
             "join/": [],  # leads to the form for signing up

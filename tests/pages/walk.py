@@ -17,6 +17,7 @@ from evaluation.reports.models import CarReport
 from evaluation.services import finish_evaluation, share_model
 from league.models import Season, Stage
 from league.services import close_due_rounds, open_demo_season
+from league.services.inviting import invite_by_mail, stop_token
 from league.services.notices import stopping_token
 from league.services.webhooks import add_webhook
 from races.models import OwnEvaluation
@@ -58,6 +59,7 @@ NO_PAGES = {
     "training_first",
     "track_file",
     "group_leave",
+    "invited",
     *("avatar", "picture_remove", "picture_set"),
     # which lead elsewhere unless something has just happened
     *("account_confirm_login_code", "account_reauthenticate", "account_set_password"),
@@ -115,6 +117,8 @@ def make_site() -> Site:
         if racer == world.bob:
             confirm_member(member=asked, by=world.alice, now=now)
     RacerGroup.objects.update(is_listed=True)
+    addresses = ["ann@example.org", "ben@example.org"]
+    invite_by_mail(race=world.race, by=world.alice, addresses=addresses, language="en", now=now)
     token = stopping_token(world.alice.pk, "opens")
     return Site(world, season, trained, training, _paths(world, season, trained, training, driven, vehicle, token))
 
@@ -153,6 +157,7 @@ def _paths(world, season, trained, training, driven, vehicle, token) -> dict[str
             *("/races/open-race/", "/races/open-race/rules/", "/races/open-race/runs/", "/races/open-race/edit/"),
             *("/races/open-race/racers/", "/races/open-race/racers/bob/remove/", "/races/open-race/cancel/"),
             "/races/open-race/close/",
+            *("/races/open-race/invited/", f"/invitations/stop/{stop_token('a@example.org')}/"),
             *("/groups/", "/groups/new/", "/groups/owls/", f"/groups/join/{RacerGroup.objects.get().code}/"),
             *("/races/open-race/withdraw/", "/races/waiting-race/", "/races/fault-race/", "/races/next-race/"),
             *("/races/old-race/", "/races/no-race/", "/races/secret-race/", "/races/robin/", "/races/robin/duels/"),

@@ -13,8 +13,9 @@ from core.jobs.models import Leased
 from evaluation.reports.jobs import CHUNKS
 from evaluation.reports.services import ask_for_report
 from evaluation.services import EVALUATIONS, queue_evaluation
-from league.models import Mail, Notice, NoticeKind, WebhookDelivery
+from league.models import Mail, MailInvitation, Notice, NoticeKind, WebhookDelivery
 from league.services.deliveries import DELIVERIES
+from league.services.inviting import INVITATIONS, invite_by_mail
 from league.services.mails import MAILS
 from league.services.webhooks import add_webhook
 from paddock.rules.race import RaceRules
@@ -50,6 +51,12 @@ def a_mail(racer: Any, track: Any, now: datetime) -> Leased:
     return Mail.objects.create(notice=notice)
 
 
+def an_invitation(racer: Any, track: Any, now: datetime) -> Leased:
+    race = a_race(now, organiser=racer)
+    assert invite_by_mail(race=race, by=racer, addresses=["new@example.org"], language="en", now=now) == 1
+    return MailInvitation.objects.get(race=race)
+
+
 MAKERS: dict[JobKind[Any], Callable[..., Leased]] = {
     EVALUATIONS: an_evaluation,
     TRAININGS: a_training,
@@ -57,6 +64,7 @@ MAKERS: dict[JobKind[Any], Callable[..., Leased]] = {
     DELIVERIES: a_delivery,
     MAILS: a_mail,
     CHUNKS: a_chunk,
+    INVITATIONS: an_invitation,
 }
 
 

@@ -1,0 +1,148 @@
+"""Inviting to a race by e-mail: the organiser's page, the personal link, and the link that stops them."""
+
+from __future__ import annotations
+
+from django import forms
+from django.contrib import messages
+from django.contrib.auth.decorators import login_required
+from django.core.paginator import Paginator
+from django.http import Http404, HttpRequest, HttpResponse
+from django.shortcuts import get_object_or_404, redirect, render
+from django.urls import reverse
+from django.utils import timezone, translation
+from django.utils.translation import gettext as _
+from django.utils.translation import gettext_lazy, ngettext
+from django.views.decorators.cache import never_cache
+from django.views.decorators.csrf import csrf_exempt
+from django.views.decorators.http import require_http_methods
+
+from accounts.quotas import usage_of
+from accounts.who import racer_of
+from core.forms import add_fault, explain
+from league.models import MailInvitation
+from league.services import inviting
+from paddock.errors import UserFault
+from races.ranking import rule_for
+from races.views.common import organised_race
+
+ROWS = 100
+MOST_KB = 256
+
+
+class InvitingForm(forms.Form):
+    """Addresses, pasted or in a file."""
+
+    addresses = forms.CharField(
+        label=gettext_lazy("Addresses"),
+        required=False,
+        max_length=MOST_KB * 1024,
+        widget=forms.Textarea(attrs={"rows": 6}),
+        help_text=gettext_lazy("One a line, or separated by commas; names beside them are left out."),
+    )
+    file = forms.FileField(label=gettext_lazy("Or a CSV file with them"), required=False)
+
+    def lists(self) -> list[str]:
+        """All that was sent. Raises UserFault("invited_file")."""
+        file = self.cleaned_data["file"]
+        if file is None:
+            return [self.cleaned_data["addresses"]]
+        content = file.read(MOST_KB * 1024 + 1)
+        try:
+            if len(content) > MOST_KB * 1024:
+                raise ValueError("too long")
+            return [self.cleaned_data["addresses"], content.decode("utf-8-sig")]
+        except ValueError:
+            raise UserFault("invited_file", limit_kb=MOST_KB) from None
+
+
+@login_required
+@require_http_methods(["GET", "HEAD", "POST"])
+def race_invited(request: HttpRequest, slug: str) -> HttpResponse:
+    """Who is invited to a race by e-mail. A POST invites more, or with ``again`` or ``withdraw`` changes one."""
+    race, now = organised_race(request, slug), timezone.now()
+    form = InvitingForm(request.POST if "invite" in request.POST else None, request.FILES or None)
+    if request.method == "POST" and not form.is_bound:
+        return _change(request, slug)
+    if form.is_bound and form.is_valid():
+        try:
+            number = inviting.invite_by_mail(
+                race=race,
+                by=racer_of(request),
+                addresses=inviting.addresses_in(*form.lists()),
+                language=translation.get_language() or "en",
+                now=now,
+            )
+        except UserFault as fault:
+            add_fault(form, fault)
+        else:
+            said = ngettext("%(n)s address is invited.", "%(n)s addresses are invited.", number) % {"n": number}
+            messages.success(request, said)
+            return redirect("race_invited", race.slug)
+    invited = MailInvitation.objects.filter(race=race).select_related("accepted_by")
+    page = Paginator(invited, ROWS).get_page(request.GET.get("page"))
+    context = {
+        "race": race,
+        "form": form,
+        "page": page,
+        "rows": [(one, one.standing_at(now)) for one in page],
+        "accepted": invited.filter(accepted_at__isnull=False).count(),
+        "usage": usage_of(racer_of(request), now, only=[inviting.INVITED_A_DAY.name]),
+    }
+    return render(request, "league/invited.html", context, status=422 if form.errors else 200)
+
+
+def _change(request: HttpRequest, slug: str) -> HttpResponse:
+    race, now, by = organised_race(request, slug), timezone.now(), racer_of(request)
+    wanted = request.POST.get("again") or request.POST.get("withdraw") or ""
+    invited = MailInvitation.objects.filter(race=race).select_related("race")
+    one = get_object_or_404(invited, pk=int(wanted) if wanted.isdecimal() and len(wanted) < 18 else 0)
+    try:
+        if "again" in request.POST:
+            inviting.invite_again(invitation=one, by=by, now=now)
+            messages.success(request, _("Another invitation is on its way; the link before it works no more."))
+        else:
+            inviting.withdraw_invitation(invitation=one, by=by, now=now)
+            messages.success(request, _("The invitation is withdrawn."))
+    except UserFault as fault:
+        messages.error(request, explain(fault))
+    return redirect("race_invited", race.slug)
+
+
+@never_cache
+@require_http_methods(["GET", "HEAD", "POST"])
+def invited(request: HttpRequest, token: str) -> HttpResponse:
+    """Where a personal link leads: what the race is, and a button to join it, after a log-in."""
+    now = timezone.now()
+    found = inviting.invitation_of(token, now)
+    if found is None:
+        return render(request, "races/invitation.html", {"race": None}, status=404)
+    race = found.race
+    if request.method == "POST":
+        if not request.user.is_authenticated:
+            way = "account_signup" if request.POST.get("with") == "signup" else "account_login"
+            return redirect(f"{reverse(way)}?next={request.path}")
+        terms = request.POST.get("terms", "")
+        try:
+            inviting.accept_mail_invitation(
+                token=token, racer=racer_of(request), now=now, terms=int(terms) if terms.isdecimal() else None
+            )
+        except UserFault as fault:
+            messages.error(request, explain(fault))
+            return redirect(request.path)
+        messages.success(request, _("You are in. Send a car."))
+        return redirect(race)
+    context = {"race": race, "state": race.state_at(now), "ranking_rule": rule_for(race).rule(race)}
+    return render(request, "races/invitation.html", context)
+
+
+@csrf_exempt  # mail programs post here without a cookie (RFC 8058); the signed token is the permission
+@never_cache
+@require_http_methods(["GET", "HEAD", "POST"])
+def invited_stop(request: HttpRequest, token: str) -> HttpResponse:
+    """No more invitations to an address, by the link in one of them: looking asks, a POST does it."""
+    address = inviting.stopped_address(token)
+    if address is None:
+        raise Http404
+    if request.method == "POST":
+        inviting.stop_invitations(email=address, now=timezone.now())
+    return render(request, "league/invited_stop.html", {"address": address, "done": request.method == "POST"})
