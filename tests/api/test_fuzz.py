@@ -23,6 +23,7 @@ from league.services.webhooks import add_webhook, send_test
 from races.models import Visibility
 from races.services import accept_invitation
 from tests.api.schema import SCHEMA
+from tests.evaluation.reports import a_report
 from tests.factories import a_race, a_racer, drive, laps
 from tests.training.jobs import a_trained_one
 from training.vehicles import save_vehicle
@@ -96,6 +97,7 @@ def known(alice, video_wakes, trainings_taken_on, monkeypatch) -> dict[str, str]
         "evaluations": submission.evaluation.public_id,
         "models": submission.evaluation.model.public_id,
         "videos": asked.video.public_id,
+        "reports": a_report(alice, now).public_id,
         "trainings": a_trained_one(alice, race.track, now).public_id,
         "vehicles": save_vehicle(owner=alice, name="Van", sensors=["STEREO_CAMERAS"]).public_id,
         "notices": notice.pk,

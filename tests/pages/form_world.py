@@ -24,6 +24,7 @@ from races.models import Race
 from races.services import drive_own, enter_race, remove_entry, withdraw
 from tests.drawn_runs import a_driven_run
 from tests.duels import a_duel_race, qualify
+from tests.evaluation.reports import a_report, drive, off_the_road
 from tests.factories import a_model, a_race, a_racer
 from tests.happened import tell_what_happened
 from tests.league.seasons import a_season, board, racers
@@ -99,6 +100,10 @@ class Cast:
         own = [drive_own(owner=alice, model=spare, track=world.track, now=now) for _ in range(3)]
         for one in own[:2]:
             stop_evaluation(evaluation=one.evaluation, now=now)
+        alice.quotas.create(name="reports_at_once", limit=50)
+        done, again, waiting, listed = (a_report(alice, now, model=spare, tracks=[world.track]) for _ in range(4))
+        for one in (done, again):
+            drive(one, now, off_the_road(39))
         self._season(world)
         then, later = now - timedelta(days=2), world.upcoming
         type(later).objects.filter(pk=later.pk).update(organiser=alice)
@@ -131,6 +136,9 @@ class Cast:
             "ended": ended.public_id,
             "vehicle": vehicle.public_id,
             "own": own[0].evaluation.public_id,
+            "report": done.public_id,
+            "report_waits": waiting.public_id,
+            "report_listed": listed.public_id,
             "stop": stopping_token(alice.pk, NoticeKind.RESULT),
             "confirm": EmailConfirmationHMAC(fresh).key,
             "reset": key,
@@ -193,6 +201,7 @@ class Cast:
             "races/<slug:slug>/racers/<": [{"slug": "open-race", "alias": "bob"}],
             "evaluations/<str:public_id>/$": runs,
             "evaluations/<str:public_id>/": [*runs[1:2], {"public_id": said["own"]}],
+            "reports/<str:public_id>/": [{"public_id": said[name]} for name in ("report", "report_waits")],
             "videos/<str:public_id>/": [{"public_id": said["waits"]}],
             "models/<str:public_id>/": [{"public_id": said[name]} for name in ("model", "spare", "shared", "theirs")],
             "tracks/<slug:slug>/": [{"slug": "oval"}],
