@@ -13,7 +13,7 @@ class LeagueConfig(AppConfig):
         from core.pages import register_slots
         from races.cuts import register_cut
         from races.eligibility import register
-        from races.engines import register_official
+        from races.engines import register_final, register_official
         from races.signals import board_changed
         from races.validation import register_hold, register_time_check
 
@@ -22,7 +22,7 @@ class LeagueConfig(AppConfig):
         from .receivers import drop_webhooks, follow_board
         from .selectors.boards import cut_shown
         from .services import deliveries, inviting, mails  # noqa: F401 - their kinds of jobs are known from the start
-        from .services.closing import is_official
+        from .services.closing import is_final, is_official
         from .services.follow import SEASONS
         from .services.news import NOTICES
         from .services.seasons import check_round_times, hold_season
@@ -36,6 +36,7 @@ class LeagueConfig(AppConfig):
         streams.register()
         register_hold(hold_season)
         register_official(is_official)
+        register_final(is_final)
         register_cut(cut_shown)
         register_slots(
             {

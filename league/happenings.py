@@ -16,7 +16,7 @@ from core.times import clock
 from evaluation.events import RUN_FAILED, RUN_FINISHED
 from evaluation.models import Evaluation, State
 from races import events as of_races
-from races.models import Entry, Race, Submission
+from races.models import Entry, Race, Submission, TimedSession
 from races.names import named
 
 from . import events as of_league
@@ -141,6 +141,19 @@ def _counted(event: Event) -> Happening | None:
     return Happening(RESULT, run.public_id, _ended(run), run.get_absolute_url(), _race(entry.race_id), data)
 
 
+def _timed_session(event: Event) -> Happening | None:
+    """A session with a real car has ended in a race: told as a car that was timed."""
+    sessions = TimedSession.objects.filter(pk=event.data["session"], discarded_at=None, ended_at__isnull=False)
+    session = sessions.select_related("entry__racer", "race").first()
+    if session is None or session.ended_at is None:
+        return None
+    entry = session.entry
+    data = {"session": str(session.pk), "racer": entry.shown_name, "is_best": entry.best_session_id == session.pk}
+    data |= {"classified": entry.classified, "score_ms": entry.score_ms, "best_lap_ms": entry.best_lap_ms}
+    path = session.race.get_absolute_url()
+    return Happening(RESULT, str(session.pk), session.ended_at, path, _race(session.race_id), data)
+
+
 def _driven(event: Event) -> Happening | None:
     """What one's own car has driven: in a race, in a duel, or in private."""
     run = _run(event)
@@ -189,6 +202,7 @@ _WHAT: dict[str, Callable[[Event], Happening | None]] = {
     CLOSED: _timed,
     OFFICIAL: _official,
     RESULT: _counted,
+    of_races.RACE_TIMED.name: _timed_session,
     FINISHED: _driven,
     FAILED: _driven,
     PROMOTED: _moved_on,

@@ -31,6 +31,23 @@ def is_official(race: Race) -> bool:
     return any(check(race) for check in _OFFICIAL)
 
 
+# Whether the results of a race can no longer be corrected, as a room above says.
+FinalCheck = Callable[[Race, datetime], bool]
+_FINAL: list[FinalCheck] = []
+
+
+def register_final(check: FinalCheck) -> FinalCheck:
+    """Ask ``check`` too whether a race's results are final. Registering one twice changes nothing."""
+    if check not in _FINAL:
+        _FINAL.append(check)
+    return check
+
+
+def is_final(race: Race, now: datetime) -> bool:
+    """Whether a room above says that nobody may correct the results of a race any more."""
+    return any(check(race, now) for check in _FINAL)
+
+
 def site_engine() -> str:
     """The engine that drives here now."""
     return simulator.ENGINE_ID

@@ -42,6 +42,16 @@ RACE_RESULT = register(
         once="run",
     )
 )
+RACE_TIMED = register(
+    EventKind(
+        "race.timed",
+        "a racer's session with a real car has ended, and its laps count",
+        RACE,
+        ("racer", "race", "subject"),
+        ("session",),
+        once="session",
+    )
+)
 RACE_BOARD = register(
     EventKind("race.board", "a board changed by more than a result: somebody left or came back", RACE, _OF_RACE)
 )

@@ -89,13 +89,13 @@ def board_data(race: Race, now: datetime, racer: Racer | AnonymousUser | None = 
 
 def csv_lines(rows: Iterable[BoardRow]) -> Iterator[str]:
     """The board as CSV, line by line, a heading first; an empty cell for None, 1 and 0 for yes and no."""
-    writer = csv.writer(_Echo(), lineterminator="\r\n")
+    writer = csv.writer(Echo(), lineterminator="\r\n")
     yield writer.writerow(COLUMNS)
     for row in rows:
         yield writer.writerow(int(value) if isinstance(value, bool) else value for value in row_data(row).values())
 
 
-class _Echo:
+class Echo:
     """A file that hands back what is written to it."""
 
     def write(self, line: str) -> str:

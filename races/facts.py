@@ -67,6 +67,8 @@ def layout_rules(race: Race) -> list[str]:
 
 def fault_words(race: Race) -> str:
     """What a fault costs, in a few words."""
+    if race.physical:
+        return " ".join(_physical_faults(race))
     if not race.max_resets:
         return _("The first fault ends the run.")
     said = [
@@ -79,6 +81,11 @@ def fault_words(race: Race) -> str:
 
 def fault_rules(race: Race) -> list[str]:
     """What becomes of a car that leaves the road, in whole sentences."""
+    if race.physical:
+        return [
+            _("The clock begins when the timekeeper starts it, or with the first crossing that a sensor sees."),
+            *_physical_faults(race),
+        ]
     resets = race.max_resets
     if not resets:
         return [_("There are no resets: the first fault ends the run.")]
@@ -97,6 +104,22 @@ def fault_rules(race: Race) -> list[str]:
         )
         rules.append(allowed % {"resets": resets})
     return rules
+
+
+def _physical_faults(race: Race) -> list[str]:
+    """What faults cost real cars, in whole sentences."""
+    said = []
+    if race.off_track_penalty_ms:
+        seconds = f"{race.off_track_penalty_ms / 1000:g}"
+        said.append(_("Each off track adds %(seconds)s s to the lap.") % {"seconds": seconds})
+    if race.max_resets != RULES["max_resets"].unlimited:
+        text = ngettext(
+            "A lap with more than %(resets)s reset is invalid.",
+            "A lap with more than %(resets)s resets is invalid.",
+            race.max_resets,
+        )
+        said.append(text % {"resets": race.max_resets})
+    return said
 
 
 # What a page tells elsewhere, or in words of its own.

@@ -13,7 +13,7 @@ from django.utils.translation import gettext_lazy as _
 from paddock.rules.race import BOX_FRACTIONS, MAX_BOXES
 
 from .errors import problem
-from .models import Lane
+from .models import Lane, Race
 
 
 class SecondsField(forms.DecimalField):
@@ -165,3 +165,26 @@ def _place(number: int, percent: str, lane: str) -> dict[str, Any]:
 
 def _typed(box: Any) -> tuple[str, str]:
     return (f"{100 * box['fraction']:.6g}", box["lane"]) if isinstance(box, dict) else tuple(box)
+
+
+class BesideField(forms.CharField):
+    """The simulated race beside one of real cars, by its slug or the address of its page. What is no race and what may
+    not stand there are refused alike, so that nobody finds races that they may not see."""
+
+    def prepare_value(self, value: Any) -> Any:
+        return value.slug if isinstance(value, Race) else value
+
+    def to_python(self, value: Any) -> Race | None:
+        """Raises ValidationError "race_beside"."""
+        if value is None or isinstance(value, Race):
+            return value
+        slug = str(value).split("?")[0].rstrip("/").rpartition("/")[2].strip()
+        if not slug:
+            return None
+        found = Race.objects.filter(slug=slug).first()
+        if found is None:
+            raise problem("race_beside")
+        return found
+
+    def has_changed(self, initial: Any, data: Any) -> bool:
+        return (self.prepare_value(initial) or "") != (self.prepare_value(data) or "")

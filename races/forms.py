@@ -19,10 +19,10 @@ from paddock.errors import UserFault
 from paddock.rules.race import BY_PLACE
 
 from .errors import RaceRefused
-from .fields import MomentField
+from .fields import BesideField, MomentField
 from .layout_form import DRAWN, FIXED, PROPOSALS, LayoutForm
 from .models import Race, RaceState, RaceType, Visibility
-from .models.race import MOST_TERMS
+from .models.race import MINIMUM_LAP_MS, MOST_TERMS, SESSION_S
 from .rules.fields import rule_fields
 from .services.races import edition_of
 from .validation import EDITABLE_FIELDS, RULE_FIELDS, TEXT_FIELDS
@@ -32,6 +32,7 @@ _NOT_OF_A_RACE = ("track", "time_zone", "box_choice", "edition")
 
 
 _ELSEWHERE = ("collision_penalty_ms", "max_submissions", "shared_cars", "sensors")
+_OF_REAL_CARS = ("session_s", "minimum_lap_ms")
 # What every race has, in rows of three on a page.
 _IN_ROWS = tuple(name for name in BY_PLACE if name not in (*LayoutForm.base_fields, *_ELSEWHERE))
 _FIELDS = rule_fields((*_IN_ROWS, *_ELSEWHERE))
@@ -55,6 +56,30 @@ class RaceForm(_RuleFields):  # type: ignore[misc, valid-type]
         max_length=MOST_TERMS,
         widget=forms.Textarea(attrs={"rows": 4}),
         help_text=_("Whoever joins accepts them first. Once you change them, everybody accepts them anew."),
+    )
+    physical = forms.BooleanField(
+        label=_("Real cars, timed at the track"),
+        required=False,
+        help_text=_("Nothing is simulated: timekeepers or sensors take the times."),
+    )
+    session_s = forms.IntegerField(
+        label=_("Session (s)"),
+        required=False,
+        min_value=SESSION_S[0],
+        max_value=SESSION_S[1],
+        help_text=_("A racer's turn on the track. Of real cars."),
+    )
+    minimum_lap_ms = forms.IntegerField(
+        label=_("Shortest possible lap (ms)"),
+        required=False,
+        min_value=MINIMUM_LAP_MS[0],
+        max_value=MINIMUM_LAP_MS[1],
+        help_text=_("Two crossings closer together are one. Of real cars."),
+    )
+    beside = BesideField(
+        label=_("Simulated race beside it"),
+        required=False,
+        help_text=_("The address of a race on the same track; its results stand beside those of the real cars."),
     )
     opens_at = MomentField(label=_("Opens"))
     closes_at = MomentField(label=_("Closes"))
@@ -126,7 +151,7 @@ class RaceForm(_RuleFields):  # type: ignore[misc, valid-type]
         if cleaned.get("race_type") == RaceType.TIME_TRIAL:
             self.errors.pop("collision_penalty_ms", None)
             cleaned["collision_penalty_ms"] = None
-        for name in (*_IN_ROWS, *_ELSEWHERE):
+        for name in (*_IN_ROWS, *_ELSEWHERE, *_OF_REAL_CARS):
             if name not in self.errors and cleaned.get(name) is None:
                 cleaned[name] = getattr(self.race or Race(), name)
 
@@ -170,6 +195,7 @@ def _initial(race: Race | None, now: datetime) -> dict[str, Any]:
     source = race or Race(opens_at=now.replace(second=0, microsecond=0), closes_at=_evening(now + DEFAULT_DURATION))
     values = {name: getattr(source, name) for name in RaceForm.base_fields if name not in _NOT_OF_A_RACE}
     values |= {name: timezone.localtime(values[name]) for name in ("opens_at", "closes_at")}
+    values["beside"] = source.beside or ""
     values |= {name: proposal for name, proposal in PROPOSALS.items() if not values[name]}
     values["box_choice"] = FIXED if source.boxes else DRAWN
     values["edition"] = edition_of(race) if race else ""

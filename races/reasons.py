@@ -80,6 +80,82 @@ register(
         "race_bot_lane_change": _("A bot changes lanes over %(least)s to %(most)s m. Choose a length between these."),
         "race_duel_gap": _("Cars start %(least)s to %(most)s m apart. Choose a gap between these."),
         "race_duel_cars": _("A duel has 2 to %(most)s cars. Choose a number between these."),
+        # real cars
+        "race_physical_alone": _(
+            "Real cars are timed one by one. Choose a time trial or object avoidance for a race of real cars."
+        ),
+        "race_beside": _(
+            "Beside a race of real cars stands a simulated race on the same track that is public or yours. Choose one."
+        ),
+        "race_is_physical": _(
+            "This race is driven with real cars at the track. Join it and bring your car; nothing is simulated here."
+        ),
+        "race_not_physical": _("This race is simulated, so nobody takes times in it."),
+        "timing_not_yours": _("Only timekeepers whom the organiser has named take times in this race. Ask them."),
+        "timing_id_taken": _("This id belongs to another race or session. Give each session and lap a new one."),
+        "timing_racer_unknown": _(
+            "%(racer)s is not in this race. Have them join it, or record them as a guest: laps are taken over later."
+        ),
+        "timing_clock_ahead": _(
+            "The session begins in the future. Set the clock of the device right, then send again."
+        ),
+        "timing_too_late": _(
+            "Laps are carried over until %(hours)s hours after the race has closed. Ask the organiser what to do."
+        ),
+        "timing_final": _("The results of this race are final: the stewards' window is over. No lap changes any more."),
+        "timing_stewards": _("The results are official, so only stewards correct them. Ask the league's admins."),
+        "sessions_used_up": _("This racer has had all %(limit)s sessions that the race allows."),
+        "guest_name": _(
+            "A name has 1 to %(most)s characters on one line and begins with none of = + - @. Write another one."
+        ),
+        "guest_unknown": _("This link to take over laps belongs to nobody, or it was used. Ask the organiser."),
+        "guest_linked": _("The laps of %(guest)s were taken over already. Ask the organiser if they are yours."),
+        "lap_numbers": _("Laps are numbered from 1 without a gap, each with an id of its own."),
+        "laps_too_many": _("A session has at most %(most)s laps. Begin another session."),
+        "lap_too_short": _(
+            "Lap %(lap)s is shorter than the shortest possible lap of this race (%(shortest)s ms). Mark it invalid or "
+            "take it out."
+        ),
+        "lap_too_long": _("Lap %(lap)s lasts longer than %(minutes)s minutes. Take it out or correct its time."),
+        "lap_clock": _(
+            "The clock of the device stood still or jumped by %(seconds)s s during lap %(lap)s. Mark that lap invalid."
+        ),
+        "lap_after_session": _(
+            "Lap %(lap)s began after the session's %(seconds)s s were over. Mark it invalid or take it out."
+        ),
+        "lap_faults": _("Lap %(lap)s has 0 to %(most)s off tracks and resets. Correct the number."),
+        "correction_needs_a_reason": _("Say why the lap is corrected. Everybody reads it."),
+        "correction_changes_nothing": _("That is what stands there already. Change something or leave it."),
+        "timekeeper_unknown": _("There is no racer %(racer)s. Write the alias as it stands on their page."),
+        "timekeepers_too_many": _("A race has at most %(most)s timekeepers. Dismiss one first."),
+        "sensors_too_many": _("A race has at most %(most)s sensors. Revoke one first."),
+        "sensor_unknown": _("This race has no such sensor, or its token was revoked. Choose another or time by hand."),
+        "sensor_busy": _("%(sensor)s times another session. End that one first."),
+        "sensor_token": _("This token belongs to no sensor. Send the one that was shown when the sensor was made."),
+        "sensor_revoked": _("The token of this sensor was revoked at %(when)s. Ask the organiser for a new one."),
+        "sensor_idle": _("No session runs with this sensor. A timekeeper begins one, then crossings count."),
+        "sensor_clock_back": _(
+            "The sensor's clock went back by %(ms)s ms. Name another boot whenever the sensor has started anew."
+        ),
+        "sensor_clock_stands": _(
+            "The sensor's clock stands still: %(seconds)s s have passed and it says the same. Start the sensor anew."
+        ),
+        # laps from a file
+        "timing_file": _("Nothing was taken: %(lines)s lines have problems, the first in line %(line)s."),
+        "csv_heading": _("The heading has columns that are unknown (%(unknown)s) or lacks some (%(missing)s)."),
+        "csv_form": _("This is no CSV. Save the table as comma-separated values in UTF-8."),
+        "csv_too_large": _("The file is larger than %(most)s bytes. Send it in parts."),
+        "csv_too_long": _("The file has more than %(most)s laps. Send it in parts."),
+        "csv_empty": _("There is no lap in the file."),
+        "csv_cells": _("The line has %(cells)s cells and the heading %(columns)s."),
+        "csv_who": _("The line names neither a racer nor a guest."),
+        "csv_number": _("“%(value)s” is no whole number from %(least)s to %(most)s (%(column)s)."),
+        "csv_time": _("“%(value)s” is no time. Write m:ss.mmm or seconds, as 0:12.345 or 12.345."),
+        "csv_valid": _("“%(value)s” is neither 1 nor 0. Say whether the lap is valid."),
+        "csv_moment": _("“%(value)s” is no moment. Write it as 2026-11-30T14:05:00+09:00."),
+        "csv_session_known": _(
+            "The session %(session)s was timed here and its laps are others. Correct them on the page of the laps."
+        ),
         "race_limit": _(
             "You already hold %(limit)s races that are not over. Wait until one closes, or cancel one of them."
         ),

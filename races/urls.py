@@ -2,7 +2,7 @@
 
 from django.urls import path
 
-from .views import boards, duels, evaluations, organising, own, races, racing, videos
+from .views import boards, duels, evaluations, organising, own, races, racing, timing, videos
 
 urlpatterns = [
     path("races/", races.races, name="races"),
@@ -29,6 +29,20 @@ urlpatterns = [
     path("races/<slug:slug>/racers/", organising.race_racers, name="race_racers"),
     path("races/<slug:slug>/racers/<str:alias>/remove/", organising.racer_remove, name="race_racer_remove"),
     path("races/<slug:slug>/racers/<str:alias>/restore/", organising.racer_restore, name="race_racer_restore"),
+    path("races/<slug:slug>/timing/", timing.race_timing, name="race_timing"),
+    path("races/<slug:slug>/timing/worker.js", timing.race_timing_worker, name="race_timing_worker"),
+    path("races/<slug:slug>/timing/set-up/", timing.race_timing_setup, name="race_timing_setup"),
+    path("races/<slug:slug>/timing/timekeepers/", timing.timekeeper_name, name="timekeeper_name"),
+    path("races/<slug:slug>/timing/timekeepers/<str:alias>/", timing.timekeeper_dismiss, name="timekeeper_dismiss"),
+    path("races/<slug:slug>/timing/sensors/", timing.sensor_make, name="sensor_make"),
+    path("races/<slug:slug>/timing/sensors/<int:number>/revoke/", timing.sensor_revoke, name="sensor_revoke"),
+    path("races/<slug:slug>/timing/guests/<uuid:id>/", timing.guest_link, name="guest_link"),
+    path("races/<slug:slug>/timing/file/", timing.laps_take, name="laps_take"),
+    path("races/<slug:slug>/car/", timing.car_choose, name="car_choose"),
+    path("races/<slug:slug>/laps/", timing.race_laps, name="race_laps"),
+    path("races/<slug:slug>/laps.csv", timing.race_laps_csv, name="race_laps_csv"),
+    path("races/<slug:slug>/laps/<uuid:id>/correct/", timing.lap_correct, name="lap_correct"),
+    path("laps/<str:claim>/", timing.guest_claim, name="guest_claim"),
     path("runs/", own.own_runs, name="own_runs"),
     path("runs/new/", own.own_new, name="own_new"),
     path("runs/layout/", own.own_layout, name="own_layout"),

@@ -29,7 +29,8 @@ Hold = Callable[[Race], None]
 _HOLDS: list[Hold] = []
 
 # What moves a lap time or an order: fixed from the first submission on, for everybody.
-RULE_FIELDS = ("track", *(name for name, rule in RULES.items() if rule.fixed))
+PHYSICAL_FIELDS = ("physical", "session_s", "minimum_lap_ms")
+RULE_FIELDS = ("track", *PHYSICAL_FIELDS, *(name for name, rule in RULES.items() if rule.fixed))
 # What decides where boxes stand and whether bots have room: a change of these makes the layout anew and checks it.
 BOX_AND_BOT_FIELDS = ("track", "direction", "race_type", "boxes", "random_boxes", "box_distance_m", "bots", "seed")
 # What never changes after a race is made.
@@ -43,6 +44,7 @@ EDITABLE_FIELDS = (
     "sponsor",
     "terms",
     "division",
+    "beside",
     *(name for name, rule in RULES.items() if not rule.fixed),
     "visibility",
     "group",

@@ -8,7 +8,7 @@ from drf_spectacular.views import SpectacularJSONAPIView
 from evaluation import api as models
 from evaluation.reports import api as reports
 from league.api import notices, organising, seasons, webhooks
-from races.api import boards, duels, entries, evaluations, own, races, specifications, videos
+from races.api import boards, duels, entries, evaluations, own, races, specifications, timing, videos
 from tracks import api as tracks
 
 from . import reference, views
@@ -47,6 +47,16 @@ version_1: list[URLPattern | URLResolver] = [
         name="api-race-specification",
     ),
     path("races/<slug:slug>/board/", boards.BoardView.as_view(), name="api-board"),
+    path("races/<slug:slug>/timing/", timing.TimingView.as_view(), name="api-timing"),
+    path("races/<slug:slug>/sessions/", timing.SessionsView.as_view(), name="api-timed-sessions"),
+    path("races/<slug:slug>/sessions/<uuid:id>/", timing.SessionView.as_view(), name="api-timed-session"),
+    path("races/<slug:slug>/laps/", timing.LapFileView.as_view(), name="api-lap-file"),
+    path("races/<slug:slug>/laps/<uuid:id>/", timing.LapView.as_view(), name="api-lap"),
+    path("races/<slug:slug>/sensors/", timing.SensorsView.as_view(), name="api-sensors"),
+    path("races/<slug:slug>/sensors/<int:number>/", timing.SensorView.as_view(), name="api-sensor"),
+    path("races/<slug:slug>/timekeepers/", timing.TimekeepersView.as_view(), name="api-timekeepers"),
+    path("races/<slug:slug>/timekeepers/<slug:alias>/", timing.TimekeeperView.as_view(), name="api-timekeeper"),
+    path("timing/crossings/", timing.CrossingsView.as_view(), name="api-crossings"),
     path("races/<slug:slug>/duels/", duels.DuelsView.as_view(), name="api-duels"),
     path("races/<slug:slug>/entry/", entries.EntryView.as_view(), name="api-entry"),
     path("races/<slug:slug>/submissions/", entries.SubmissionsView.as_view(), name="api-submissions"),

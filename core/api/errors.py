@@ -34,9 +34,9 @@ RETRY_AFTER_S = 30
 # Reason codes that are not plain bad input (400).
 _FORBIDDEN = (
     "model_not_yours vehicle_not_yours clone_not_yours race_not_yours race_needs_invitation race_pro_only "
-    "race_open_only race_league_admins race_terms entry_removed"
+    "race_open_only race_league_admins race_terms entry_removed timing_not_yours timing_stewards"
 )
-_NOT_THERE = "invitation_unknown entry_missing race_has_no_duels"
+_NOT_THERE = "invitation_unknown entry_missing race_has_no_duels guest_unknown timekeeper_unknown sensor_unknown"
 _NOT_NOW = (
     "race_not_open_yet race_closed race_cancelled race_recorded race_has_opened race_is_over race_has_submissions "
     "race_changed_meanwhile race_limit season_changed_meanwhile season_is_official "
@@ -46,12 +46,16 @@ _NOT_NOW = (
     "track_known track_limit track_in_use garage_full storage_full model_name_taken too_many_tokens "
     "training_name_taken training_jobs_at_once training_minutes_left reward_check_runs "
     "vehicle_name_taken vehicle_limit training_no_model webhook_limit webhook_test_limit "
+    "race_is_physical race_not_physical timing_final timing_too_late sessions_used_up guest_linked sensor_busy "
+    "sensor_idle sensors_too_many timekeepers_too_many "
     "video_run_not_finished videos_off videos_at_once videos_a_day own_runs_at_once own_runs_a_day own_under_way"
 )
 STATUS_OF: dict[str, int] = {
     **dict.fromkeys(_FORBIDDEN.split(), status.HTTP_403_FORBIDDEN),
     **dict.fromkeys(_NOT_THERE.split(), status.HTTP_404_NOT_FOUND),
     **dict.fromkeys(_NOT_NOW.split(), status.HTTP_409_CONFLICT),
+    "sensor_token": status.HTTP_401_UNAUTHORIZED,
+    "sensor_revoked": status.HTTP_401_UNAUTHORIZED,
     "too_large": status.HTTP_413_REQUEST_ENTITY_TOO_LARGE,
 }
 

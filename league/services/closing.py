@@ -140,6 +140,12 @@ def is_official(race: Race) -> bool:
     return Round.objects.filter(race=race, closed_at__isnull=False).exists()
 
 
+def is_final(race: Race, now: datetime) -> bool:
+    """Whether the results of a race are those of a round that was closed and whose steward window is over."""
+    round_ = Round.objects.filter(race=race, closed_at__isnull=False).select_related("season", "race").first()
+    return round_ is not None and not round_.is_under_review(now)
+
+
 def cars_on_the_way(race: Race) -> int:
     """How many cars of a race still wait or drive, for the first time or again; duels that are not over are one, and
     so is a live event."""

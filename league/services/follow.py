@@ -10,7 +10,7 @@ from datetime import datetime
 
 from core.events import Event, EventReader
 from evaluation.events import RUN_FAILED
-from races.events import DUELS_OVER, RACE_CLOSED, RACE_RESULT
+from races.events import DUELS_OVER, RACE_CLOSED, RACE_RESULT, RACE_TIMED
 from races.models import Submission
 
 from ..models import Round
@@ -37,4 +37,4 @@ def _follow(event: Event, now: datetime) -> int:
 
 
 # Closes rounds; told is how many.
-SEASONS = EventReader("seasons", (RACE_CLOSED, RACE_RESULT, RUN_FAILED, DUELS_OVER), _follow)
+SEASONS = EventReader("seasons", (RACE_CLOSED, RACE_RESULT, RACE_TIMED, RUN_FAILED, DUELS_OVER), _follow)

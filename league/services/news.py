@@ -14,10 +14,11 @@ from core.events import Event, EventKind, EventReader
 from evaluation.events import RUN_FAILED
 from evaluation.models import Evaluation, State
 from races import events as of_races
-from races.models import Entry, Race, RaceKind, Redrive, Retiming, Submission
-from races.ranking import laps_needed
+from races.measured import counted_laps
+from races.models import Entry, Race, RaceKind, Redrive, Retiming, Submission, TimedSession
+from races.ranking import laps_needed, longest_streak, standing_in
 from races.selectors import podiums
-from races.selectors.results import result_of
+from races.selectors.results import place_of, result_of
 from races.services.gates import moment
 
 from ..events import DISQUALIFIED, IN_FINALE, PROMOTED, QUALIFIED, RESTORED
@@ -66,6 +67,26 @@ def _counted(event: Event, now: datetime) -> int:
     told = 0
     if submission is not None:  # by now perhaps another run of the car, which was driven again
         told += _result(submission.evaluation, submission, now)
+    return told + _lead(event, now)
+
+
+def _timed(event: Event, now: datetime) -> int:
+    """A session with a real car has ended: its racer reads what it was worth, and who has lost the lead by it that."""
+    sessions = TimedSession.objects.filter(pk=event.data["session"], discarded_at=None, ended_at__gt=now - REACH)
+    session, told = sessions.select_related("race", "entry__race").prefetch_related("laps").first(), 0
+    if session is not None:
+        laps = counted_laps(session.race, sorted(session.laps.all(), key=lambda lap: lap.number))
+        standing, place = standing_in(session.race, laps), place_of(session.entry)
+        params: dict[str, Any] = {
+            "race": session.race.name,
+            "score_ms": standing.score_ms,
+            "streak": longest_streak(laps),
+            "needed": laps_needed(session.race),
+            "rank": place.rank,
+            "of": place.totals.racers,
+        }
+        page = session.race.get_absolute_url()
+        told += tell(Told(NoticeKind.RESULT, str(session.pk), [session.entry.racer_id], page, params), now)
     return told + _lead(event, now)
 
 
@@ -208,6 +229,7 @@ _TELLING: dict[EventKind, Callable[[Event, datetime], int]] = {
     of_races.RACE_CLOSING: _closing,
     of_races.RACE_CANCELLED: _cancelled,
     of_races.RACE_RESULT: _counted,
+    of_races.RACE_TIMED: _timed,
     of_races.RACE_RETIMED: _retimed,
     of_races.RACE_BOARD: _lead,
     of_races.DUELS_DRAWN: _lead,

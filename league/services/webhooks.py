@@ -16,6 +16,7 @@ from accounts.models import Racer
 from core.events import Event, EventReader
 from core.wakeup import wake
 from paddock.errors import UserFault
+from races.events import RACE_TIMED
 from races.models import Entry, Race, RaceKind
 
 from .. import chats, outgoing
@@ -103,7 +104,7 @@ def queue_deliveries(event: Event, now: datetime) -> int:
 
 
 # Writes deliveries; told is how many.
-WEBHOOKS = EventReader("webhooks", KINDS, queue_deliveries)
+WEBHOOKS = EventReader("webhooks", (*KINDS, RACE_TIMED), queue_deliveries)
 
 
 def tidy_webhooks(*, now: datetime) -> int:

@@ -37,12 +37,14 @@ from ..services import (
 from ..services.gates import moment
 from ..services.races import edition_of, free_slug, has_submissions
 from ..services.terms import keep_terms, one_form
-from ..validation import EDITABLE_FIELDS, RULE_FIELDS, TEXT_FIELDS, check_times
+from ..validation import EDITABLE_FIELDS, PHYSICAL_FIELDS, RULE_FIELDS, TEXT_FIELDS, check_times
 from .actions import WithReason, sentence
 
 _ELSEWHERE = ("direction", *LAYOUT)
 # What a race keeps without a column: the form of a model does not know it.
 _INSIDE = tuple(name for name, rule in RULES.items() if not rule.column)
+# What only races of real cars have; an empty field leaves it as it is.
+_OF_REAL_CARS = ("session_s", "minimum_lap_ms")
 _Inside = new_class("Inside", (forms.ModelForm,), exec_body=lambda body: body.update(rule_fields(_INSIDE)))
 
 
@@ -65,11 +67,17 @@ class RaceAdminForm(_Inside):  # type: ignore[misc, valid-type]
         if "slug" in self.fields:
             self.fields["slug"].required = False
             self.fields["slug"].help_text = _("Leave empty to make it from the name. It never changes afterwards.")
+        for name in _OF_REAL_CARS:
+            if name in self.fields:
+                self.fields[name].required = False
         self.initial |= {name: getattr(self.instance, name) for name in _INSIDE}
         if self.instance.pk:
             self.initial["edition"] = edition_of(self.instance)
 
     def _post_clean(self) -> None:
+        for name in _OF_REAL_CARS:
+            if name in self.cleaned_data and self.cleaned_data[name] is None:
+                self.cleaned_data[name] = getattr(self.instance, name)
         for name in _INSIDE:
             if self.cleaned_data.get(name) is not None:
                 setattr(self.instance, name, self.cleaned_data[name])
@@ -132,6 +140,7 @@ class RaceAdmin(WithReason):
     search_fields = ("name", "slug", "organiser__alias", "track__name")
     date_hierarchy = "opens_at"
     autocomplete_fields = ("track", "organiser", "group")
+    raw_id_fields = ("beside",)
     actions = ("cancel", "clone", "new_invitations", "work_out_anew")
     fieldsets = (
         (None, {"fields": ("name", "slug", "kind", "division", "organiser", "group", "description", "edition")}),
@@ -161,6 +170,7 @@ class RaceAdmin(WithReason):
             gettext_lazy("Head-to-head"),
             {"fields": tuple(name for name in LAYOUT if RULES[name].race_types == (RaceType.HEAD_TO_HEAD,))},
         ),
+        (gettext_lazy("Real cars"), {"fields": (*PHYSICAL_FIELDS, "beside")}),
         (gettext_lazy("Who sees it"), {"fields": ("visibility", "invitation_link")}),
         (gettext_lazy("State"), {"fields": ("state", "cancel_reason", "board", "created_at")}),
     )

@@ -24,10 +24,10 @@ from .. import services
 from ..audit import log
 from ..layout import box_rows
 from ..models import Division, Entry, Race, RaceKind, RaceState, RaceType, Visibility
-from ..models.race import MOST_TERMS
+from ..models.race import MINIMUM_LAP_MS, MOST_TERMS, SESSION_S
 from ..ranking import order_rule, rule_for
 from ..rules.serializers import with_rules
-from ..selectors import can_organise, races_visible_to
+from ..selectors import can_organise, can_see_race, races_visible_to
 from ..services.races import edition_of
 from .lookup import organised_race, visible_race
 from .placed import PlacedBoxSerializer
@@ -63,12 +63,21 @@ class RaceSerializer(with_rules(serializers.Serializer, RULES)):  # type: ignore
     group = serializers.CharField(
         source="group.slug", default=None, allow_null=True, help_text="Whose members alone may enter; null: everybody."
     )
+    physical = serializers.BooleanField(help_text="Real cars, timed at the track; nothing is simulated.")
+    session_s = serializers.IntegerField(help_text="Of real cars: seconds that a racer has on the track.")
+    minimum_lap_ms = serializers.IntegerField(help_text="Of real cars: two crossings closer together are one.")
+    beside = serializers.SerializerMethodField(help_text="The simulated race beside it, where you may see it.")
     engine = serializers.CharField(
         allow_blank=True, help_text="The simulator that its counted results are of; empty before the first."
     )
     next_engine = serializers.CharField(
         allow_blank=True, help_text="The one that all its counted runs are being driven again with; else empty."
     )
+
+    @extend_schema_field({"type": "string", "nullable": True})
+    def get_beside(self, race: Race) -> str | None:
+        other = race.beside
+        return None if other is None or not can_see_race(self.context["request"].user, other) else other.slug
 
     def get_state(self, race: Race) -> RaceState:
         return race.state_at(timezone.now())
@@ -119,6 +128,16 @@ class RaceChangeSerializer(with_rules(Body, RULES, asked=True)):  # type: ignore
     )
     track = serializers.SlugRelatedField(
         slug_field="slug", queryset=Track.objects.all(), required=False, help_text="The track's slug."
+    )
+    physical = serializers.BooleanField(required=False, help_text="Real cars, timed at the track.")
+    session_s = serializers.IntegerField(required=False, min_value=SESSION_S[0], max_value=SESSION_S[1])
+    minimum_lap_ms = serializers.IntegerField(required=False, min_value=MINIMUM_LAP_MS[0], max_value=MINIMUM_LAP_MS[1])
+    beside = serializers.SlugRelatedField(
+        slug_field="slug",
+        queryset=Race.objects.filter(visibility=Visibility.PUBLIC),
+        required=False,
+        allow_null=True,
+        help_text="The slug of a public, simulated race on the same track.",
     )
     opens_at = serializers.DateTimeField(required=False)
     closes_at = serializers.DateTimeField(required=False)
@@ -193,7 +212,7 @@ class RacesView(generics.ListAPIView):
 
     def get_queryset(self) -> QuerySet[Race]:
         wanted, racer = read_as(FilterSerializer, self.request.query_params), self.request.user
-        races = races_visible_to(racer).defer("track__npy").order_by("-opens_at", "-pk")
+        races = races_visible_to(racer).select_related("beside").defer("track__npy").order_by("-opens_at", "-pk")
         if "kind" in wanted:
             races = races.filter(kind=wanted["kind"])
         if "race_type" in wanted:

@@ -39,6 +39,26 @@ class Entry(models.Model):
     best = models.ForeignKey(
         "races.Submission", models.SET_NULL, null=True, blank=True, related_name="+", verbose_name=_("best submission")
     )
+    best_session = models.ForeignKey(
+        "races.TimedSession",
+        models.SET_NULL,
+        null=True,
+        blank=True,
+        related_name="+",
+        verbose_name=_("best session"),
+        help_text=_("In a race of real cars."),
+    )
+    guest_name = models.CharField(
+        _("name of the guest"), max_length=64, blank=True, default="", db_default="", editable=False
+    )
+    model = models.ForeignKey(
+        "evaluation.TrainedModel",
+        models.SET_NULL,
+        null=True,
+        blank=True,
+        related_name="+",
+        verbose_name=_("model on the real car"),
+    )
     classified = models.BooleanField(_("classified"), default=False)
     score_ms = models.PositiveIntegerField(_("score"), null=True, blank=True)
     average_ms = models.PositiveIntegerField(_("average lap"), null=True, blank=True)
@@ -137,6 +157,11 @@ class Entry(models.Model):
 
     def __str__(self) -> str:
         return f"{self.racer} in {self.race}"
+
+    @property
+    def shown_name(self) -> str:
+        """What stands on the board: the racer's alias, of a guest the name that was typed."""
+        return self.guest_name or self.racer.alias
 
     @property
     def is_withdrawn(self) -> bool:

@@ -6,6 +6,7 @@ from datetime import datetime
 
 from django.conf import settings
 from django.core.exceptions import ValidationError
+from django.core.validators import MaxValueValidator, MinValueValidator
 from django.db import models
 from django.db.models import F, Q
 from django.urls import reverse
@@ -20,7 +21,7 @@ from paddock.rules.race import RULES
 from ..errors import problem
 from ..sensors import OFFERABLE, sensors_make_sense
 from . import layout
-from .choices import Division, RaceKind, RaceState, Visibility
+from .choices import Division, RaceKind, RaceState, RaceType, Visibility
 from .rules import inside_a_race, lap_problems, laps_constraints, with_rules, within
 
 
@@ -43,6 +44,10 @@ _NEEDED_WITHIN_DRIVEN, *_LAPS = laps_constraints("race")
 
 
 MOST_TERMS = 8000
+# Of a race with real cars: how long a racer's session and a lap may last.
+SESSION_S = (30, 3600)
+MINIMUM_LAP_MS = (500, 60_000)
+LONGEST_LAP_MS = 1_200_000
 
 
 def new_invitation() -> str:
@@ -93,6 +98,35 @@ class Race(ChecksTogether, with_rules(RULES, inside_a_race)):  # type: ignore[mi
     )
     visibility = models.CharField(_("visibility"), max_length=10, choices=Visibility.choices, default=Visibility.PUBLIC)
     invitation = models.CharField(_("invitation"), max_length=32, unique=True, default=new_invitation, editable=False)
+    physical = models.BooleanField(
+        _("real cars, timed at the track"),
+        default=False,
+        db_default=False,
+        help_text=_("Nothing is simulated: timekeepers or sensors take the times."),
+    )
+    session_s = models.PositiveSmallIntegerField(
+        _("session"),
+        default=180,
+        db_default=180,
+        validators=[MinValueValidator(SESSION_S[0]), MaxValueValidator(SESSION_S[1])],
+        help_text=_("Seconds that a racer has on the track; the lap begun when they are over still counts."),
+    )
+    minimum_lap_ms = models.PositiveIntegerField(
+        _("shortest possible lap"),
+        default=3000,
+        db_default=3000,
+        validators=[MinValueValidator(MINIMUM_LAP_MS[0]), MaxValueValidator(MINIMUM_LAP_MS[1])],
+        help_text=_("Milliseconds. Two crossings closer together than this are one."),
+    )
+    beside = models.ForeignKey(
+        "self",
+        models.SET_NULL,
+        null=True,
+        blank=True,
+        related_name="physical_races",
+        verbose_name=_("simulated race beside it"),
+        help_text=_("Its results stand beside those of the real cars."),
+    )
     opens_at = models.DateTimeField(_("opens"))
     closes_at = models.DateTimeField(_("closes"))
     cancelled_at = models.DateTimeField(_("cancelled"), null=True, blank=True, editable=False)
@@ -145,6 +179,17 @@ class Race(ChecksTogether, with_rules(RULES, inside_a_race)):  # type: ignore[mi
                 ),
                 *layout.CONSTRAINTS,
             ),
+            models.CheckConstraint(
+                condition=Q(physical=False) | ~Q(race_type="head_to_head") & Q(engine=""), name="race_physical_is_alone"
+            ),
+            models.CheckConstraint(
+                condition=Q(session_s__gte=SESSION_S[0], session_s__lte=SESSION_S[1])
+                & Q(minimum_lap_ms__gte=MINIMUM_LAP_MS[0], minimum_lap_ms__lte=MINIMUM_LAP_MS[1]),
+                name="race_timing_range",
+            ),
+            models.CheckConstraint(
+                condition=Q(beside=None) | Q(physical=True) & ~Q(beside=F("id")), name="race_beside_of_real_cars"
+            ),
             models.CheckConstraint(condition=Q(next_engine="") | ~Q(engine=""), name="race_driven_again_was_driven"),
             models.CheckConstraint(
                 condition=Q(kind="league") & ~Q(division="") & Q(visibility="public")
@@ -156,6 +201,14 @@ class Race(ChecksTogether, with_rules(RULES, inside_a_race)):  # type: ignore[mi
     def __str__(self) -> str:
         return self.name
 
+    def _may_stand_beside(self, other: Race) -> bool:
+        """Whether it is a simulated race on the same track that everybody sees or the same racer organises."""
+        same = other.track_id == self.track_id and not other.physical
+        seen = other.visibility == Visibility.PUBLIC or (
+            other.organiser_id is not None and other.organiser_id == self.organiser_id
+        )
+        return same and seen
+
     def get_absolute_url(self) -> str:
         return reverse("race", args=[self.slug])
 
@@ -166,6 +219,11 @@ class Race(ChecksTogether, with_rules(RULES, inside_a_race)):  # type: ignore[mi
         if _are(datetime, self.opens_at, self.closes_at) and self.closes_at <= self.opens_at:
             problems["closes_at"] = problem("race_closes_before_opening")
         problems |= lap_problems(self)
+        if self.physical and self.race_type == RaceType.HEAD_TO_HEAD:
+            problems["race_type"] = problem("race_physical_alone")
+        beside = self.beside
+        if beside is not None and not (self.physical and self._may_stand_beside(beside)):
+            problems["beside"] = problem("race_beside")
         if self.kind == RaceKind.LEAGUE:
             if not self.division:
                 problems["division"] = problem("race_needs_division")

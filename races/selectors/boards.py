@@ -48,7 +48,7 @@ class BoardRow:
 
     @property
     def alias(self) -> str:
-        return self.entry.racer.alias
+        return self.entry.shown_name
 
     @property
     def is_baseline(self) -> bool:

@@ -11,7 +11,7 @@ from accounts.models import GroupMember
 from evaluation.models import Evaluation
 
 from ..engines import hidden_runs, is_hidden
-from ..models import Duel, Entry, Race, Submission, Visibility
+from ..models import Duel, Entry, Race, Submission, Timekeeper, Visibility
 
 if TYPE_CHECKING:
     from django.contrib.auth.models import AnonymousUser
@@ -27,13 +27,15 @@ def can_organise(racer: Racer | AnonymousUser | None, race: Race) -> bool:
 def can_see_race(racer: Racer | AnonymousUser | None, race: Race) -> bool:
     """Whether the racer (None or anonymous: anybody) may see the race. Twin of :func:`races_visible_to`.
 
-    Public races: everybody. Races by invitation: who organises them, admins, who is in them, and of a group's race all
-    its confirmed members, but for who was removed.
+    Public races: everybody. Races by invitation: who organises them or takes times in them, admins, who is in them, and
+    of a group's race all its confirmed members, but for who was removed.
     """
     if race.visibility == Visibility.PUBLIC or can_organise(racer, race):
         return True
     if not _known(racer):
         return False
+    if race.physical and Timekeeper.objects.filter(race=race, racer_id=racer.pk).exists():
+        return True
     removed = Entry.objects.filter(race=race, racer_id=racer.pk).values_list("removed_at", flat=True)
     if removed:
         return removed[0] is None
@@ -49,7 +51,9 @@ def races_visible_to(racer: Racer | AnonymousUser | None) -> QuerySet[Race]:
         return races
     member = Exists(Entry.objects.filter(race=OuterRef("pk"), racer_id=racer.pk, removed_at=None))
     invited = _in_its_group(racer, "")
-    return races.filter(Q(visibility=Visibility.PUBLIC) | Q(organiser_id=racer.pk) | Q(member) | invited)
+    times = Exists(Timekeeper.objects.filter(race=OuterRef("pk"), racer_id=racer.pk))
+    seen = Q(visibility=Visibility.PUBLIC) | Q(organiser_id=racer.pk) | Q(member) | invited
+    return races.filter(seen | Q(physical=True) & Q(times))
 
 
 def can_see_evaluation(racer: Racer | AnonymousUser | None, evaluation: Evaluation) -> bool:

@@ -24,7 +24,7 @@ from tracks.models import Track
 
 from ..errors import RaceRefused, problem
 from ..events import RACE_CANCELLED, of_race
-from ..models import Race, RaceKind, Submission, new_invitation
+from ..models import Race, RaceKind, Submission, TimedSession, new_invitation
 from ..quotas import RACES
 from ..validation import EDITABLE_FIELDS, check_race, hold_above, stored_value
 from .gates import require_not_over, require_open
@@ -190,8 +190,11 @@ def add_months(time: datetime, months: int) -> datetime:
 
 
 def has_submissions(race: Race) -> bool:
-    """Whether anybody has submitted a car, so that the rules stand."""
-    return Submission.objects.filter(entry__race=race).exists()
+    """Whether anybody has submitted a car or was timed, so that the rules stand."""
+    return (
+        Submission.objects.filter(entry__race=race).exists()
+        or TimedSession.objects.filter(race=race, discarded_at=None).exists()
+    )
 
 
 def free_slug(name: str, *, fallback: str = "race") -> str:

@@ -19,6 +19,7 @@ from evaluation.models import Evaluation, Result, State
 
 from ..engines import admit
 from ..events import RACE_RESULT, record_board
+from ..measured import counted_laps, sessions_that_count
 from ..models import Entry, Race, Submission
 from ..ranking import LAST, NO_RESULT, Standing, best_of_sectors, standing_in
 from .duels import recount
@@ -32,6 +33,7 @@ FASTEST = {
 }
 _STANDING_FIELDS = (
     "best",
+    "best_session",
     "classified",
     "score_ms",
     "average_ms",
@@ -105,10 +107,15 @@ def record_result(submission: Submission, evaluation: Evaluation, *, at: datetim
 
 
 def work_out_standings(race: Race, entries: Iterable[Entry]) -> None:
-    """Work out from their submissions how these entries of a race stand, which the caller has locked with it and no
-    draw has seeded. Of results only those of the race's engine count. The caller records why."""
+    """Work out from their submissions, or of real cars from their sessions, how these entries of a race stand. The
+    caller has locked them with it, no draw has seeded them, and the caller records why. Of results only those of the
+    race's engine count."""
     for entry in entries:
         _clear(entry)
+        if race.physical:
+            _take_best_session(race, entry)
+            entry.save(update_fields=_STANDING_FIELDS)
+            continue
         submissions = entry.submissions.filter(is_void=False, car_of=None, evaluation__result__engine=race.engine)
         for submission in submissions.select_related("evaluation__result").order_by("pk"):
             _improve(entry, submission, _standing(race, submission, submission.evaluation.result))
@@ -199,6 +206,22 @@ def _improve(entry: Entry, submission: Submission, standing: Standing) -> None:
     if entry.best_id is not None and held <= (*standing.key, submission.submitted_at, submission.pk):
         return
     entry.best, entry.car_of = submission, None
+    _stand(entry, standing, submission.submitted_at)
+
+
+def _take_best_session(race: Race, entry: Entry) -> None:
+    """Of real cars the best session counts, of equals the earlier; no order of arrival changes that."""
+    best: tuple | None = None
+    for session in sessions_that_count(entry):
+        standing = standing_in(race, counted_laps(race, session.laps.all()))
+        _note_own_fastest(entry, standing)
+        place = (*standing.key, session.started_at, session.number)
+        if best is None or place < best:
+            best, entry.best_session = place, session
+            _stand(entry, standing, session.started_at)
+
+
+def _stand(entry: Entry, standing: Standing, at: datetime) -> None:
     entry.classified = standing.classified
     entry.score_ms = standing.score_ms
     entry.average_ms = standing.average_ms
@@ -209,7 +232,7 @@ def _improve(entry: Entry, submission: Submission, standing: Standing) -> None:
     entry.crashes = standing.crashes
     entry.resets = standing.resets
     entry.sectors = list(standing.sectors)
-    entry.achieved_at = submission.submitted_at
+    entry.achieved_at = at
     entry.rank_score = standing.rank_score
     entry.rank_lap = standing.rank_lap
     entry.is_live = standing.is_live and standing.classified

@@ -40,7 +40,7 @@ def submit_model(
     "race_closed", "race_cancelled", "entry_withdrawn", what :func:`~races.services.enter_race` raises,
     "model_not_yours", "sensors_not_offered", "car_already_submitted" (``evaluation``: the public id of its evaluation),
     "car_of_another" (``racer`` sent it before; organisers see that it was tried), "submission_running" (one at a time),
-    "submissions_used_up", or what an eligibility check says.
+    "submissions_used_up", "race_is_physical", or what an eligibility check says.
     """
     try:
         return _submit(race, racer, model, now, terms)
@@ -53,6 +53,8 @@ def submit_model(
 @transaction.atomic
 def _submit(race: Race, racer: Racer, model: TrainedModel, now: datetime, terms: int | None) -> Submission:
     require_open(race, now)
+    if race.physical:
+        raise UserFault("race_is_physical")
     entry = Entry.objects.filter(race=race, racer=racer).first()
     if entry is not None and entry.is_withdrawn:
         raise UserFault("entry_removed" if entry.removed_at else "entry_withdrawn")
@@ -63,6 +65,8 @@ def _submit(race: Race, racer: Racer, model: TrainedModel, now: datetime, terms:
     entry, race = _locked(entry)
     # under the locks: two tabs are one after the other here, and an organiser cannot change the rules in between
     require_open(race, now)
+    if race.physical:
+        raise UserFault("race_is_physical")
     if entry.is_withdrawn:
         raise UserFault("entry_removed" if entry.removed_at else "entry_withdrawn")
     accept_terms(entry, race, accepted=terms, now=now)

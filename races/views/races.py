@@ -35,6 +35,7 @@ from races.selectors import (
 )
 from races.selectors.group_boards import group_board, groups_on
 from races.selectors.terms import has_accepted
+from races.selectors.timing import beside, can_keep_time
 from races.sensors import not_offered
 
 from .common import visible_race
@@ -106,6 +107,8 @@ def race(request: HttpRequest, slug: str) -> HttpResponse:
         "groups": groups,
         "group": group,
     }
+    if shown.physical:
+        context["beside"] = beside(shown, [row.entry for row in standings.rows], request.user)
     return render(request, "races/race.html", context)
 
 
@@ -164,13 +167,16 @@ def race_context(request: HttpRequest, shown: Race, entry: Entry | None = None, 
         "latest": latest,
         "ranking_rule": rule_for(shown).rule(shown),
         "can_organise": can_organise(request.user, shown),
+        "can_keep_time": can_keep_time(request.user, shown),
         "left": shown.max_submissions - entry.submission_count if entry else shown.max_submissions,
     }
     if request.user.is_authenticated and state in (RaceState.OPEN, RaceState.UPCOMING):
         context["asks_terms"] = not has_accepted(entry, shown)
         fault = refusal(shown, request.user, now)
         context["not_for_me"] = fault and explain(fault)
-    if state == RaceState.OPEN and request.user.is_authenticated:
+    if shown.physical and entry is not None:
+        context["models"] = list(models_of(entry.racer))
+    elif state == RaceState.OPEN and request.user.is_authenticated and not shown.physical:
         garage = list(models_of(request.user).annotate(is_sent=_is_sent(entry)))
         fitting = [model for model in garage if not not_offered(model.sensors, shown.sensors)]
         context |= {

@@ -1,0 +1,222 @@
+"""Real cars timed at the track: who takes times, sessions with their laps, sensors, and what was corrected.
+
+A *session* is one racer's turn on the track, of so many seconds as the race says. Its id and those of its laps are
+given where the times are taken, a browser or a file, so that carrying them over again changes nothing.
+"""
+
+from __future__ import annotations
+
+import uuid
+
+from django.conf import settings
+from django.db import models
+from django.db.models import Q
+from django.utils import timezone
+from django.utils.crypto import get_random_string
+from django.utils.translation import gettext_lazy as _
+
+from core.validators import ONE_LINE
+
+from .entry import Entry
+from .race import LONGEST_LAP_MS, Race
+
+MOST_LAPS = 500
+
+
+def new_claim() -> str:
+    """A secret that a guest takes their laps over with (24 characters, 142 bits)."""
+    return get_random_string(24)
+
+
+class Source(models.TextChoices):
+    """Where the times of a session come from."""
+
+    HAND = "hand", _("by hand")
+    SENSOR = "sensor", _("sensor")
+    FILE = "file", _("file")
+
+
+class LapNote(models.TextChoices):
+    """What is to be known of how a lap was measured."""
+
+    NONE = "", _("nothing")
+    CLOCK = "clock", _("the clock stood still or jumped")
+    RELOADED = "reloaded", _("by the wall clock, as the page was loaded again meanwhile")
+
+
+class Timekeeper(models.Model):
+    """Somebody whom the organiser lets take times in a race, and nothing else."""
+
+    race = models.ForeignKey(Race, models.CASCADE, related_name="timekeepers", db_index=False)
+    racer = models.ForeignKey(settings.AUTH_USER_MODEL, models.CASCADE, related_name="timed_races")
+    named_at = models.DateTimeField(_("named"), default=timezone.now)
+
+    class Meta:
+        verbose_name = _("timekeeper")
+        verbose_name_plural = _("timekeepers")
+        constraints = [models.UniqueConstraint(fields=["race", "racer"], name="timekeeper_once_in_a_race")]
+
+    def __str__(self) -> str:
+        return f"{self.racer} times {self.race}"
+
+
+class Guest(models.Model):
+    """A racer without an account, by the name that the timekeeper typed. ``entry``: of the stand-in that races for
+    them, or once their laps were taken over that of the racer who they are."""
+
+    id = models.UUIDField(primary_key=True, default=uuid.uuid4, editable=False)
+    race = models.ForeignKey(Race, models.CASCADE, related_name="guests")
+    entry = models.ForeignKey(Entry, models.CASCADE, related_name="guests")
+    name = models.CharField(_("name"), max_length=64, validators=[ONE_LINE])
+    claim = models.CharField(max_length=24, unique=True, default=new_claim, editable=False)
+    made_at = models.DateTimeField(_("made"), default=timezone.now)
+    linked_at = models.DateTimeField(_("taken over"), null=True, blank=True)
+
+    class Meta:
+        verbose_name = _("guest")
+        verbose_name_plural = _("guests")
+
+    def __str__(self) -> str:
+        return self.name
+
+
+class TimingSensor(models.Model):
+    """A light barrier, a pressure strip or a transponder's receiver that tells when a car crosses the finish line.
+    Of its token only the digest is kept; ``hint`` are the token's first characters."""
+
+    race = models.ForeignKey(Race, models.CASCADE, related_name="timing_sensors")
+    name = models.CharField(_("name"), max_length=64, validators=[ONE_LINE])
+    token_sha256 = models.CharField(max_length=64, unique=True, editable=False)
+    hint = models.CharField(max_length=12, editable=False)
+    made_at = models.DateTimeField(_("made"), default=timezone.now)
+    made_by = models.ForeignKey(settings.AUTH_USER_MODEL, models.SET_NULL, null=True, related_name="+")
+    revoked_at = models.DateTimeField(_("revoked"), null=True, blank=True)
+    seen_at = models.DateTimeField(_("last seen"), null=True, blank=True)
+
+    class Meta:
+        verbose_name = _("timing sensor")
+        verbose_name_plural = _("timing sensors")
+
+    def __str__(self) -> str:
+        return self.name
+
+
+class TimedSession(models.Model):
+    """One racer's turn on the track. ``revision`` grows with every change made where the times are taken; an older one
+    that arrives later changes nothing. ``number``: among the entry's, from 1. ``started_at``: by the server's clock."""
+
+    id = models.UUIDField(primary_key=True, editable=False)
+    race = models.ForeignKey(Race, models.CASCADE, related_name="timed_sessions")
+    entry = models.ForeignKey(Entry, models.CASCADE, related_name="timed_sessions")
+    number = models.PositiveSmallIntegerField(_("number"))
+    revision = models.PositiveIntegerField(default=1)
+    source = models.CharField(_("timed"), max_length=6, choices=Source.choices, default=Source.HAND)
+    sensor = models.ForeignKey(TimingSensor, models.SET_NULL, null=True, blank=True, related_name="sessions")
+    started_at = models.DateTimeField(_("started"))
+    received_at = models.DateTimeField(_("carried over"))
+    ended_at = models.DateTimeField(_("ended"), null=True, blank=True)
+    discarded_at = models.DateTimeField(_("discarded"), null=True, blank=True)
+    model = models.ForeignKey(
+        "evaluation.TrainedModel", models.SET_NULL, null=True, blank=True, related_name="+", verbose_name=_("model")
+    )
+    car = models.CharField(_("car"), max_length=64, blank=True)
+    timekeeper = models.ForeignKey(
+        settings.AUTH_USER_MODEL, models.SET_NULL, null=True, blank=True, related_name="+", verbose_name=_("timekeeper")
+    )
+
+    class Meta:
+        verbose_name = _("session")
+        verbose_name_plural = _("sessions")
+        constraints = [
+            models.UniqueConstraint(fields=["entry", "number"], name="timedsession_number_once"),
+            models.UniqueConstraint(
+                fields=["sensor"],
+                condition=Q(sensor__isnull=False, ended_at=None, discarded_at=None),
+                name="timedsession_one_runs_at_a_sensor",
+            ),
+            models.CheckConstraint(
+                condition=Q(source="sensor") | Q(sensor=None), name="timedsession_sensor_only_where_it_times"
+            ),
+        ]
+
+    def __str__(self) -> str:
+        return f"{self.entry} #{self.number}"
+
+
+class MeasuredLap(models.Model):
+    """One lap that was measured; ``time_ms`` without penalties, which the race's rules add."""
+
+    id = models.UUIDField(primary_key=True, editable=False)
+    session = models.ForeignKey(TimedSession, models.CASCADE, related_name="laps", db_index=False)
+    number = models.PositiveSmallIntegerField(_("lap"))
+    time_ms = models.PositiveIntegerField(_("time"))
+    off_tracks = models.PositiveSmallIntegerField(_("off tracks"), default=0)
+    resets = models.PositiveSmallIntegerField(_("resets"), default=0)
+    valid = models.BooleanField(_("valid"), default=True)
+    note = models.CharField(_("measured"), max_length=8, choices=LapNote.choices, blank=True)
+    corrected = models.BooleanField(_("corrected"), default=False)
+
+    class Meta:
+        verbose_name = _("lap")
+        verbose_name_plural = _("laps")
+        constraints = [
+            models.UniqueConstraint(fields=["session", "number"], name="measuredlap_number_once"),
+            models.CheckConstraint(
+                condition=Q(time_ms__gte=1, time_ms__lte=LONGEST_LAP_MS), name="measuredlap_time_range"
+            ),
+            models.CheckConstraint(condition=Q(number__gte=1, number__lte=MOST_LAPS), name="measuredlap_number_range"),
+        ]
+
+    def __str__(self) -> str:
+        return f"{self.session}, {self.number}: {self.time_ms} ms"
+
+
+class LapCorrection(models.Model):
+    """What somebody changed in a lap afterwards, and why. ``before``, ``after``: time_ms, off_tracks, resets, valid."""
+
+    lap = models.ForeignKey(MeasuredLap, models.CASCADE, related_name="corrections")
+    by = models.ForeignKey(settings.AUTH_USER_MODEL, models.SET_NULL, null=True, related_name="+")
+    at = models.DateTimeField(_("corrected"))
+    reason = models.CharField(_("reason"), max_length=255)
+    before = models.JSONField()
+    after = models.JSONField()
+
+    class Meta:
+        verbose_name = _("correction")
+        verbose_name_plural = _("corrections")
+        constraints = [
+            models.CheckConstraint(condition=~Q(reason=""), name="lapcorrection_has_a_reason"),
+        ]
+
+    def __str__(self) -> str:
+        return f"{self.lap}: {self.reason}"
+
+
+class CrossingVerdict(models.TextChoices):
+    """What a crossing was taken for."""
+
+    START = "start", _("begins a lap")
+    LAP = "lap", _("ends a lap")
+    BOUNCE = "bounce", _("the crossing before once more")
+
+
+class Crossing(models.Model):
+    """One crossing that a sensor told and a session took. ``boot``: which start of the sensor counts ``number`` and
+    ``at_ms``, its own monotonic milliseconds, empty where it has no clock and the time of receiving stands."""
+
+    session = models.ForeignKey(TimedSession, models.CASCADE, related_name="crossings")
+    sensor = models.ForeignKey(TimingSensor, models.CASCADE, related_name="crossings", db_index=False)
+    boot = models.CharField(max_length=32, blank=True)
+    number = models.PositiveBigIntegerField()
+    at_ms = models.PositiveBigIntegerField(null=True)
+    received_at = models.DateTimeField()
+    verdict = models.CharField(max_length=6, choices=CrossingVerdict.choices)
+    lap = models.OneToOneField(MeasuredLap, models.SET_NULL, null=True, related_name="crossing")
+
+    class Meta:
+        verbose_name = _("crossing")
+        verbose_name_plural = _("crossings")
+        constraints = [models.UniqueConstraint(fields=["sensor", "boot", "number"], name="crossing_once")]
+
+    def __str__(self) -> str:
+        return f"{self.sensor} {self.number}: {self.verdict}"

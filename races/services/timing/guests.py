@@ -1,0 +1,108 @@
+"""Racers without an account: a stand-in races for them until somebody takes their laps over."""
+
+from __future__ import annotations
+
+from datetime import datetime
+from uuid import UUID
+
+from django.db import transaction
+from django.utils.crypto import get_random_string
+
+from accounts.models import Racer
+from paddock.errors import UserFault
+
+from ...eligibility import check_eligible
+from ...events import record_board
+from ...models import Entry, Guest, Race
+from ...signals import board_changed
+from ..locks import lock_entries
+from ..standings import work_out_standings
+from .gates import require_may_correct, require_not_final, require_physical
+
+LONGEST_NAME = 64
+_EMAIL = "guest-{name}@record.invalid"
+
+
+def clean_name(name: str) -> str:
+    """A guest's name on one line. Raises UserFault("guest_name")."""
+    name = " ".join("".join(mark if mark.isprintable() else " " for mark in name).split())
+    if not name or len(name) > LONGEST_NAME or name[0] in "=+-@":  # a sheet would take it for a formula
+        raise UserFault("guest_name", most=LONGEST_NAME)
+    return name
+
+
+def guest_of(*, race: Race, id: UUID, name: str, now: datetime) -> Guest:
+    """The guest with this id, made in the caller's transaction if it is new. Raises UserFault("guest_name" |
+    "timing_id_taken")."""
+    found = Guest.objects.filter(pk=id).select_related("entry__race", "entry__racer").first()
+    if found is not None:
+        if found.race_id != race.pk:
+            raise UserFault("timing_id_taken")
+        return found
+    name = clean_name(name)
+    code = get_random_string(10, "abcdefghjkmnpqrstuvwxyz23456789")
+    racer = Racer(
+        alias=f"guest-{code}",
+        email=_EMAIL.format(name=id.hex),
+        password="!",  # none can be right
+        is_active=False,
+        joined_at=now,
+        record_id=f"guest:{id}",
+    )
+    racer.save(force_insert=True)
+    entry = Entry.objects.create(race=race, racer=racer, entered_at=now, guest_name=name)
+    return Guest.objects.create(id=id, race=race, entry=entry, name=name, made_at=now)
+
+
+def link_guest(*, guest: Guest, racer: Racer, by: Racer, now: datetime) -> Entry:
+    """Give a guest's sessions to the racer who they are, for who organises the race. Raises UserFault as
+    :func:`~races.services.timing.gates.require_may_correct` does, "guest_linked", what an eligibility check says,
+    "entry_removed"."""
+    require_may_correct(guest.race, by, now)
+    return _link(guest, racer, now)
+
+
+def claim_guest(*, claim: str, racer: Racer, now: datetime) -> Entry:
+    """Take over what was timed for a guest, by the secret that the organiser has handed them. Raises UserFault
+    ("guest_unknown"), else as :func:`link_guest`."""
+    guest = Guest.objects.filter(claim=claim).select_related("race", "entry").first() if claim else None
+    if guest is None:
+        raise UserFault("guest_unknown")
+    require_physical(guest.race)
+    require_not_final(guest.race, now)
+    return _link(guest, racer, now)
+
+
+@transaction.atomic
+def _link(guest: Guest, racer: Racer, now: datetime) -> Entry:
+    race = guest.race
+    if racer.record_id is not None or racer.is_house or not racer.is_active:
+        raise UserFault("timing_racer_unknown", racer=racer.alias)
+    check_eligible(race, racer, now)
+    target, _ = Entry.objects.get_or_create(race=race, racer=racer, defaults={"entered_at": now})
+    locked = {one.pk: one for one in lock_entries([guest.entry_id, target.pk])}
+    # under the locks: of two who claim the same laps one is the first
+    fresh = Guest.objects.select_for_update().get(pk=guest.pk)
+    if fresh.linked_at is not None:
+        raise UserFault("guest_linked", guest=fresh.name)
+    source, target = locked[fresh.entry_id], locked[target.pk]
+    if target.removed_at is not None:
+        raise UserFault("entry_removed")
+    for session in source.timed_sessions.order_by("number"):
+        target.last_number += 1
+        target.submission_count += session.discarded_at is None
+        session.entry, session.number = target, target.last_number
+        session.save(update_fields=["entry", "number"])
+    target.withdrawn_at = None
+    target.save(update_fields=["last_number", "submission_count", "withdrawn_at"])
+    fresh.entry, fresh.linked_at = target, now
+    fresh.save(update_fields=["entry", "linked_at"])
+    stand_in = source.racer
+    source.delete()
+    if not stand_in.entries.exists():
+        stand_in.delete()
+    work_out_standings(target.race, [target])
+    record_board(target.race)
+    if target.race.state_at(now) == "closed":
+        board_changed.send(sender=Race, race=target.race, now=now)
+    return target

@@ -1,0 +1,215 @@
+"""Sessions carried over from where their times were taken. Ids are given there, so sending again changes nothing."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from datetime import datetime, timedelta
+from typing import TYPE_CHECKING
+from uuid import UUID
+
+from django.db import transaction
+from django.db.models import F
+
+from core.events import record
+from paddock.errors import UserFault
+
+from ...events import RACE_TIMED, of_race, record_board
+from ...models import Entry, MeasuredLap, Race, RaceState, Source, TimedSession, TimingSensor
+from ...models.race import LONGEST_LAP_MS
+from ...signals import board_changed
+from ..locks import lock_entries
+from ..standings import work_out_standings
+from .gates import require_driven_in_time, require_timekeeper
+from .guests import clean_name, guest_of
+from .laps import SentLap, check_laps
+
+if TYPE_CHECKING:
+    from accounts.models import Racer
+
+
+@dataclass(frozen=True)
+class SentSession:
+    """A session as the timekeeper's device keeps it. ``started_at``: by the server's clock, as good as it can be told.
+
+    ``racer``: the alias of somebody in the race; or ``guest``: the id and the name of one without an account.
+    ``sensor``: the number of the sensor that measures; its laps are the sensor's, and of those sent only off tracks,
+    resets and what is valid is read.
+    """
+
+    id: UUID
+    revision: int
+    started_at: datetime
+    laps: Sequence[SentLap] = ()
+    racer: str = ""
+    guest: tuple[UUID, str] | None = None
+    car: str = ""
+    ended: bool = False
+    discarded: bool = False
+    sensor: int | None = None
+    source: str = Source.HAND
+
+
+@transaction.atomic
+def carry_over(*, race: Race, by: Racer, sent: SentSession, now: datetime) -> TimedSession | None:
+    """Write a session, or what has changed in it; all of it or nothing. None for one that was discarded before it ever
+    came here.
+
+    Raises UserFault("race_not_physical" | "timing_not_yours" | "timing_id_taken" | "timing_racer_unknown" |
+    "entry_withdrawn" | "entry_removed" | "sessions_used_up" | "sensor_unknown" | "sensor_busy"), and what
+    :func:`~races.services.timing.gates.require_driven_in_time` or :func:`~races.services.timing.laps.check_laps` raise.
+    """
+    require_timekeeper(race, by)
+    known = TimedSession.objects.filter(pk=sent.id).first()
+    if known is not None and known.race_id != race.pk:
+        raise UserFault("timing_id_taken")
+    if known is not None and known.revision >= sent.revision:
+        return known
+    if known is None and sent.discarded:
+        return None
+    started_at = sent.started_at if known is None else known.started_at
+    require_driven_in_time(race, started_at, now, at_once=sent.source != Source.FILE)
+    if sent.sensor is None:
+        check_laps(race, sent.laps, in_session=sent.source == Source.HAND)
+    entry = _who(race, sent, now)
+    numbers = {entry.pk} if known is None else {entry.pk, known.entry_id}
+    locked = {one.pk: one for one in lock_entries(numbers)}
+    entry = locked[entry.pk]
+    # under the locks: the same session may have come by another way meanwhile
+    session = TimedSession.objects.select_for_update().filter(pk=sent.id).first()
+    if session is not None and session.revision >= sent.revision:
+        return session
+    sensor = _sensor(entry.race, sent, session, now)
+    if session is None:
+        session = _new(entry, sent, sensor, by, now)
+    elif session.entry_id != entry.pk:
+        _move(session, locked[session.entry_id], entry)
+    ends = sent.ended and session.ended_at is None and not sent.discarded
+    session.revision, session.car = sent.revision, clean_name(sent.car) if sent.car.strip() else ""
+    session.ended_at = (session.ended_at or now) if sent.ended else None
+    if sent.discarded and session.discarded_at is None:
+        session.discarded_at = now
+        Entry.objects.filter(pk=entry.pk, submission_count__gt=0).update(submission_count=F("submission_count") - 1)
+    session.save()
+    if session.sensor_id is None:
+        _write_laps(session, sent.laps)
+    else:
+        _mark_laps(session, sent.laps)
+    settle(entry.race, list(locked.values()), now)
+    if ends:
+        tell_ended(session, now)
+    return session
+
+
+def settle(race: Race, entries: Sequence[Entry], now: datetime) -> None:
+    """Work out these entries, which are locked, after their laps have changed; whoever follows the board is told."""
+    for entry in entries:
+        entry.refresh_from_db(fields=["submission_count", "last_number"])
+    work_out_standings(race, entries)
+    record_board(race)
+    if race.state_at(now) == RaceState.CLOSED:
+        board_changed.send(sender=Race, race=race, now=now)
+
+
+def tell_ended(session: TimedSession, now: datetime) -> None:
+    """A session is over: its racer, webhooks and the season are told, once."""
+    where = of_race(session.race) | {"racer": session.entry.racer_id}
+    record(RACE_TIMED, at=now, **where, session=str(session.pk), once=str(session.pk))
+
+
+def _who(race: Race, sent: SentSession, now: datetime) -> Entry:
+    if sent.guest is not None:
+        id, name = sent.guest
+        entry = guest_of(race=race, id=id, name=name, now=now).entry
+    else:
+        found = Entry.objects.filter(race=race, racer__alias__iexact=sent.racer, is_baseline=False).first()
+        if found is None:
+            raise UserFault("timing_racer_unknown", racer=sent.racer[:64])
+        entry = found
+    if entry.is_withdrawn:
+        raise UserFault("entry_removed" if entry.removed_at else "entry_withdrawn")
+    return entry
+
+
+def _sensor(race: Race, sent: SentSession, session: TimedSession | None, now: datetime) -> TimingSensor | None:
+    if sent.sensor is None:
+        return None
+    found = TimingSensor.objects.select_for_update().filter(race=race, pk=sent.sensor)
+    sensor = found.first()
+    if sensor is None or (sensor.revoked_at is not None and session is None):
+        raise UserFault("sensor_unknown")
+    running = TimedSession.objects.filter(sensor=sensor, ended_at=None, discarded_at=None).exclude(pk=sent.id)
+    # whose timekeeper has gone without a word
+    gone = timedelta(seconds=race.session_s, milliseconds=LONGEST_LAP_MS)
+    running.filter(started_at__lt=now - gone).update(ended_at=now)
+    if not sent.ended and not sent.discarded and running.exists():
+        raise UserFault("sensor_busy", sensor=sensor.name)
+    return sensor
+
+
+def _new(entry: Entry, sent: SentSession, sensor: TimingSensor | None, by: Racer | None, now: datetime) -> TimedSession:
+    counted = Entry.objects.filter(pk=entry.pk, submission_count__lt=entry.race.max_submissions).update(
+        submission_count=F("submission_count") + 1, last_number=F("last_number") + 1
+    )
+    if not counted:
+        raise UserFault("sessions_used_up", limit=entry.race.max_submissions)
+    entry.refresh_from_db(fields=["submission_count", "last_number"])
+    session = TimedSession(
+        id=sent.id,
+        race=entry.race,
+        entry=entry,
+        number=entry.last_number,
+        revision=sent.revision,
+        source=Source.SENSOR if sensor else sent.source,
+        sensor=sensor,
+        started_at=sent.started_at,
+        received_at=now,
+        model=entry.model,
+        timekeeper=by,
+    )
+    session.save(force_insert=True)
+    return session
+
+
+def _move(session: TimedSession, before: Entry, entry: Entry) -> None:
+    """The timekeeper had chosen the wrong racer."""
+    counted = session.discarded_at is None
+    Entry.objects.filter(pk=entry.pk).update(
+        submission_count=F("submission_count") + int(counted), last_number=F("last_number") + 1
+    )
+    if counted:
+        Entry.objects.filter(pk=before.pk).update(submission_count=F("submission_count") - 1)
+    entry.refresh_from_db(fields=["last_number"])
+    session.entry, session.number, session.model = entry, entry.last_number, entry.model
+
+
+def _write_laps(session: TimedSession, laps: Sequence[SentLap]) -> None:
+    """The laps as they were sent; one that was corrected here keeps what the correction says."""
+    ids = [lap.id for lap in laps]
+    if MeasuredLap.objects.filter(pk__in=ids).exclude(session=session).exists():
+        raise UserFault("timing_id_taken")
+    kept = {lap.pk: lap for lap in session.laps.filter(corrected=True)}
+    session.laps.filter(corrected=False).delete()
+    taken = {lap.number for lap in kept.values()}
+    MeasuredLap.objects.bulk_create(
+        MeasuredLap(
+            id=lap.id,
+            session=session,
+            number=lap.number,
+            time_ms=lap.time_ms,
+            off_tracks=lap.off_tracks,
+            resets=lap.resets,
+            valid=lap.valid,
+            note=lap.note,
+        )
+        for lap in laps
+        if lap.id not in kept and lap.number not in taken
+    )
+
+
+def _mark_laps(session: TimedSession, laps: Sequence[SentLap]) -> None:
+    """What the timekeeper saw of laps that the sensor has measured."""
+    for lap in laps:
+        session.laps.filter(pk=lap.id, corrected=False).update(
+            off_tracks=lap.off_tracks, resets=lap.resets, valid=lap.valid
+        )

@@ -1,0 +1,46 @@
+"""Races of real cars for tests: a race, and sessions as a timekeeper's device sends them."""
+
+from __future__ import annotations
+
+import uuid
+from collections.abc import Sequence
+from datetime import datetime, timedelta
+from typing import Any
+
+from accounts.models import Racer
+from races.models import Entry, Race, TimedSession
+from races.services import enter_race
+from races.services.timing import SentLap, SentSession, carry_over
+from tests.factories import a_race
+
+
+def a_physical_race(now: datetime, **fields: Any) -> Race:
+    """A public race of real cars, ranked by the best lap, whose off tracks cost a second."""
+    usual = {"physical": True, "ranking_method": "best", "minimum_laps": 1, "off_track_penalty_ms": 1000}
+    return a_race(now, **(usual | fields))
+
+
+def a_lap(number: int, time_ms: int = 10_000, **fields: Any) -> SentLap:
+    """One lap as it is sent."""
+    return SentLap(id=uuid.uuid4(), number=number, time_ms=time_ms, **fields)
+
+
+def a_session(now: datetime, *times: int, laps: Sequence[SentLap] | None = None, **fields: Any) -> SentSession:
+    """An ended session that began five minutes before ``now``."""
+    driven = [a_lap(number, time) for number, time in enumerate(times, 1)] if laps is None else laps
+    usual = {"id": uuid.uuid4(), "revision": 1, "started_at": now - timedelta(minutes=5), "ended": True}
+    return SentSession(**(usual | fields | {"laps": driven}))
+
+
+def timed(race: Race, racer: Racer, by: Racer, now: datetime, *times: int, **fields: Any) -> TimedSession:
+    """A session of a racer, whom this enters, carried over."""
+    enter_race(race=race, racer=racer, now=now)
+    session = carry_over(race=race, by=by, sent=a_session(now, *times, racer=racer.alias, **fields), now=now)
+    assert session is not None
+    return session
+
+
+def standing(race: Race, racer: Racer) -> tuple:
+    """What a racer is ranked by: whether classified, score, best and average lap, off tracks."""
+    names = ("classified", "score_ms", "best_lap_ms", "average_ms", "off_tracks")
+    return Entry.objects.values_list(*names).get(race=race, racer=racer)
