@@ -159,9 +159,11 @@ def _rendered(path: Path, changed_ns: int, language: str) -> GuidePage:
         _address(token.children or ())
     headings = iter(sections)
     shown: list[Token] = []
-    for token in tokens:
+    for index, token in enumerate(tokens):
         if token.type == "heading_open":
             token.attrSet("id", next(headings).anchor)
+        if token.type == "th_open" and not tokens[index + 1].content:  # nothing heads that column
+            token.tag = tokens[index + 2].tag = "td"
         if token.type in ("th_open", "td_open"):  # an alignment is said by a style, which pages forbid
             style = token.attrs.pop("style", "")
             token.attrs |= {"class": "num"} if style == "text-align:right" else {}

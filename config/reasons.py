@@ -79,6 +79,10 @@ register(
             "There is no track %(name)s in the catalogue, and this site's own tracks cannot be looked up: %(problem)s. "
             "Name one of the catalogue (%(known)s) or an .npy file, or check the database."
         ),
+        "race_not_found": _(
+            "There is no race %(name)s on this site. The closest names are: %(nearest)s. Give the address of its page, "
+            "or the last part of that."
+        ),
         "rules_senseless": _("These rules make no sense: %(problem)s."),
     },
 )

@@ -29,21 +29,19 @@ _ASKED = [rule for rule in OWN_RULES.values() if rule.name in RUN_RULES and rule
 
 
 def add_race_options(parser: ArgumentParser) -> None:
-    """Everything that :func:`rules_of` reads: an option for each rule of a run."""
+    """Everything that :func:`rules_of` reads: an option for each rule of a run. One that is not given is None."""
     for rule in _ASKED:
         said = (rule.help or rule.label).rstrip(".")
         option = f"--{_option(rule).replace('_', '-')}"
         if rule.type is bool:
-            parser.add_argument(option, action="store_true", help=said)
+            parser.add_argument(option, action="store_true", default=None, help=said)
         elif rule.choices:
-            parser.add_argument(option, choices=rule.choices, default=rule.default, help="default: %(default)s")
+            parser.add_argument(option, choices=rule.choices, help=f"default: {rule.default}")
         else:
-            # whether a bot's speed was given is looked at: it has no default of its own
             shown = rule.default / 1000 if rule.unit == "ms" else rule.default
             parser.add_argument(
                 option,
                 type=int if rule.type is int and rule.unit != "ms" else float,
-                default=None if rule.name == "bot_speed_mps" else shown,
                 metavar=_METAVARS.get(rule.unit, "N"),
                 help=f"{said}; default: {shown}",
             )
@@ -59,22 +57,31 @@ def add_race_options(parser: ArgumentParser) -> None:
 def add_ranking_options(parser: ArgumentParser) -> None:
     """What the laps are worth: the ranking method, and how many laps in a row it asks for."""
     method, needed = OWN_RULES["ranking_method"], OWN_RULES["minimum_laps"]
-    parser.add_argument("--ranking-method", choices=method.choices, default=method.default, help="default: %(default)s")
+    parser.add_argument("--ranking-method", choices=method.choices, help=f"default: {method.default}")
     parser.add_argument(
         "--minimum-laps", type=int, metavar="N", help=f"{needed.label.lower()}; default: 3, or as many as are driven"
     )
 
 
-def laps_needed(options: dict[str, Any]) -> int:
-    """Laps in a row that classify a car. Raises UserFault("race_minimum_laps", "race_total_needs_all_laps")."""
-    laps, needed = options["laps"], options["minimum_laps"]
+def ranking_of(options: dict[str, Any]) -> tuple[str, int]:
+    """The ranking method, and the laps in a row that classify a car. Raises UserFault("race_minimum_laps",
+    "race_total_needs_all_laps")."""
+    method = options["ranking_method"] or OWN_RULES["ranking_method"].default
+    laps = RULES["laps"].default if options["laps"] is None else options["laps"]
+    needed = options["minimum_laps"]
     if needed is None:
-        return laps if options["ranking_method"] == TOTAL else min(RULES["minimum_laps"].default, laps)
+        return method, laps if method == TOTAL else min(RULES["minimum_laps"].default, laps)
     if not 1 <= needed <= laps:
         raise UserFault("race_minimum_laps", laps=laps)
-    if options["ranking_method"] == TOTAL and needed != laps:
+    if method == TOTAL and needed != laps:
         raise UserFault("race_total_needs_all_laps", laps=laps)
-    return needed
+    return method, needed
+
+
+def options_given(options: dict[str, Any]) -> list[str]:
+    """Those of all these options that were given, as the command line calls them."""
+    names = [*map(_option, _ASKED), "ranking_method", "minimum_laps", "box"]
+    return [f"--{name.replace('_', '-')}" for name in names if options[name] not in (None, [])]
 
 
 def check_start(rules: RaceRules, length_m: float) -> None:
@@ -113,7 +120,7 @@ def _milliseconds(options: dict[str, Any], name: str) -> int:
 
 
 def _boxes(options: dict[str, Any]) -> tuple[BoxPlace, ...]:
-    places, drawn = options["box"], options["obstacles"]
+    places, drawn = options["box"], options["obstacles"] or 0
     if options["race_type"] != OBJECT_AVOIDANCE:
         if places or drawn:
             raise UserFault("race_has_no_boxes")
@@ -140,7 +147,7 @@ def _check_bots(options: dict[str, Any]) -> None:
     if options["race_type"] != HEAD_TO_HEAD:
         if options["bots"] or described:
             raise UserFault("race_has_no_opponents")
-    elif not 0 <= options["bots"] <= MAX_BOTS or (described and not options["bots"]):
+    elif not 0 <= (options["bots"] or 0) <= MAX_BOTS or (described and not options["bots"]):
         raise UserFault("race_bot_count", most=MAX_BOTS)
     least, most = BOT_SPEED_RANGE_MPS
     if not least <= _bot_speed(options) <= most:

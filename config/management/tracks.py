@@ -51,7 +51,7 @@ def find_track(name: str) -> FoundTrack:
 def _imported(name: str) -> FoundTrack:
     catalogue = [track.slug for track in CATALOGUE]
     own: list[str] = []
-    if _has_database():
+    if has_database():
         try:
             # what is no address at all may not be text to a database
             track = Track.objects.filter(slug=name).first() if slug_re.match(name) else None
@@ -66,7 +66,7 @@ def _imported(name: str) -> FoundTrack:
     raise Refusal(UserFault("track_not_found", name=name, nearest=", ".join(nearest), known=", ".join(catalogue)))
 
 
-def _has_database() -> bool:
+def has_database() -> bool:
     """Whether there is one to ask; an SQLite file that is not there would be made by asking."""
     database = connections[DEFAULT_DB_ALIAS]
     if not isinstance(database, DatabaseWrapper) or database.is_in_memory_db():

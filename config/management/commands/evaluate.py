@@ -15,7 +15,15 @@ from django.conf import settings
 from django.core.management.base import CommandError
 
 from config.management import OUR_FAULT, REFUSED, JsonCommand, Refusal, told
-from config.management.race_options import add_race_options, add_ranking_options, check_start, laps_needed, rules_of
+from config.management.race_options import (
+    add_race_options,
+    add_ranking_options,
+    check_start,
+    options_given,
+    ranking_of,
+    rules_of,
+)
+from config.management.races import FoundRace, find_race
 from config.management.run_video import save_video
 from config.management.tracks import TRACK_HELP, find_track
 from core.templatetags.formats import lap_time
@@ -47,7 +55,13 @@ class Command(JsonCommand):
             "package", type=Path, help="a model's archive or a training's folder (.tar.gz, .zip), or an .onnx file"
         )
         parser.add_argument("metadata", type=Path, nargs="?", help="model_metadata.json, beside an .onnx file")
-        parser.add_argument("--track", required=True, help=TRACK_HELP)
+        where = parser.add_mutually_exclusive_group(required=True)
+        where.add_argument("--track", help=TRACK_HELP)
+        where.add_argument(
+            "--race",
+            metavar="RACE",
+            help="by the rules of a race of this site, on its track: the address of its page, or the last part of that",
+        )
         parser.add_argument(
             "--look", choices=sorted(THEMES), help="what cameras see of it; default: the track's own, as on the site"
         )
@@ -85,13 +99,12 @@ class Command(JsonCommand):
         )
         parser.add_argument("--json", action="store_true", help="print the field's metrics JSON and what we measured")
 
-    def handle(self, *, package: Path, metadata: Path | None, track: str, **options: Any) -> None:
+    def handle(self, *, package: Path, metadata: Path | None, **options: Any) -> None:
         as_json = options["json"]
         try:
-            rules = rules_of(options)
+            found, rules, method, needed = _asked(options)
             check_rivals(rules, len(options["rival"]))
-            ranking, needed = RANKING[options["ranking_method"]], laps_needed(options)
-            found = find_track(track)
+            ranking = RANKING[method]
             geometry = found.geometry.in_direction(rules.direction)
             check_start(rules, geometry.length)
             lay_out(geometry, rules)  # before anything takes long
@@ -155,6 +168,17 @@ class Command(JsonCommand):
             self.stdout.write(f"{name:<8}{lap_time(figures[f'{name}_lap_ms' if name != 'total' else 'total_ms']):>11}")
         if car.retired:
             self.stdout.write(f"retired: {car.retired['code']}: {_said(car.retired)['message']}")
+
+
+def _asked(options: dict[str, Any]) -> FoundRace:
+    """What is to be driven: a race of this site, or a track with what the options say."""
+    if options["race"] is not None:
+        if given := [*options_given(options), *(["--look"] if options["look"] else [])]:
+            problem = f"{', '.join(given)} belong to --track: a race has its own"
+            raise Refusal(UserFault("command_line", problem=problem))
+        return find_race(options["race"])
+    rules = rules_of(options)
+    return FoundRace(find_track(options["track"]), rules, *ranking_of(options))
 
 
 def car_times(car: EvaluationOutcome | CompetitorOutcome) -> dict[str, int | None]:
