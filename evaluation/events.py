@@ -1,4 +1,4 @@
-"""What happens to a run, as events."""
+"""What happens to a run, as events. Of a sealed one nothing is told until it is unsealed."""
 
 from __future__ import annotations
 
@@ -22,16 +22,20 @@ RUN_STOPPED = register(EventKind("run.stopped", "a run was stopped", RUN, ("race
 
 def record_queued(evaluation: Evaluation, now: datetime) -> None:
     """The run is in the queue. Call it in the transaction that puts it there."""
-    record(RUN_QUEUED, at=now, **_whose(evaluation))
+    if not evaluation.sealed:
+        record(RUN_QUEUED, at=now, **_whose(evaluation))
 
 
 def record_start(evaluation: Evaluation, now: datetime) -> None:
     """A worker has claimed the run. Call it in the transaction that claims it."""
-    record(RUN_STARTED, at=now, **_whose(evaluation), attempt=evaluation.attempt)
+    if not evaluation.sealed:
+        record(RUN_STARTED, at=now, **_whose(evaluation), attempt=evaluation.attempt)
 
 
 def record_end(evaluation: Evaluation, result: Result | None, now: datetime) -> None:
     """The run is final, with a result or without. Call it in the transaction that ends it."""
+    if evaluation.sealed:
+        return
     whose = _whose(evaluation)
     if result is not None:
         record(RUN_FINISHED, at=now, **whose, best_lap_ms=result.best_lap_ms, total_ms=result.total_ms)

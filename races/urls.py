@@ -2,7 +2,7 @@
 
 from django.urls import path
 
-from .views import boards, duels, evaluations, organising, own, races, racing, timing, videos
+from .views import boards, duels, evaluations, live, organising, own, races, racing, timing, videos
 
 urlpatterns = [
     path("races/", races.races, name="races"),
@@ -15,6 +15,13 @@ urlpatterns = [
     path("races/<slug:slug>/duels/draw/", duels.race_draw, name="race_draw"),
     path("races/<slug:slug>/runs/", races.race_runs, name="race_runs"),
     path("races/<slug:slug>/live/", races.race_live, name="race_live"),
+    path("races/<slug:slug>/event/", live.live_event, name="live_event"),
+    path("races/<slug:slug>/event/state.json", live.live_state, name="live_state"),
+    path("races/<slug:slug>/event/poses.json", live.live_poses, name="live_poses"),
+    path("races/<slug:slug>/event/mine/", live.live_mine, name="live_mine"),
+    path("races/<slug:slug>/event/plan/", live.live_plan, name="live_plan"),
+    path("races/<slug:slug>/event/console/", live.live_console, name="live_console"),
+    path("races/<slug:slug>/event/act/", live.live_act, name="live_act"),
     path("races/<slug:slug>/board.csv", boards.board_csv, name="board_csv"),
     path("races/<slug:slug>/board.json", boards.board_json, name="board_json"),
     path("races/<slug:slug>/board.atom", boards.board_atom, name="board_atom"),

@@ -8,7 +8,7 @@ from drf_spectacular.views import SpectacularJSONAPIView
 from evaluation import api as models
 from evaluation.reports import api as reports
 from league.api import notices, organising, seasons, webhooks
-from races.api import boards, duels, entries, evaluations, own, races, specifications, timing, videos
+from races.api import boards, duels, entries, evaluations, live, own, races, specifications, timing, videos
 from tracks import api as tracks
 
 from . import reference, views
@@ -58,6 +58,10 @@ version_1: list[URLPattern | URLResolver] = [
     path("races/<slug:slug>/timekeepers/<slug:alias>/", timing.TimekeeperView.as_view(), name="api-timekeeper"),
     path("timing/crossings/", timing.CrossingsView.as_view(), name="api-crossings"),
     path("races/<slug:slug>/duels/", duels.DuelsView.as_view(), name="api-duels"),
+    path("races/<slug:slug>/live/", live.LiveView.as_view(), name="api-live"),
+    path("races/<slug:slug>/live/console/", live.LiveActsView.as_view(), name="api-live-console"),
+    path("races/<slug:slug>/live/mine/", live.LiveMineView.as_view(), name="api-live-mine"),
+    path("races/<slug:slug>/live/poses/", live.LivePosesView.as_view(), name="api-live-poses"),
     path("races/<slug:slug>/entry/", entries.EntryView.as_view(), name="api-entry"),
     path("races/<slug:slug>/submissions/", entries.SubmissionsView.as_view(), name="api-submissions"),
     path("races/<slug:slug>/removals/<slug:alias>/", entries.RemovalView.as_view(), name="api-removal"),

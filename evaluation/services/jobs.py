@@ -52,8 +52,7 @@ class Evaluations(RetriedKind[Evaluation]):
         put_in_turn(now=now)
 
     def began(self, job: Evaluation, now: datetime) -> None:
-        if not job.sealed:
-            record_start(job, now)
+        record_start(job, now)
 
     def topics(self, job: Evaluation) -> tuple[str, ...]:
         return (f"run:{job.public_id}",)
@@ -101,6 +100,5 @@ def finish_evaluation(*, pk: int, lease: uuid.UUID, outcome: EvaluationOutcome, 
 def tell_end(pk: int, result: Result | None, now: datetime) -> None:
     """Tell the rooms above of an end, in its transaction. That of a sealed run is not told to anybody else."""
     evaluation = Evaluation.with_sealed.select_related("model", "track", "owner").get(pk=pk)
-    if not evaluation.sealed:
-        record_end(evaluation, result, now)
+    record_end(evaluation, result, now)
     evaluation_ended.send(sender=Evaluation, evaluation=evaluation, result=result, now=now)

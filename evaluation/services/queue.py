@@ -126,7 +126,6 @@ def stop_evaluation(*, evaluation: Evaluation, now: datetime) -> bool:
     stopped = EVALUATIONS.end(under_way, state=State.STOPPED, now=now, reason_code="stopped")
     evaluation.refresh_from_db()
     if stopped:
-        if not evaluation.sealed:
-            record_end(evaluation, None, now)
+        record_end(evaluation, None, now)
         evaluation_ended.send(sender=Evaluation, evaluation=evaluation, result=None, now=now)
     return stopped

@@ -1,0 +1,99 @@
+"""A live event as data: what spectators' pages, screens and programs are told of it. Nothing in it is of the future."""
+
+from __future__ import annotations
+
+from datetime import datetime
+from typing import Any
+
+from .models import PLAYED_BEHIND, LiveEvent, LiveRacer, LiveSlot, LiveState
+from .poses import CHUNK_MS
+from .ranking import Standing
+from .selectors.live import PODIUM, LiveRow, live_racers, live_standings, on_track, phase_of, running_order, up_next
+
+
+def milliseconds(time: datetime | None) -> int | None:
+    """A time as browsers count: whole milliseconds since 1970."""
+    return None if time is None else round(time.timestamp() * 1000)
+
+
+def live_document(event: LiveEvent, now: datetime) -> dict[str, Any]:
+    """The event as everybody who may see it is told of it; times in ms since 1970 by the server's clock."""
+    slots = running_order(event)
+    playing = on_track(slots)
+    standings = live_standings(event)
+    phase = phase_of(event, now)
+    begun = event.begun_at is not None
+    return {
+        "race": event.race.slug,
+        "name": event.race.name,
+        "phase": phase,
+        "version": event.version,
+        "now": milliseconds(now),
+        "starts_at": milliseconds(event.starts_at),
+        "time_zone": event.time_zone,
+        "lobby_opens_at": milliseconds(event.lobby_opens_at),
+        "behind_ms": round(PLAYED_BEHIND.total_seconds() * 1000),
+        "chunk_ms": CHUNK_MS,
+        "rounds": event.rounds,
+        "attempt_ms": event.attempt_ms,
+        "submissions_open": event.submissions_open and not event.is_over,
+        "message": event.message,
+        "current": None if playing is None else slot_document(playing, now),
+        "next": [slot_document(slot, now) for slot in up_next(slots)],
+        "order": [slot_document(slot, now) for slot in slots],
+        "racers": []
+        if begun
+        else [_racer(racer) | {"here": racer.here_at is not None} for racer in live_racers(event)],
+        "standings": [_row(row) for row in standings],
+        "winner": None if event.winner is None else event.winner.racer.alias,
+        "podium": _podium(event, standings),
+    }
+
+
+def slot_document(slot: LiveSlot, now: datetime) -> dict[str, Any]:
+    """A place in the running order. When a run ends is not told: it would say that a car is about to be taken off."""
+    assert slot.racer is not None, "heats are not yet shown live"
+    submission = slot.submission
+    return {
+        "slot": slot.pk,
+        "round": slot.round,
+        "attempt": slot.attempt,
+        "state": slot.phase_at(now),
+        "starts_at": milliseconds(slot.starts_at),
+        "evaluation": None if submission is None else submission.evaluation.public_id,
+        "reason": slot.reason_code,
+        **_racer(slot.racer),
+    }
+
+
+def _racer(racer: LiveRacer) -> dict[str, Any]:
+    of = racer.entry.racer
+    return {"racer": of.alias, "country": str(of.country or ""), "qualified_rank": racer.qualified_rank}
+
+
+def _in_lobby(racer: LiveRacer) -> dict[str, Any]:
+    return {**_racer(racer), "here": racer.here_at is not None}
+
+
+def _row(row: LiveRow) -> dict[str, Any]:
+    standing: Standing | None = row.standing
+    return {
+        "rank": row.rank,
+        **_racer(row.racer),
+        "attempts": row.attempts,
+        "score_ms": None if standing is None else standing.score_ms,
+        "gap_ms": row.gap_ms,
+        "best_lap_ms": None if standing is None else standing.best_lap_ms,
+        "complete_laps": None if standing is None else standing.complete_laps,
+        "sectors": [] if standing is None else list(standing.sectors),
+    }
+
+
+def _podium(event: LiveEvent, standings: list[LiveRow]) -> list[str]:
+    """Who stands on it, the winner first; empty until it is shown."""
+    if event.podium_at is None or event.state == LiveState.CANCELLED:
+        return []
+    placed = [row.racer.entry for row in standings if row.rank is not None]
+    if event.winner is not None:
+        placed = [event.winner, *(entry for entry in placed if entry.pk != event.winner_id)]
+    return [entry.racer.alias for entry in placed[:PODIUM]]
