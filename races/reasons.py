@@ -273,6 +273,7 @@ register(
     {
         "live_exists": _("This race has a live event already. Change its plan, or call it off and plan another."),
         "live_with_duels": _("Models against models are drawn and driven as duels. Choose a race that times its cars."),
+        "live_of_real_cars": _("Real cars are timed where they drive. Only races of simulated cars are shown live."),
         "live_in_the_past": _("The start of the live event has passed. Choose a later time."),
         "live_too_far_ahead": _("The live event starts more than %(days)s days from now. Choose an earlier time."),
         "live_time_zone": _("%(zone)s is no time zone. Choose one of the list, such as Europe/Berlin."),

@@ -33,7 +33,8 @@ def plan_live(*, race: Race, by: Racer, now: datetime, starts_at: datetime, **pl
     """Give a race a live event; one that was called off before it began is planned anew.
 
     ``plan``: any of :data:`PLANNABLE`. Raises UserFault ``race_not_yours``, ``race_cancelled``, ``race_recorded``,
-    ``live_exists``, ``live_with_duels``, ``live_in_the_past``, ``live_too_far_ahead``, ``live_time_zone``,
+    ``live_exists``, ``live_of_real_cars``, ``live_with_duels``, ``live_in_the_past``, ``live_too_far_ahead``,
+    ``live_time_zone``,
     ``live_format`` with the name of what is out of its range.
     """
     if not can_organise(by, race):
@@ -44,6 +45,8 @@ def plan_live(*, race: Race, by: Racer, now: datetime, starts_at: datetime, **pl
         raise UserFault("race_recorded")
     if race.cancelled_at is not None:
         raise UserFault("race_cancelled", reason=race.cancel_reason)
+    if race.physical:
+        raise UserFault("live_of_real_cars")
     if race.opponents == Opponents.MODELS:
         raise UserFault("live_with_duels")
     check_plan({"starts_at": starts_at, **plan}, now)
