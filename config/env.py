@@ -139,6 +139,14 @@ def env_time_zone(name: str, default: str) -> str:
     return value
 
 
+def env_time(name: str, default: str) -> str:
+    """A time of day such as 20:00, or nothing. Raises ImproperlyConfigured for anything else."""
+    value = os.environ.get(name, default)
+    if value and not re.fullmatch(r"([01]\d|2[0-3]):[0-5]\d", value):
+        raise ImproperlyConfigured(f"{name} must be a time of day such as 20:00, or empty, not {value!r}.")
+    return value
+
+
 def env_regions(name: str) -> str:
     """Regions of countries, see :func:`accounts.regions.regions_in`. Raises ImproperlyConfigured otherwise."""
     value = os.environ.get(name, "")

@@ -8,7 +8,7 @@ from core.pages import Section
 
 SECTIONS = (
     Section("races", "races", _("Races"), ("/races/", "/community/", "/join/", "/evaluations/")),
-    Section("league", "season_now", _("League"), ("/seasons/", "/hall-of-fame/")),
+    Section("league", "season_now", _("League"), ("/seasons/", "/hall-of-fame/", "/cups/")),
     Section("train", "trainings", _("Train"), ("/train/",)),
     Section("learn", "learn", _("Learn"), ("/learn/",)),
     Section("tracks", "tracks", _("Tracks"), ("/tracks/",)),

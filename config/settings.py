@@ -30,6 +30,7 @@ from .env import (
     env_regions,
     env_sender,
     env_str,
+    env_time,
     env_time_zone,
     env_url,
     passkeys_work,
@@ -211,6 +212,7 @@ CELERY_BEAT_SCHEDULE = {
     "videos": {"task": "videos.tasks.sweep", "schedule": 15.0, "options": {"expires": 14}},
     "old_videos": {"task": "videos.tasks.purge", "schedule": 6 * 3600.0, "options": {"expires": 3600}},
     "clock": {"task": "league.tasks.clock", "schedule": 60.0, "options": {"expires": 59}},
+    "cups": {"task": "league.tasks.cups", "schedule": 20.0, "options": {"expires": 19}},
     "notices": {"task": "league.tasks.notices", "schedule": 60.0, "options": {"expires": 59}},
     "webhooks": {"task": "league.tasks.webhooks", "schedule": 60.0, "options": {"expires": 59}},
     "events": {"task": "core.events.tasks.sweep", "schedule": 60.0, "options": {"expires": 59}},
@@ -266,6 +268,7 @@ REPORTS_A_DAY = env_int("PADDOCK_REPORTS_A_DAY", 20, minimum=0)
 REPORTS_PER_RACER = env_int("PADDOCK_REPORTS_PER_RACER", 100, minimum=0)
 DUELS_IN_ROUND_ROBIN = env_int("PADDOCK_DUELS_IN_ROUND_ROBIN", 16, minimum=2, maximum=32)
 DUELS_IN_BRACKET = env_int("PADDOCK_DUELS_IN_BRACKET", 64, minimum=2, maximum=127)
+CUP_TIME = env_time("PADDOCK_CUP_TIME", "20:00")
 WEBHOOKS_PRIVATE = env_bool("PADDOCK_WEBHOOKS_PRIVATE", False)
 TRACKS_PER_RACER = env_int("PADDOCK_TRACKS_PER_RACER", 20, minimum=1)
 

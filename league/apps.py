@@ -23,6 +23,7 @@ class LeagueConfig(AppConfig):
         from .selectors.boards import cut_shown
         from .services import deliveries, inviting, mails  # noqa: F401 - their kinds of jobs are known from the start
         from .services.closing import is_final, is_official
+        from .services.cups import check_cup
         from .services.follow import SEASONS
         from .services.news import NOTICES
         from .services.seasons import check_round_times, hold_season
@@ -30,6 +31,7 @@ class LeagueConfig(AppConfig):
 
         register(check_division)
         register_quota(inviting.INVITED_A_DAY)
+        register(check_cup)
         for reader in (NOTICES, WEBHOOKS, SEASONS):
             register_reader(reader)
         register_time_check(check_round_times)

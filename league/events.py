@@ -16,3 +16,7 @@ QUALIFIED = register(
 # subject: the number of the stewards' decision
 DISQUALIFIED = register(EventKind("racer.disqualified", "stewards have disqualified a racer", RACE, _WHO, ("reason",)))
 RESTORED = register(EventKind("racer.restored", "stewards have put a racer back", RACE, _WHO, ("reason",)))
+# subject: its day
+CUP_OVER = register(
+    EventKind("cup.over", "a cup of the day has its winners", RACE, ("race", "subject"), ("cars",), once="day")
+)

@@ -28,6 +28,7 @@ SENTENCES = {
     NoticeKind.RETIMED: gettext_noop(
         "%(race)s was driven again with the engine %(engine)s. You had %(old)s with %(before)s, and have %(new)s."
     ),
+    NoticeKind.CUP: gettext_noop("The cup of %(day)s is over: you are in place %(place)s of division %(division)s."),
 }
 # What a racer can do about it. Told while it can be changed: "until" is empty before the results are official.
 APPEAL = gettext_noop("If you think that this is wrong, tell the organisers: they can put you back.")

@@ -53,6 +53,7 @@ register(
         "finale_before_qualifier": _(
             "The finale opens before its qualifier closes at %(closes)s, so nobody would be in it. Open it later."
         ),
+        "cup_not_drawn": _("This is the knock-out of a cup: those who were drawn into this division race it."),
         "race_not_in_field": _("The field of this race is given: it is raced by those who qualified for it."),
         "postpone_hours": _("A race is postponed by 1 to %(most)s whole hours."),
         # webhooks

@@ -13,6 +13,7 @@ from core.wakeup import send
 
 from .services import close_due_rounds, enter_house_cars
 from .services.clock import tick
+from .services.cups import run_cups
 from .services.deliveries import AT_ONCE, deliver_due, hosts_due
 from .services.inviting import send_invitations
 from .services.mails import send_mails
@@ -32,6 +33,12 @@ def house_cars() -> int:
 def clock() -> int:
     """Write down what has happened by the passing of time. Returns how many events are new."""
     return tick(now=timezone.now())
+
+
+@shared_task
+def cups() -> int:
+    """Take what steps of cups of the day are due. Returns how many were taken."""
+    return run_cups(now=timezone.now())
 
 
 @shared_task

@@ -2,7 +2,7 @@
 
 from django.urls import path, re_path
 
-from .views import home, inviting, notices, organising, racers, seasons, webhooks
+from .views import cups, home, inviting, notices, organising, racers, seasons, webhooks
 
 urlpatterns = [
     path("", home.home, name="home"),
@@ -23,6 +23,9 @@ urlpatterns = [
     path("seasons/<slug:slug>/calendar/", seasons.calendar, name="season_calendar"),
     path("seasons/<slug:slug>/calendar.ics", seasons.calendar_file, name="season_calendar_file"),
     path("seasons/<slug:slug>/racers/<str:alias>/", seasons.season_racer, name="season_racer"),
+    path("cups/", cups.cups, name="cups"),
+    path("cups/starter/", cups.cup_starter, name="cup_starter"),
+    path("cups/<str:day>/", cups.cup, name="cup"),
     path("hall-of-fame/", seasons.hall, name="hall"),
     path("notices/", notices.notices, name="notices"),
     path("notices/read/", notices.notices_read, name="notices_read"),

@@ -25,6 +25,7 @@ _MONTHS = {
     )
 }
 _SEASON = re.compile(r"Season (\d{4}(?:-\d{2})?)")
+_DIVISION = re.compile(r"division (\d+)")
 _texts: set[str] = set()
 
 
@@ -60,6 +61,10 @@ def _part(part: str) -> str:
         return pattern % {"month": MONTHS[_MONTHS[month]]}
     if season := _SEASON.fullmatch(part):
         return gettext("Season %(years)s") % {"years": season[1]}
+    if division := _DIVISION.fullmatch(part):
+        return gettext("division %(number)s") % {"number": division[1]}
+    if part in _texts:
+        return gettext(part)
     return gettext("championship") if part == "championship" else part
 
 

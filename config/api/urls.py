@@ -7,7 +7,7 @@ from drf_spectacular.views import SpectacularJSONAPIView
 
 from evaluation import api as models
 from evaluation.reports import api as reports
-from league.api import notices, organising, seasons, webhooks
+from league.api import cups, notices, organising, seasons, webhooks
 from races.api import boards, duels, entries, evaluations, live, own, races, specifications, timing, videos
 from tracks import api as tracks
 
@@ -71,6 +71,9 @@ version_1: list[URLPattern | URLResolver] = [
     path("seasons/<slug:slug>/stages/<slug:stage>/", organising.StageRulesView.as_view(), name="api-stage-rules"),
     path("seasons/<slug:slug>/standings/", seasons.StandingsView.as_view(), name="api-standings"),
     path("seasons/<slug:slug>/racers/<slug:alias>/", seasons.RacerSeasonView.as_view(), name="api-racer-season"),
+    path("cups/", cups.CupsView.as_view(), name="api-cups"),
+    path("cups/starter/", cups.CupStarterView.as_view(), name="api-cup-starter"),
+    path("cups/<slug:day>/", cups.CupView.as_view(), name="api-cup"),
     path("invitations/<slug:token>/", entries.InvitationView.as_view(), name="api-invitation"),
     path("", include("training.api.urls")),
     path("evaluations/", own.OwnRunsView.as_view(), name="api-evaluations"),

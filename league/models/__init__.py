@@ -1,5 +1,6 @@
 """Seasons with their rounds, what came of the rounds, and what was recorded elsewhere."""
 
+from .cup import Cup, CupDivision, CupPlace, CupStarter
 from .invited import MailInvitation, NoInvitations
 from .notice import Lead, Mail, Notice, NoticeChoice, NoticeKind
 from .outcome import ChampionshipPlace, Decision, FinalePlace, Membership, RoundPoints, StewardDecision
@@ -10,6 +11,10 @@ from .webhook import Webhook, WebhookDelivery, WebhookHost
 
 __all__ = [
     "ChampionshipPlace",
+    "Cup",
+    "CupDivision",
+    "CupPlace",
+    "CupStarter",
     "Decision",
     "DuelRating",
     "FinalePlace",

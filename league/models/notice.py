@@ -27,10 +27,11 @@ class NoticeKind(models.TextChoices):
     DISQUALIFIED = "disqualified", _("disqualified by the stewards")
     RESTORED = "restored", _("put back by the stewards")
     RETIMED = "retimed", _("a new engine changed your time")
+    CUP = "cup", _("a cup of the day is over")
 
 
 # A result comes seconds after sending a car: whoever wants that by mail turns it on.
-NOT_MAILED = (NoticeKind.RESULT,)
+NOT_MAILED = (NoticeKind.RESULT, NoticeKind.CUP)
 
 
 class Notice(models.Model):

@@ -21,8 +21,8 @@ from races.selectors import podiums
 from races.selectors.results import place_of, result_of
 from races.services.gates import moment
 
-from ..events import DISQUALIFIED, IN_FINALE, PROMOTED, QUALIFIED, RESTORED
-from ..models import Lead, NoticeKind, Round, StewardDecision
+from ..events import CUP_OVER, DISQUALIFIED, IN_FINALE, PROMOTED, QUALIFIED, RESTORED
+from ..models import CupPlace, Lead, NoticeKind, Round, StewardDecision
 from ..selectors.outcomes import holds
 from .telling import Told, concerned, entered, tell
 
@@ -214,6 +214,17 @@ def _decided(event: Event, now: datetime) -> int:
     return tell(Told(kind, event.subject, [_concerned(event)], round_.race.get_absolute_url(), params), now)
 
 
+def _cup(event: Event, now: datetime) -> int:
+    """Everybody with a place in a cup reads which."""
+    if event.at <= now - REACH:
+        return 0
+    told = 0
+    for one in CupPlace.objects.filter(cup__day=event.subject).select_related("cup").order_by("pk"):
+        params = {"day": event.subject, "place": one.place, "division": one.division}
+        told += tell(Told(NoticeKind.CUP, event.subject, [one.racer_id], one.cup.get_absolute_url(), params), now)
+    return told
+
+
 def _concerned(event: Event) -> int:
     assert event.racer_id is not None, "events of its kind name a racer"
     return event.racer_id
@@ -239,6 +250,7 @@ _TELLING: dict[EventKind, Callable[[Event, datetime], int]] = {
     PROMOTED: _moved_on,
     IN_FINALE: _moved_on,
     QUALIFIED: _moved_on,
+    CUP_OVER: _cup,
     DISQUALIFIED: _decided,
     RESTORED: _decided,
 }

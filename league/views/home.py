@@ -11,6 +11,7 @@ from django.views.decorators.http import require_safe
 
 from evaluation.models import Evaluation
 from evaluation.selectors import models_of
+from league.selectors.cups import cup_now, stage_of
 from league.selectors.steps import first_steps, league_race_now
 from races.engines import hidden_runs
 from races.selectors import podiums, racing_now, to_beat, upcoming
@@ -32,6 +33,8 @@ def home(request: HttpRequest) -> HttpResponse:
         "to_beat": to_beat(leading),
         "upcoming": list(upcoming(now, request.user)[:UPCOMING]),
     }
+    if (cup := cup_now(now)) is not None:
+        context |= {"cup": cup, "stage": stage_of(cup, now)}
     if request.user.is_authenticated:
         related = ("model", "track", "result", "submission__entry__race", "duel__race")
         mine = Evaluation.objects.filter(~hidden_runs(), owner=request.user, replaced_by=None)

@@ -8,6 +8,7 @@ from django.utils import timezone
 from django.views.decorators.http import require_safe
 
 from evaluation.selectors import shared_models
+from league.selectors.cups import trophies_of
 from league.selectors.honours import honours_of
 from league.selectors.racers import racer_shown
 from races.selectors import organised_by, racer_history
@@ -28,6 +29,7 @@ def racer(request: HttpRequest, alias: str) -> HttpResponse:
     context = {
         "racer": shown,
         "history": history,
+        "trophies": trophies_of(shown),
         "honours": honours_of(shown, request.user, timezone.now()),
         "shared": list(shared_models(request.user).filter(owner=shown)[:SHARED]),
         "organised": list(organised_by(shown, request.user)[:ORGANISED]),

@@ -16,6 +16,7 @@ WRITES = ("post", "put", "patch", "delete")
 SAME: dict[str, set[str]] = {
     "api_token_revoke": {"revoke_token"},
     "api_tokens": {"create_token"},
+    "cup_starter": {"choose_cup_starter", "drop_cup_starter"},
     "enter": {"enter_race"},
     "evaluation_stop": {"stop_evaluation"},
     "evaluation_video": {"ask_for_video"},

@@ -109,6 +109,14 @@ CASES = [
     Case("alice", "/settings/webhooks/", "Remove", "The webhook is deleted"),
     Case("alice", "/settings/webhooks/", "Add a webhook", "The webhook is made.", {"Address": "https://example.org/a"}),
     Case("alice", "/settings/notices/", "Save", "Saved."),
+    Case(
+        "alice",
+        "/cups/",
+        "Save",
+        "No car of yours starts in cups by itself.",
+        {"Starts in every cup": "none"},
+        inside="#starter",
+    ),
     Case("alice", "/notices/", "css=.notice-link", "css=#evaluation, #board"),
     Case("alice", "/notices/", "Mark all as read", "css=main:not(:has([action='/notices/read/']))"),
     # groups

@@ -184,6 +184,7 @@ class Cast:
             "settings/": [],
             "train/<str:public_id>/": [{"public_id": said["job"]}, {"public_id": said["ended"]}],
             "vehicles/<str:public_id>/": [{"public_id": said["vehicle"]}],
+            "cups/": [],  # a page without a form; the form of the list has a case
             "groups/<": [{"slug": "club"}],
             "groups/join/<": [{"code": said["group_code"]}],
             "races/invited/<": [{"token": said["invited"]}],

@@ -15,7 +15,7 @@ from accounts.groups.services import ask_to_join, confirm_member, make_group
 from accounts.models import RacerGroup
 from evaluation.reports.models import CarReport
 from evaluation.services import finish_evaluation, share_model
-from league.models import Season, Stage
+from league.models import Cup, CupPlace, Season, Stage
 from league.services import close_due_rounds, open_demo_season
 from league.services.inviting import invite_by_mail, stop_token
 from league.services.notices import stopping_token
@@ -92,6 +92,7 @@ def make_site() -> Site:
     world = make_world()
     now, before = world.now, world.now - timedelta(days=45)
     season = open_demo_season(now=before)
+    _a_cup(world)
     opened, under_way = season.rounds.filter(stage=Stage.OPEN).order_by("number")[:2]
     rivals = [a_racer(f"rival-{number}") for number in range(1, 9)]
     for number, racer in enumerate([world.alice, *rivals]):
@@ -137,6 +138,13 @@ def _reports(world: World) -> list[CarReport]:
     waiting, done = (reports.a_report(world.alice, world.now, model=world.model) for _ in range(2))
     reports.drive(done, world.now, reports.off_the_road(39, 99))
     return [done, waiting]
+
+
+def _a_cup(world: World) -> None:
+    """Yesterday's cup, which Alice won."""
+    race = a_race(world.now, slug="a-cup", closes_at=world.now - timedelta(hours=20))
+    cup = Cup.objects.create(day=(world.now - timedelta(days=1)).date(), race=race, over_at=world.now)
+    CupPlace.objects.create(cup=cup, division=1, racer=world.alice, place=1, qualified=1)
 
 
 def _paths(world, season, trained, training, driven, vehicle, token) -> dict[str, list[str]]:
@@ -186,7 +194,15 @@ def _paths(world, season, trained, training, driven, vehicle, token) -> dict[str
             ),
             *("/tracks/", "/tracks/oval/", "/tracks/oval/print/", "/tracks/import/"),
             *("/seasons/", at, f"{at}standings/", f"{at}finales/", f"{at}rules/", f"{at}calendar/"),
-            *(f"{at}racers/alice/", "/hall-of-fame/", "/racers/alice/", "/racers/house-steady/", "/notices/"),
+            *(
+                f"{at}racers/alice/",
+                "/hall-of-fame/",
+                "/cups/",
+                f"/cups/{Cup.objects.get().day}/",
+                "/racers/alice/",
+                "/racers/house-steady/",
+                "/notices/",
+            ),
             *("/settings/", "/settings/notices/", "/settings/webhooks/", "/settings/tokens/", "/accounts/email/"),
             "/settings/usage/",
             *("/accounts/password/change/", "/accounts/logout/"),
