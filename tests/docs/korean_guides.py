@@ -61,7 +61,7 @@ def lacking(guide: Guide) -> list[str]:
 
 def template() -> str:
     """The blocks that the site's own catalogue does not know, or that this one says otherwise, with their pages."""
-    said_otherwise = set(translations(CATALOGUE)) if CATALOGUE.exists() else set()
+    said_otherwise = set(translations(CATALOGUE))
     pages: dict[str, dict[str, None]] = {}
     for guide, _line, block in blocks():
         if block in said_otherwise or of_site(block, LANGUAGE) is None:
@@ -84,9 +84,11 @@ def collect() -> None:
     """Write the catalogue anew and compile it."""
     with TemporaryDirectory() as folder:
         collected, merged = Path(folder, "guides.pot"), Path(folder, "guides.po")
-        collected.write_text(template(), "utf-8")
         if not CATALOGUE.exists():
             CATALOGUE.write_text(_HEADER, "utf-8")
+        # two branches may have brought the same block: the one with a translation stays
+        _run("msguniq", "--use-first", "--add-location=file", "-o", CATALOGUE, CATALOGUE)
+        collected.write_text(template(), "utf-8")
         _run("msgmerge", "--quiet", "--previous", "--add-location=file", "-o", merged, CATALOGUE, collected)
         _run("msgattrib", "--no-obsolete", "--add-location=file", "-o", CATALOGUE, merged)
     compile_catalogue(CATALOGUE.with_suffix(".mo"))

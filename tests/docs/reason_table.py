@@ -38,6 +38,7 @@ SECTIONS = (
     "Trainings",
     "Account",
     "Programs",
+    "The stream",
     "Commands",
     "At home",
 )

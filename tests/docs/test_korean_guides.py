@@ -62,3 +62,12 @@ def test_a_new_sentence_waits_for_its_translation_and_others_stay(catalogue):
     text = catalogue("The car drives three laps.", 'A "new" one with \\ in it, quite unlike the other.')
     assert 'msgid "The car drives three laps."\nmsgstr "차가 세 랩을 달립니다."' in text
     assert 'msgid "A \\"new\\" one with \\\\ in it, quite unlike the other."\nmsgstr ""' in text
+
+
+def test_a_block_that_two_branches_brought_is_kept_once_with_its_translation(catalogue):
+    path = korean_guides.CATALOGUE
+    path.write_text(f'{path.read_text()}\nmsgid "New here, and quite unlike it."\nmsgstr ""\n')
+    path.write_text(f'{path.read_text()}\nmsgid "New here, and quite unlike it."\nmsgstr "새것"\n')
+    collected = catalogue("The car drives three laps.", "New here, and quite unlike it.")
+    assert collected.count("New here") == 1
+    assert korean_guides.translations(path)["New here, and quite unlike it."] == "새것"
