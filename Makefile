@@ -33,8 +33,8 @@ package: $(VENV)/.run ## the racers' package, a wheel and a source archive in di
 test: system-test $(VENV)/.test $(VENV)/.offered compiled ## every test (PYTEST_ARGS= for more, WORKERS= at a time)
 	$(BIN)/python -m pytest -n $(WORKERS) --dist loadgroup --no-loadscope-reorder $(PYTEST_ARGS)
 
-soak: system-test $(VENV)/.test $(VENV)/.offered compiled ## the tests that take minutes each, and that "make test" leaves out
-	$(BIN)/python -m pytest -m soak -n $(WORKERS) --dist loadgroup --no-loadscope-reorder $(PYTEST_ARGS)
+soak: system-test $(VENV)/.test $(VENV)/.offered compiled ## what "make test" leaves out: minutes each, variants, many examples
+	PADDOCK_SOAK=1 $(BIN)/python -m pytest -m "soak or hypothesis" -n $(WORKERS) --dist loadgroup --no-loadscope-reorder $(PYTEST_ARGS)
 
 lint: system-test $(VENV)/.test ## style, layering, types, migrations, translations
 	$(BIN)/ruff check .

@@ -17,9 +17,13 @@ import pytest
 from django.db import connection
 from django.utils import translation
 
-from tests import database, emptied, kept, postgres
+from tests import costs, database, emptied, kept, postgres
 
 PACK = 20
+
+
+def pytest_configure(config: pytest.Config) -> None:
+    config.pluginmanager.register(costs.Watch())
 
 
 def pytest_unconfigure(config: pytest.Config) -> None:
@@ -251,6 +255,15 @@ def video_wakes(monkeypatch: pytest.MonkeyPatch) -> list[dict]:
     monkeypatch.setattr(drawing, "write_video", a_drawing)
     monkeypatch.setattr(drawing, "poster", lambda scene: b"a still")
     return wakes
+
+
+@pytest.fixture
+def admitted_here(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Networks are converted and gated in this process, without a sandboxed one, where the wall is not tested."""
+    from evaluation import admit
+    from tests.hostile.here import launch_here
+
+    monkeypatch.setattr(admit, "launch", launch_here)
 
 
 @pytest.fixture

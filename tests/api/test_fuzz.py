@@ -3,11 +3,14 @@
 from __future__ import annotations
 
 import os
+from collections.abc import Callable
+from dataclasses import dataclass
 from datetime import timedelta
 from functools import cache
 from typing import Any
 
 import pytest
+from django.conf import settings as django_settings
 from django.core.signals import request_finished, request_started
 from django.db import close_old_connections, transaction
 from django.utils import timezone
@@ -17,16 +20,21 @@ from rest_framework.throttling import ScopedRateThrottle
 
 from accounts.models import Racer
 from config.wsgi import application
+from core import wakeup
+from core.events import waking
 from league.models import Notice, NoticeKind
 from league.services import create_season, schedule_round
 from league.services.webhooks import add_webhook, send_test
 from races.models import Visibility
 from races.services import accept_invitation
 from tests.api.schema import SCHEMA
+from tests.drawn_runs import a_drawing
 from tests.evaluation.reports import a_report
 from tests.factories import a_race, a_racer, drive, laps
+from tests.kept import Kept
 from tests.training.jobs import a_trained_one
 from training.vehicles import save_vehicle
+from videos import drawing
 from videos.services import ask_for_video, run_next_video
 
 LABELS = [f"{method.upper()} {path}" for path, methods in SCHEMA["paths"].items() for method in methods]
@@ -72,10 +80,40 @@ def one_connection():
         signal.connect(close_old_connections)
 
 
+@pytest.fixture(scope="session")
+def kept_fuzzed(request, keep: Callable) -> Kept:
+    return keep(request, make_fuzzed, fresh_s=20.0)  # as of the pages' world
+
+
 @pytest.fixture
-def known(alice, video_wakes, trainings_taken_on, monkeypatch) -> dict[str, str]:
-    """What addresses may name, so that requests also get past the first 404: all of it is Alice's."""
+def fuzzed(kept_fuzzed: Kept, db: None, video_wakes, trainings_taken_on, monkeypatch) -> Fuzzed:
     monkeypatch.setattr(ScopedRateThrottle, "THROTTLE_RATES", {"upload": "1000000/hour", "write": "1000000/hour"})
+    return kept_fuzzed.copy()
+
+
+@dataclass
+class Fuzzed:
+    """``known``: what addresses may name, so that requests also get past the first 404: all of it is Alice's.
+    ``tokens``: the headers of everybody who may ask: a guest, a stranger, the owner of all that there is, an admin."""
+
+    known: dict[str, str]
+    tokens: dict[str, dict[str, str]]
+
+
+def make_fuzzed() -> Fuzzed:
+    """Without a broker, and with a video of a few bytes."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(wakeup, "publish", lambda name, **options: None)
+        patch.setattr(waking, "wake", lambda name: None)
+        patch.setattr(drawing, "write_video", a_drawing)
+        patch.setattr(drawing, "poster", lambda scene: b"a still")
+        patch.setattr(django_settings, "TRAINING", True)
+        patch.setattr(django_settings, "TRAINING_PAUSED", False)
+        alice = a_racer("alice")
+        return Fuzzed(make_known(alice), make_tokens(alice))
+
+
+def make_known(alice: Racer) -> dict[str, str]:
     now = timezone.now()
     race = a_race(now, slug="fuzzed", organiser=alice, visibility=Visibility.INVITATION)
     accept_invitation(token=race.invitation, racer=a_racer("guest"), now=now)
@@ -106,26 +144,23 @@ def known(alice, video_wakes, trainings_taken_on, monkeypatch) -> dict[str, str]
     }
 
 
-@pytest.fixture
-def tokens(alice, charlie, sam) -> dict[str, dict[str, str]]:
-    """The headers of everybody who may ask: a guest, a stranger, the owner of all that there is, an admin.
-
-    Nothing compressed: the library that checks the answers does not unpack them.
-    """
+def make_tokens(alice: Racer) -> dict[str, dict[str, str]]:
+    """Nothing compressed: the library that checks the answers does not unpack them."""
+    plain = {"Accept-Encoding": "identity"}
 
     def header(racer: Racer) -> dict[str, str]:
         return plain | {"Authorization": f"Token {AuthToken.objects.create(user=racer)[1]}"}
 
-    plain = {"Accept-Encoding": "identity"}
-    return {"guest": plain, "stranger": header(charlie), "owner": header(alice), "staff": header(sam)}
+    sam = a_racer("sam", is_staff=True, is_superuser=True)
+    return {"guest": plain, "stranger": header(a_racer("charlie")), "owner": header(alice), "staff": header(sam)}
 
 
 @pytest.mark.slow
 @pytest.mark.django_db
 @pytest.mark.parametrize("examples", [EXAMPLES, pytest.param(20, marks=pytest.mark.soak)])
 @pytest.mark.parametrize("label", LABELS)
-def test_no_request_crashes_or_gets_an_undocumented_answer(label, examples, known, tokens):
-    kind = label.split("/")[3]
+def test_no_request_crashes_or_gets_an_undocumented_answer(label, examples, fuzzed):
+    kind, known, tokens = label.split("/")[3], fuzzed.known, fuzzed.tokens
 
     def answers(case: Any, role: str) -> None:
         with transaction.atomic():  # whatever one of them does, the next one finds all of it there

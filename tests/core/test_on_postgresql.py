@@ -1,6 +1,6 @@
 """What happens at once ends on PostgreSQL as on SQLite: locks, leases and triggers, all rooms in one process.
 
-Whatever else a room asks of its database, ``make soak`` asks of PostgreSQL, too.
+The tables of states and leases, and whatever else a room asks of its database, ``make soak`` asks of PostgreSQL, too.
 """
 
 from __future__ import annotations
@@ -8,10 +8,10 @@ from __future__ import annotations
 import pytest
 
 AT_ONCE = {
-    "evaluation": ("states", "queue"),
-    "races": ("concurrency", "counting", "duels_concurrency", "redrives_concurrency"),
+    "evaluation": ("queue",),
+    "races": ("concurrency", "counting", "duels_concurrency"),
     "videos": ("concurrency",),
-    "training": ("concurrency", "leases"),
+    "training": ("concurrency",),
     "league": ("simultaneous",),
 }
 

@@ -19,10 +19,10 @@ from league.services import house_cars
 from paddock.geometry.catalogue import by_slug
 from paddock.rules.race import BoxPlace, RaceRules
 from tests.sandbox.conftest import nothing_left  # noqa: F401
+from tests.soak import SOAK, only
 
 pytestmark = [pytest.mark.slow, pytest.mark.usefixtures("nothing_left")]
-RUNS = 5
-ALWAYS = ("boxes in drawn places", "four cars")  # the others in `make soak`
+RUNS = 5 if SOAK else 2
 CARS = [RivalModel(car.onnx.read_bytes(), json.loads(car.metadata.read_bytes())) for car in house_cars()]
 FIXED = tuple(BoxPlace(fraction, lane) for fraction, lane in ((0.2, "inner"), (0.5, "outer"), (0.8, "inner")))
 RACES = {
@@ -34,7 +34,7 @@ RACES = {
 }
 
 
-@pytest.fixture(params=[pytest.param(name, marks=() if name in ALWAYS else pytest.mark.soak) for name in RACES])
+@pytest.fixture(params=only(("boxes in drawn places", "four cars"), RACES))
 def job(request):
     rules, rivals = RACES[request.param]
     first, *others = (CARS * 4)[: rivals + 1]

@@ -19,6 +19,7 @@ from paddock.geometry.catalogue import CATALOGUE
 from paddock.rules.race import RaceRules
 from tests.sandbox.conftest import PAYLOADS, nothing_left  # noqa: F401
 from tests.sandbox.networks import METADATA, small_network
+from tests.soak import one_of_each
 
 pytestmark = pytest.mark.usefixtures("nothing_left")
 BRISK = PolicyBudget(step_deadline_s=0.2, overage_s=0.2, total_s=20.0)
@@ -64,25 +65,28 @@ def runner(monkeypatch):
 
 @pytest.mark.parametrize(
     ("kind", "code"),
-    [
-        ("never_reads", "policy_late"),
-        ("burn", "policy_late"),
-        ("half_a_reply", "policy_late"),
-        ("ignore_signals", "policy_late"),
-        ("close_and_run_on", "policy_died"),
-        ("crash", "policy_died"),
-        ("abort", "policy_died"),
-        ("return_nothing", "policy_died"),
-        ("half_a_reply_and_death", "policy_died"),
-        ("two_replies", "policy_protocol"),
-        ("another_step", "policy_protocol"),
-        ("flood_of_replies", "policy_protocol"),
-        ("not_a_number", "non_finite_action"),
-        ("infinity", "non_finite_action"),
-        ("grow", "policy_memory"),
-        ("dies_loading", "policy_died"),
-        ("junk_for_ready", "policy_protocol"),
-    ],
+    one_of_each(
+        [
+            ("never_reads", "policy_late"),
+            ("burn", "policy_late"),
+            ("half_a_reply", "policy_late"),
+            ("ignore_signals", "policy_late"),
+            ("close_and_run_on", "policy_died"),
+            ("crash", "policy_died"),
+            ("abort", "policy_died"),
+            ("return_nothing", "policy_died"),
+            ("half_a_reply_and_death", "policy_died"),
+            ("two_replies", "policy_protocol"),
+            ("another_step", "policy_protocol"),
+            ("flood_of_replies", "policy_protocol"),
+            ("not_a_number", "non_finite_action"),
+            ("infinity", "non_finite_action"),
+            ("grow", "policy_memory"),
+            ("dies_loading", "policy_died"),
+            ("junk_for_ready", "policy_protocol"),
+        ],
+        kind=lambda case: case[1],
+    ),
 )
 def test_a_misbehaving_policy_does_not_affect_the_next_one(
     job,
@@ -120,25 +124,28 @@ def test_the_reason_tells_how_a_policy_died(job, policy):
 
 @pytest.mark.parametrize(
     ("kind", "code"),
-    [
-        ("start:hang", "sandbox_failed"),
-        ("start:crash", "sandbox_failed"),
-        ("start:speak_nonsense", "runner_protocol"),
-        ("start:unknown_code", "runner_protocol"),
-        ("race:hang", "runner_timeout"),
-        ("race:hang_within_a_message", "runner_protocol"),
-        ("race:crash", "runner_died"),
-        ("race:fall_silent", "runner_died"),
-        ("race:grow", "runner_died"),
-        ("race:speak_nonsense", "runner_protocol"),
-        ("race:speak_no_json", "runner_protocol"),
-        ("race:announce_too_much", "runner_protocol"),
-        ("race:unknown_code", "runner_protocol"),
-        ("race:error_of_no_form", "runner_protocol"),
-        ("race:incomplete_result", "runner_protocol"),
-        ("race:result_without_a_trace", "runner_protocol"),
-        ("race:retires_nobody", "runner_protocol"),
-    ],
+    one_of_each(
+        [
+            ("start:hang", "sandbox_failed"),
+            ("start:crash", "sandbox_failed"),
+            ("start:speak_nonsense", "runner_protocol"),
+            ("start:unknown_code", "runner_protocol"),
+            ("race:hang", "runner_timeout"),
+            ("race:hang_within_a_message", "runner_protocol"),
+            ("race:crash", "runner_died"),
+            ("race:fall_silent", "runner_died"),
+            ("race:grow", "runner_died"),
+            ("race:speak_nonsense", "runner_protocol"),
+            ("race:speak_no_json", "runner_protocol"),
+            ("race:announce_too_much", "runner_protocol"),
+            ("race:unknown_code", "runner_protocol"),
+            ("race:error_of_no_form", "runner_protocol"),
+            ("race:incomplete_result", "runner_protocol"),
+            ("race:result_without_a_trace", "runner_protocol"),
+            ("race:retires_nobody", "runner_protocol"),
+        ],
+        kind=lambda case: case[1],
+    ),
 )
 def test_a_failing_runner_is_our_fault_with_details_for_operators(job, runner, kind, code, monkeypatch):
     monkeypatch.setattr(pipeline, "_START_S", 1.5)

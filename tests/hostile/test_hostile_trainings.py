@@ -307,7 +307,7 @@ def test_a_function_stopping_the_clock_gets_no_more_time(stop, why, monkeypatch:
 def test_a_patched_simulator_spoils_only_its_own_training() -> None:
     """It makes the trainer say that every step is a whole lap. The evaluation that counts happens elsewhere."""
     heard = Heard()
-    train(spec(SAYS_IT_LAPS, stop_steps=1000), heard)
+    train(spec(SAYS_IT_LAPS, stop_steps=500), heard)
     assert heard.iterations
     assert max(iteration.values["eval_progress"] for iteration in heard.iterations) == 100.0
     race = RaceRules.of_an_episode(max_simulated_ms=20_000)
@@ -322,10 +322,10 @@ def test_a_neighbouring_training_learns_the_same_as_alone() -> None:
     """Two processes share nothing: the honest one's numbers do not move."""
     honest = "def reward_function(params):\n    return float(params['all_wheels_on_track'])\n"
     alone, beside = Heard(), Heard()
-    train(spec(honest, stop_steps=1000), alone)
+    train(spec(honest, stop_steps=500), alone)
     with pytest.raises(UserFault):
         train(spec(source("reward_raised/kills_everybody")), Heard())
-    train(spec(honest, stop_steps=1000), beside)
+    train(spec(honest, stop_steps=500), beside)
     first, second = ([one.values["mean_reward"] for one in heard.iterations] for heard in (alone, beside))
     assert first == second
     assert first

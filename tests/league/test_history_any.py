@@ -25,12 +25,13 @@ from races.models import Entry
 from races.selectors import board
 from tests.league.histories import random_season, read_csv, write_csv, write_season
 from tests.league.records import bring, contents, everything
+from tests.soak import examples
 
 pytestmark = pytest.mark.django_db
 
 
 @settings(
-    max_examples=15,
+    max_examples=examples(15),
     deadline=None,
     suppress_health_check=[HealthCheck.function_scoped_fixture, HealthCheck.too_slow],
 )

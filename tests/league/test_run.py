@@ -207,7 +207,16 @@ def test_a_second_start_keeps_data_and_restarts_what_dies(data):
 
 
 def test_a_start_after_sigkill_works_and_sigterm_stops_it(data):
-    """The first one is killed in the test above, the second with every program of its own at once."""
+    """The one before is killed in the test above."""
+    with Run(data) as run:
+        assert run.ready().answer() == 200
+        assert valkey_answers(data)
+        assert run.stop(signal.SIGTERM) == 143
+
+
+@pytest.mark.soak
+def test_a_start_after_all_of_it_was_killed_at_once_works(first_start, tmp_path):
+    data = Path(shutil.copytree(first_start.data, tmp_path / "data"))
     with Run(data) as run:
         assert run.ready().answer() == 200
         os.kill(run.pid_of("valkey-server"), signal.SIGSTOP)  # it shall not tidy up

@@ -5,6 +5,7 @@ from __future__ import annotations
 import io
 import time
 from collections.abc import Iterator
+from pathlib import Path
 
 from django.conf import settings
 from django.core.wsgi import get_wsgi_application
@@ -62,5 +63,6 @@ settings.configure(
     MIDDLEWARE=[],
     SECRET_KEY="nothing is signed",
     UPLOAD_LIMIT_MB=128,
+    STREAM_SOCKET=Path("/nowhere/streams.sock"),  # nothing is streamed
 )
 application = get_wsgi_application()

@@ -103,26 +103,6 @@ def test_a_newcomer_uploads_a_console_model_and_finds_it_ranked(page: playwright
     playwright.expect(page.locator("table.board tr.me .place")).to_have_text("1")
 
 
-@needs_shared
-def test_a_replay_is_controlled_from_the_keyboard(page: playwright.Page) -> None:
-    sign_up(page, "keyboarder")
-    upload_console_car(page)
-    race_on_the_oval(page, "Keyboard race")
-    play = page.get_by_role("button", name="Play")
-    play.focus()
-    page.keyboard.press("Enter")
-    playwright.expect(page.get_by_role("button", name="Pause")).to_be_focused()
-    playwright.expect(page.locator("[data-out]")).not_to_contain_text("0:00.000 ")
-    page.keyboard.press("Enter")
-    seek = page.get_by_label("Time of the run")
-    seek.focus()
-    page.keyboard.press("Home")  # a busy machine may have played it to its end
-    before = int(seek.input_value())
-    page.keyboard.press("End")
-    assert int(seek.input_value()) > before
-    assert "translate(" in page.locator('[data-car="0"]').get_attribute("transform")
-
-
 def test_boxes_placed_by_an_organiser_appear_on_the_map(page: playwright.Page) -> None:
     sign_up(page, "boxer")
     page.goto("/races/new/?track=oval")

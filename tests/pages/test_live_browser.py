@@ -128,6 +128,25 @@ def test_a_finished_run_plays_by_itself_then_shows_its_result(browser, live_serv
         assert page.evaluate("window.plays") == 0, "only for who has watched"
 
 
+def test_a_replay_is_controlled_from_the_keyboard(browser, live_server, now) -> None:
+    alice = a_racer("alice")
+    run = a_driven_run(a_race(now), alice, now, lap_ms=4_000)
+    page = visitor(browser, live_server.url, alice).new_page()
+    page.goto(run.get_absolute_url())
+    page.get_by_role("button", name="Play").focus()
+    page.keyboard.press("Enter")
+    page.wait_for_function("() => document.activeElement.textContent === 'Pause'")
+    page.wait_for_function("() => !document.querySelector('[data-out]').textContent.includes('0:00.000 ')")
+    page.keyboard.press("Enter")
+    seek = page.get_by_label("Time of the run")
+    seek.focus()
+    page.keyboard.press("Home")  # a busy machine may have played it to its end
+    before = int(seek.input_value())
+    page.keyboard.press("End")
+    assert int(seek.input_value()) > before
+    assert "translate(" in page.locator('[data-car="0"]').get_attribute("transform")
+
+
 def test_video_progress_is_announced_and_its_button_keeps_focus(browser, live_server, now) -> None:
     alice = a_racer("alice")
     run = a_driven_run(a_race(now), alice, now)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 from datetime import UTC, datetime
+from itertools import cycle
 
 import pytest
 from django.utils import translation
@@ -122,13 +123,18 @@ def address(world: World, path: str) -> str:
     return path.format(**ids, model=world.model.public_id, invitation=world.secret.invitation)
 
 
-@pytest.mark.parametrize("language", ["en", "ko"])
-def test_every_page_has_the_right_status_for_everybody(world: World, language: str) -> None:
-    wrong, blocked = [], []
+@pytest.mark.parametrize(
+    "languages", [("en", "ko"), *(pytest.param((each,), marks=pytest.mark.soak) for each in ("en", "ko"))], ids="+".join
+)
+def test_every_page_has_the_right_status_for_everybody(world: World, languages: tuple[str, ...]) -> None:
+    """In two languages in turn: each page in both, to one viewer or the next."""
+    wrong, blocked, turn = [], [], cycle(languages)
     for viewer in VIEWERS:
         client = world.client(viewer)
-        client.cookies["django_language"] = language
+        if not len(PAGES) % len(languages):
+            next(turn)  # or each viewer would have a page in the same language
         for path, expected in PAGES.items():
+            client.cookies["django_language"] = language = next(turn)
             response = client.get(address(world, path))
             if response.status_code != expected[viewer]:
                 wrong.append((viewer, path, response.status_code, expected[viewer]))

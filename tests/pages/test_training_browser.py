@@ -108,6 +108,7 @@ def test_a_learner_trains_evaluates_and_reaches_a_board(page: playwright.Page) -
     assert monotonic() - began < 120
 
 
+@pytest.mark.soak  # the button is pressed in test_forms_browser.py, and does what it should in test_first_car.py
 def test_one_click_brings_a_newcomer_onto_the_beginners_board(page: playwright.Page) -> None:
     sign_up(page, "clicker")
     steps = page.locator("#steps")

@@ -20,6 +20,7 @@ from races.selectors.boards import board_entries, ranks_of
 from races.selectors.counting import score_at, totals_of
 from races.services import restore_entry, withdraw
 from tests.factories import a_race, a_racer
+from tests.soak import examples
 
 pytestmark = pytest.mark.django_db
 NOW = datetime(2026, 11, 15, 12, tzinfo=UTC)
@@ -120,7 +121,7 @@ def _take_standing(entry: Entry, other: Entry) -> None:
 
 
 @settings(
-    max_examples=20 if connection.vendor == "sqlite" else 8,
+    max_examples=examples(20 if connection.vendor == "sqlite" else 10),
     deadline=None,
     suppress_health_check=[HealthCheck.function_scoped_fixture],
 )

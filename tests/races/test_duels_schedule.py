@@ -12,6 +12,7 @@ from hypothesis import strategies as st
 
 from races.duels.bracket import Tie, bracket, heat_number, round_count, seeding, tie_of, ties_won
 from races.duels.schedule import round_robin
+from tests.soak import examples
 
 fields = st.integers(2, 20)
 groups = st.integers(3, 4)
@@ -40,7 +41,7 @@ def test_in_pairs_the_second_half_repeats_the_first_swapped(entrants):
     assert rounds[half:] == [[heat[::-1] for heat in heats] for heats in rounds[:half]]
 
 
-@settings(deadline=None, max_examples=40)
+@settings(deadline=None, max_examples=examples(40))
 @given(fields, groups)
 def test_in_groups_both_orders_of_a_pair_are_equally_frequent(entrants, cars):
     front = in_front(heats_of(round_robin(entrants, cars)))
@@ -48,7 +49,7 @@ def test_in_groups_both_orders_of_a_pair_are_equally_frequent(entrants, cars):
     assert all(front[one, other] == front[other, one] for one, other in front)
 
 
-@settings(deadline=None, max_examples=40)
+@settings(deadline=None, max_examples=examples(40))
 @given(fields, groups)
 def test_in_groups_each_car_starts_equally_often_from_each_slot(entrants, cars):
     heats = heats_of(round_robin(entrants, cars))

@@ -28,6 +28,7 @@ from races.services import (
 )
 from races.services.standings import FASTEST
 from tests.factories import a_model, a_race, a_racer, drive, fail, finish, lap, laps, outcome, start
+from tests.soak import examples
 
 pytestmark = pytest.mark.django_db
 
@@ -177,7 +178,7 @@ submissions = st.lists(
 )
 
 
-@settings(max_examples=25, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@settings(max_examples=examples(25), deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(submissions, st.randoms(use_true_random=False))
 def test_standings_do_not_depend_on_the_order_of_results(now, sent, rng: random.Random):
     race = a_race(now)

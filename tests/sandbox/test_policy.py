@@ -19,7 +19,7 @@ from paddock.errors import PlatformFault, UserFault
 from .conftest import PAYLOADS
 from .networks import CAMERA, HEADER, console_sized_network, constant_network, small_network
 
-pytestmark = pytest.mark.usefixtures("nothing_left")
+pytestmark = [pytest.mark.usefixtures("nothing_left"), pytest.mark.any_level]
 GREY = {CAMERA: np.full((120, 160, 1), 100, np.uint8)}
 BRISK = {"step_deadline_s": 0.2, "overage_s": 0.2, "total_s": 5.0}
 

@@ -14,6 +14,7 @@ from PIL import Image
 
 from paddock.geometry.catalogue import CATALOGUE, by_slug
 from paddock.geometry.track import TrackGeometry
+from tests.soak import examples
 from tracks.drawing import SPEED_CLASSES, BoxMark, Trajectory, draw_png, draw_svg, svg_path
 from tracks.drawing.png import SCHEMES
 from tracks.drawing.trajectories import ERROR_M, simplify, simplify_loop
@@ -117,7 +118,7 @@ def test_a_hostile_name_stays_text():
         assert root[0].text == "</title><script>alert(1)</script>&amp;\"']]>"
 
 
-@settings(max_examples=100, deadline=None)
+@settings(max_examples=examples(100), deadline=None)
 @given(st.text())
 def test_any_name_gives_parseable_xml(name):
     root = ET.fromstring(draw_svg(by_slug("oval").geometry(), title=name).encode())

@@ -138,7 +138,7 @@ class TestTheRealCar:
         assert refused.value.code == "clone_network"
         assert TrainingJob.objects.count() == 2
 
-    @pytest.mark.slow
+    @pytest.mark.soak  # a clone that is trained on is in tests/training/test_run.py, of a car of ours
     @pytest.mark.xdist_group("training")
     def test_its_trained_clone_has_the_same_build(self, tmp_path):
         """It laps the oval after a short update, as it did before: the weights were taken over and not lost."""

@@ -137,7 +137,7 @@ def test_sac_learns_with_two_sensors(alice, oval, now):
     assert all(one.value_loss is not None for one in job.iterations.all())
 
 
-@pytest.mark.parametrize("algorithm", ["ppo", "sac"])
+@pytest.mark.parametrize("algorithm", ["ppo", pytest.param("sac", marks=pytest.mark.soak)])
 def test_every_step_up_to_the_limit_is_learned_from(alice, oval, now, algorithm):
     """An update is due every 512 steps: the limit cuts the second batch short, which is learned from all the same."""
     space = {"action_space_type": "continuous", "action_space": DEFAULT_BOUNDS} if algorithm == "sac" else {}
@@ -230,6 +230,7 @@ def test_a_killed_worker_loses_nothing_saved(alice, oval, now):
     assert job.iterations.last().entropy < math.log(5), "it has learned, and its policy is one still"
 
 
+@pytest.mark.soak  # with a trainer that is none: tests/training/test_work.py
 def test_stopping_a_resumable_training_keeps_best_and_last(alice, oval, now):
     """Its worker was killed, its owner has seen enough: nothing more is learned, and nothing that was is lost."""
     job = a_training(alice, oval, now, stop_minutes=5, **SHORT)
@@ -267,6 +268,7 @@ def test_a_reward_function_failing_late_costs_nothing_learned(alice, oval, now):
     assert job.iterations.exists() and job.best_model is not None
 
 
+@pytest.mark.soak  # the trainer that ends so: tests/hostile/test_hostile_trainings.py
 def test_a_reward_function_that_exits_hurts_nobody(alice, oval, now):
     code = "def reward_function(params):\n    params.__class__.__base__\n    raise SystemExit(0)\n"
     job = run(a_training(alice, oval, now, reward_code=code, **SHORT))

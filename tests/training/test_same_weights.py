@@ -1,4 +1,7 @@
-"""The same seed on the same machine makes the same weights, each training in a process of its own."""
+"""The same seed on the same machine makes the same weights, each training in a process of its own.
+
+That it makes the same models of the garage is in tests/training/test_run.py, and in every run of the tests.
+"""
 
 from __future__ import annotations
 
@@ -60,7 +63,8 @@ def tensors(sb3_zip: bytes, algorithm: str) -> dict[str, Any]:
     return (PPO if algorithm == "ppo" else SAC).load(io.BytesIO(sb3_zip)).policy.state_dict()
 
 
-@pytest.mark.parametrize("algorithm", ["ppo", pytest.param("sac", marks=pytest.mark.soak)])
+@pytest.mark.soak
+@pytest.mark.parametrize("algorithm", ["ppo", "sac"])
 def test_the_same_seed_makes_the_same_weights_bit_for_bit(algorithm):
     first, first_end = trained(algorithm, seed=3)
     second, second_end = trained(algorithm, seed=3)

@@ -29,7 +29,10 @@ from training.services.results import admit_networks
 from training.trainer.client import Ended, SavedState
 from training.trainer.network import NetworkLayout, to_onnx
 
-pytestmark = [pytest.mark.django_db(transaction=True), pytest.mark.usefixtures("training_wakes", "wakes")]
+pytestmark = [
+    pytest.mark.django_db(transaction=True),
+    pytest.mark.usefixtures("training_wakes", "wakes", "admitted_here"),
+]
 
 
 def weights(onnx_bytes: bytes) -> list[bytes]:

@@ -338,7 +338,7 @@ def _ask_broker() -> None:
 
     options = {"max_retries": 0, "socket_connect_timeout": PATIENCE_S, "socket_timeout": PATIENCE_S}
     with app.connection_for_read(connect_timeout=PATIENCE_S, transport_options=options) as broker:
-        broker.ensure_connection(max_retries=1, timeout=PATIENCE_S)
+        broker.ensure_connection(max_retries=1, interval_start=0.1, timeout=PATIENCE_S)
 
 
 def _ask_cache() -> None:

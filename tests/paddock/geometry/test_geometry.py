@@ -11,6 +11,7 @@ from hypothesis import strategies as st
 
 from paddock.geometry.catalogue import CATALOGUE
 from paddock.geometry.track import WINDOW_M, TrackGeometry
+from tests.soak import examples
 
 tracks = st.sampled_from([entry for entry in CATALOGUE if not entry.is_open])
 directions = st.sampled_from(("ccw", "cw"))
@@ -37,7 +38,7 @@ def turned(one, other):
     return abs(math.remainder(one - other, math.tau))
 
 
-@settings(max_examples=400, deadline=None)
+@settings(max_examples=examples(400), deadline=None)
 @given(tracks, directions, shares, sides)
 def test_projecting_a_placed_point_recovers_its_place(entry, direction, share, side):
     track = entry.geometry(direction)
@@ -60,7 +61,7 @@ def test_projecting_a_placed_point_recovers_its_place(entry, direction, share, s
     assert track.on_road(*track.point_at(distance, 0.98 * offset)[:2])
 
 
-@settings(max_examples=200, deadline=None)
+@settings(max_examples=examples(200), deadline=None)
 @given(tracks, shares, sides)
 def test_both_directions_agree_on_where_a_point_is(entry, share, side):
     ccw, cw = entry.geometry("ccw"), entry.geometry("cw")
@@ -95,7 +96,7 @@ def test_progress_never_jumps_on_a_wobbling_lap(entry, direction):
     assert total == pytest.approx(2 * track.length, abs=1e-6)
 
 
-@settings(max_examples=200, deadline=None)
+@settings(max_examples=examples(200), deadline=None)
 @given(tracks, directions, shares, st.floats(-1.5, 1.5), st.floats(0, math.tau))
 def test_a_straying_cars_progress_stays_within_the_window(entry, direction, share, offset, angle):
     """A car beside the road next to another part of the track is still where it came from."""
@@ -119,7 +120,7 @@ def test_the_hint_tells_parallel_parts_apart():
     assert apart(track, track.project(x, y, hint).distance, onto) < 0.1
 
 
-@settings(max_examples=100, deadline=None)
+@settings(max_examples=examples(100), deadline=None)
 @given(tracks, st.floats(-30, 30), st.floats(-30, 30))
 def test_without_a_hint_shapelys_nearest_part_counts(entry, x, y):
     shapely = pytest.importorskip("shapely", reason="the oracle comes with deepracer-utils")
@@ -131,7 +132,7 @@ def test_without_a_hint_shapelys_nearest_part_counts(entry, x, y):
     assert math.dist(track.point_at(found.distance)[:2], (x, y)) <= 1.2 * truth + 0.03
 
 
-@settings(max_examples=300, deadline=None)
+@settings(max_examples=examples(300), deadline=None)
 @given(tracks, shares, st.floats(-1.2, 1.2))
 def test_on_road_agrees_with_shapely(entry, share, offset):
     shapely = pytest.importorskip("shapely", reason="the oracle comes with deepracer-utils")

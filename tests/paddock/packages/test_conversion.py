@@ -16,6 +16,7 @@ from paddock.packages.gate import Canonical, check_onnx
 from paddock.packages.limits import PackageLimits
 from paddock.packages.metadata import ModelMetadata, parse_metadata
 from paddock.packages.tensorflow import convert
+from tests.soak import examples
 
 from .coach import DEEP, MEDIUM, coach_graph, metadata_dict
 from .graphdef import FLOAT, Attr, GraphWriter
@@ -270,7 +271,7 @@ def tiny_graph() -> bytes:
 TINY = tiny_graph()
 
 
-@settings(max_examples=400, deadline=None)
+@settings(max_examples=examples(400), deadline=None)
 @given(st.lists(st.tuples(st.integers(0, len(TINY) - 1), st.integers(0, 255)), max_size=3))
 def test_any_damage_gives_a_reason_or_a_sound_network(damage: list[tuple[int, int]]) -> None:
     broken = bytearray(TINY)

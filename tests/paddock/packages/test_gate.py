@@ -19,6 +19,7 @@ from paddock.packages.gate.operators import OPERATORS
 from paddock.packages.limits import PackageLimits
 from paddock.packages.metadata import parse_metadata
 from tests.hostile.parts import CAMERA, metadata, network
+from tests.soak import examples
 
 from .coach import metadata_dict
 
@@ -251,7 +252,7 @@ def test_a_smaller_budget_refuses_what_a_larger_one_admits() -> None:
 GOOD = planar_network().SerializeToString()
 
 
-@settings(max_examples=400, deadline=None)
+@settings(max_examples=examples(400), deadline=None)
 @given(st.lists(st.tuples(st.integers(0, len(GOOD) - 1), st.integers(0, 255)), min_size=1, max_size=3))
 def test_any_damage_gives_a_reason_or_a_sound_network(damage: list[tuple[int, int]]) -> None:
     broken = bytearray(GOOD)
@@ -265,7 +266,7 @@ def test_any_damage_gives_a_reason_or_a_sound_network(damage: list[tuple[int, in
     assert check_onnx(canonical.onnx, META) == canonical
 
 
-@settings(max_examples=200, deadline=None)
+@settings(max_examples=examples(200), deadline=None)
 @given(st.integers(0, len(GOOD) - 1))
 def test_a_truncated_network_is_refused(length: int) -> None:
     with pytest.raises(UserFault):

@@ -12,6 +12,7 @@ from hypothesis import strategies as st
 from paddock.errors import UserFault
 from paddock.packages.metadata import ModelMetadata, parse_metadata
 from tests.shared import SHARED, needs_shared
+from tests.soak import examples
 
 ACTIONS = [{"steering_angle": -30, "speed": 1.0}, {"steering_angle": "30", "speed": "0.8"}]
 CONTINUOUS = {"steering_angle": {"low": -30.0, "high": 30.0}, "speed": {"low": "0.5", "high": 4}}
@@ -128,7 +129,7 @@ KEYS = [
 ]  # fmt: skip
 
 
-@settings(max_examples=300, deadline=None)
+@settings(max_examples=examples(300), deadline=None)
 @given(st.dictionaries(st.sampled_from(KEYS), json_values))
 def test_nonsense_is_refused_with_a_reason(changes: dict) -> None:
     data = {"action_space": ACTIONS, "sensor": ["FRONT_FACING_CAMERA"], **changes}
@@ -139,7 +140,7 @@ def test_nonsense_is_refused_with_a_reason(changes: dict) -> None:
         assert str(fault)
 
 
-@settings(max_examples=300, deadline=None)
+@settings(max_examples=examples(300), deadline=None)
 @given(st.binary(max_size=200))
 def test_arbitrary_bytes_are_refused_with_a_reason(data: bytes) -> None:
     with pytest.raises(UserFault) as fault:

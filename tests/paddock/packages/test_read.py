@@ -30,6 +30,7 @@ from tests.hostile.parts import (
     training_folder,
     zipped,
 )
+from tests.soak import examples
 
 GRAPH = b"\x0a\x04abcd"
 COACH = "worker_0.multi_agent_graph.main_level.main_level.agent_0.csv"
@@ -164,7 +165,7 @@ ZIP = zipped(("car.onnx", GRAPH.replace(b"\x0a", b"\x08")), ("model_metadata.jso
 TAR = tar(("agent/model.pb", GRAPH), ("model_metadata.json", metadata()))
 
 
-@settings(max_examples=300, deadline=None)
+@settings(max_examples=examples(300), deadline=None)
 @given(st.sampled_from([CAR, ZIP, TAR]), st.lists(st.tuples(st.integers(0, 1 << 16), st.integers(0, 255)), max_size=4))
 def test_any_damage_gives_a_reason_or_does_no_harm(content: bytes, damage: list[tuple[int, int]]) -> None:
     broken = bytearray(content)
@@ -177,7 +178,7 @@ def test_any_damage_gives_a_reason_or_does_no_harm(content: bytes, damage: list[
     assert package.kind in ("tensorflow", "onnx")
 
 
-@settings(max_examples=100, deadline=None)
+@settings(max_examples=examples(100), deadline=None)
 @given(st.sampled_from([CAR, ZIP, TAR]), st.integers(1, 600))
 def test_a_truncated_file_is_refused(content: bytes, missing: int) -> None:
     kept = content.rstrip(b"\0")[: -min(missing, len(content.rstrip(b"\0")) - 1)]

@@ -14,6 +14,7 @@ from paddock.simulator.action import ActionSpace
 from paddock.simulator.envs import DEFAULT_METADATA, load_track
 from paddock.simulator.race import run_race
 from tests.shared import SHARED, needs_shared
+from tests.soak import only
 
 from .tracks_for_tests import stadium
 
@@ -49,7 +50,7 @@ def make_kind(kind, **options):
     [DEFAULT_METADATA, CONTINUOUS, STEREO, SECTORS],
     ids=["discrete", "continuous", "stereo and lidar", "left and sectors"],
 )
-@pytest.mark.parametrize("start", ["fixed", "random"])
+@pytest.mark.parametrize("start", only(("random",), ("fixed", "random")))
 @pytest.mark.parametrize("kind", KINDS)
 def test_it_passes_gymnasiums_checker(kind, metadata, start):
     with warnings.catch_warnings():

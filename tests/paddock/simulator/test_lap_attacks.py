@@ -21,6 +21,7 @@ from paddock.simulator.progress import Reach, clear_distance
 from paddock.simulator.race import run_race
 from paddock.simulator.referee import LAPS_DONE, RESETS_USED, Referee
 from paddock.simulator.trace import IMMOBILIZED, IN_PROGRESS, OFF_TRACK, REVERSED, TIME_UP
+from tests.soak import examples
 
 from .tracks_for_tests import hairpin, stadium
 
@@ -229,7 +230,7 @@ def test_standing_still_between_resets_gains_nothing():
 
 
 @given(moves=st.lists(st.tuples(st.floats(-0.3, 0.3), st.floats(-0.9, 0.9)), max_size=120))
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=examples(60), deadline=None)
 def test_progress_never_exceeds_what_the_road_allows(moves):
     judge = referee(laps=2)
     distance = 0.0
@@ -247,7 +248,7 @@ def test_progress_never_exceeds_what_the_road_allows(moves):
     moves=st.lists(st.tuples(st.floats(-0.27, 0.27), st.floats(-0.5, 0.5)), min_size=20, max_size=150),
     boxes=st.booleans(),
 )
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=examples(60), deadline=None)
 def test_driving_less_than_a_lap_never_scores_one(moves, boxes):
     """Without resets progress can only come from driving: less than a lap of way along the road is no lap."""
     rules = {"race_type": "object_avoidance", "boxes": (BoxPlace(0.5, "inner"),)} if boxes else {}

@@ -23,6 +23,7 @@ from paddock.simulator.layout import (
     start_places,
 )
 from tests.shared import CHECKOUT, SHARED, needs_shared
+from tests.soak import examples
 
 from .tracks_for_tests import hairpin, stadium
 
@@ -135,7 +136,7 @@ def test_six_bots_have_room_on_the_shortest_official_track():
 
 
 @given(seed=st.integers(0, 10**9), count=st.integers(1, 6), distance=st.floats(0.0, 2.2))
-@settings(max_examples=150, deadline=None)
+@settings(max_examples=examples(150), deadline=None)
 def test_random_boxes_keep_their_distance_and_the_start_free(seed, count, distance):
     rules = drawn(count, seed=seed, box_distance_m=distance)
     boxes = lay_out(TRACK, rules).boxes

@@ -18,6 +18,7 @@ from paddock.simulator.race import run_race
 from paddock.simulator.referee import Referee
 from paddock.simulator.trace import PAUSE
 from tests.shared import SHARED, needs_shared
+from tests.soak import some
 
 OWN = [pytest.param(entry.geometry, id=entry.slug) for entry in CATALOGUE[:7]]
 GIVEN = [
@@ -26,6 +27,7 @@ GIVEN = [
 ] or [pytest.param(None, id="given", marks=[needs_shared])]
 WITH_HAIRPINS = {"Baja Turnpike", "Baja Highway", "Kuei Raceway", "Kuei Super Raceway"}
 both = pytest.mark.parametrize("direction", ["ccw", "cw"])
+MANY = some([*OWN, *GIVEN], 8)
 
 
 def loaded(track):
@@ -37,7 +39,7 @@ def loaded(track):
 
 
 @both
-@pytest.mark.parametrize("track", OWN)
+@pytest.mark.parametrize("track", some(OWN, 3))
 def test_a_car_leaving_at_every_bend_is_put_back_on_the_road(track, direction):
     track = track()
     rules = RaceRules(direction=direction, off_track_penalty_ms=100, max_simulated_ms=60_000)
@@ -56,7 +58,7 @@ def test_a_car_leaving_at_every_bend_is_put_back_on_the_road(track, direction):
 
 @both
 @pytest.mark.parametrize("apart", [1.3, pytest.param(0.13, marks=pytest.mark.soak)])
-@pytest.mark.parametrize("track", [*OWN, *GIVEN])
+@pytest.mark.parametrize("track", MANY)
 def test_a_car_is_always_put_back_on_the_road_keeping_progress(track, apart, direction):
     """``apart``: metres from one place to the next."""
     driven = loaded(track).in_direction(direction)
@@ -80,7 +82,7 @@ def test_a_car_is_always_put_back_on_the_road_keeping_progress(track, apart, dir
 @pytest.mark.slow
 @both
 @pytest.mark.parametrize(("seeds", "steps"), [(2, 300), pytest.param(20, 1200, marks=pytest.mark.soak)])
-@pytest.mark.parametrize("track", [*OWN, *GIVEN])
+@pytest.mark.parametrize("track", MANY)
 def test_boxes_and_bots_have_room_on_every_track(track, seeds, steps, direction):
     driven = loaded(track).in_direction(direction)
     for seed in range(seeds):

@@ -11,6 +11,7 @@ from paddock.simulator.physics import PADDOCK_CAR
 from paddock.simulator.progress import Reach
 from paddock.simulator.referee import LAPS_DONE, RESETS_USED, Referee
 from paddock.simulator.trace import IMMOBILIZED, IN_PROGRESS, LAP_COMPLETE, OFF_TRACK, PAUSE, REVERSED, TIME_UP
+from tests.soak import examples
 
 from .tracks_for_tests import stadium
 
@@ -70,7 +71,7 @@ def test_lap_times_add_up_to_the_total():
 
 
 @given(stride=st.floats(0.05, 0.27))
-@settings(max_examples=25, deadline=None)
+@settings(max_examples=examples(25), deadline=None)
 def test_a_crossing_is_timed_to_the_millisecond(stride):
     judge = referee(laps=2)
     drive(judge, [stride * (i + 1) for i in range(int(2 * TRACK.length / stride) + 2)])

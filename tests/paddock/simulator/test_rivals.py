@@ -17,6 +17,7 @@ from paddock.simulator.race import Entrant, run_race
 from paddock.simulator.stage import PreparedTrack, Simulation
 from paddock.simulator.trace import CRASHED, IN_PROGRESS, LAP_COMPLETE, PARK, PAUSE
 from tests.paddock.simulator.test_race import clients
+from tests.soak import some
 
 from .tracks_for_tests import stadium
 
@@ -331,7 +332,7 @@ def test_boxes_bots_and_rivals_can_be_combined():
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("entry", CATALOGUE[:7], ids=lambda entry: entry.slug)
+@pytest.mark.parametrize("entry", some(CATALOGUE[:7], 6), ids=lambda entry: entry.slug)
 @pytest.mark.parametrize("direction", ["ccw", "cw"])
 def test_four_cars_finish_on_every_catalogue_track(entry, direction):
     track = entry.geometry()

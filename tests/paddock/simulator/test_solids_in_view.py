@@ -14,6 +14,7 @@ from paddock.simulator.camera.theme import OFFICIAL
 from paddock.simulator.camera.view import Camera, Scene
 from paddock.simulator.car import Pose
 from paddock.simulator.solids import BOX, CAR, Solid, box, car
+from tests.soak import examples
 
 from .tiny_scene import TinyScene
 from .tracks_for_tests import stadium
@@ -212,7 +213,7 @@ blocks = st.builds(
 )  # fmt: skip
 
 
-@settings(max_examples=300, deadline=None)
+@settings(max_examples=examples(300), deadline=None)
 @given(st.builds(Pose, metres, metres, angles), st.lists(blocks, max_size=6))
 def test_any_solids_can_be_drawn_from_any_place(scene, pose, solids):
     camera = Camera(scene)
@@ -223,7 +224,7 @@ def test_any_solids_can_be_drawn_from_any_place(scene, pose, solids):
     assert frame.max() <= max(known)
 
 
-@settings(max_examples=200, deadline=None)
+@settings(max_examples=examples(200), deadline=None)
 @given(st.floats(-0.6, 0.6), st.floats(-0.6, 0.6), angles, st.sampled_from((box, car)))
 def test_a_solid_touching_the_camera_shows_only_its_own_greys(scene, forward, left, yaw, make):
     """No polygon is turned inside out where it passes through the plane of the lens: every pixel is the scene's or
