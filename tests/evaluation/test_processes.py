@@ -193,6 +193,7 @@ def test_a_stopping_worker_hands_its_evaluation_back_at_once(submit, control, br
         assert not session_of(worker.pid)
 
 
+@pytest.mark.soak  # a stopped one that drives: the test above
 def test_an_idle_worker_stopped_by_group_ends_quietly(submit, control, broker_url):
     with control.worker(broker_url) as worker:
         first = submit()
@@ -236,6 +237,7 @@ def test_an_owner_stops_an_evaluation_that_a_worker_is_running(submit, control, 
     assert not Result.objects.filter(evaluation=evaluation).exists()
 
 
+@pytest.mark.soak
 @killed_at
 def test_a_killed_duel_leaves_the_files_of_one_attempt(submit_duel, control, broker_url, points):
     with control.worker(broker_url):

@@ -50,7 +50,7 @@ FIRST_OF_EACH = [
     next(cases) for code, cases in groupby(CASES, lambda case: case.split("/")[0]) if code in CONVERTED - UNREACHABLE
 ]
 # what reads policies of stable-baselines3 loads torch each time
-KINDS = {case: "sb3" if case.startswith("sb3_") else case for case in FIRST_OF_EACH}
+KINDS = {case: "sb3" if case.startswith("sb3_") else case.split("/")[0] for case in CASES}
 
 
 def load(case: str) -> ModuleType:
@@ -110,7 +110,7 @@ def test_a_hostile_upload_is_refused_with_its_folders_reason(
 
 @pytest.mark.parametrize(
     "case",
-    one_of_each(sorted({*FIRST_OF_EACH, *filter(needs_the_sandbox, CASES)}), kind=lambda case: KINDS.get(case, case)),
+    one_of_each(sorted({*FIRST_OF_EACH, *filter(needs_the_sandbox, CASES)}), kind=KINDS.__getitem__),
 )
 def test_the_sandbox_gives_the_same_reason(case: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(tmp_path)

@@ -105,6 +105,15 @@ def small(monkeypatch) -> Callable:
     return lambda *options: web("tests.league.web_site:application", *(options or ("--processes", "1")))
 
 
+@pytest.fixture(scope="module")
+def shared_small() -> Iterator[Web]:
+    """One of those for tests that leave it as it was."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.chdir(CHECKOUT)
+        with web("tests.league.web_site:application", "--processes", "1") as started:
+            yield started
+
+
 @pytest.mark.parametrize("kind", slow.KINDS)
 def test_two_hundred_slow_connections_delay_nobody(site, kind):
     found = slow.measure(
@@ -132,8 +141,8 @@ def test_clients_that_read_nothing_block_no_thread(small):
 
 
 @pytest.mark.parametrize("path", [b"/file", b"/told"])
-def test_an_answer_to_head_has_no_body(small, path):
-    with small() as server, socket.create_connection(("127.0.0.1", server.port), timeout=20) as connection:
+def test_an_answer_to_head_has_no_body(shared_small, path):
+    with socket.create_connection(("127.0.0.1", shared_small.port), timeout=20) as connection:
         said = b"X-Forwarded-For: a\r\nX-Forwarded-Proto: b\r\nConnection: close\r\n\r\n"
         connection.sendall(b"HEAD " + path + b" HTTP/1.1\r\nHost: 127.0.0.1\r\n" + said)
         with connection.makefile("rb") as answer:
@@ -142,21 +151,19 @@ def test_an_answer_to_head_has_no_body(small, path):
     assert body in (b"", b"0\r\n\r\n")  # the second is the end of one whose length nobody told
 
 
-def test_a_large_upload_arrives_complete(small):
-    with small() as server:
-        body = os.urandom(MEGABYTE) * 64
-        status, told = server.send("/api/length", body, Authorization="Token t")
-        assert (status, told) == (200, str(len(body)).encode())
+def test_a_large_upload_arrives_complete(shared_small):
+    body = os.urandom(MEGABYTE) * 64
+    status, told = shared_small.send("/api/length", body, Authorization="Token t")
+    assert (status, told) == (200, str(len(body)).encode())
 
 
-def test_a_chunked_body_arrives_complete_and_is_bounded(small):
-    with small() as server:
-        head = b"POST /api/length HTTP/1.1\r\nHost: 127.0.0.1\r\nTransfer-Encoding: chunked\r\n\r\n"
-        closing = head.replace(b"\r\n\r\n", b"\r\nConnection: close\r\n\r\n")
-        answer = server.raw(closing + b"5\r\nhello\r\n0\r\n\r\n", whole=True)
-        assert answer.endswith(b"1\r\n5\r\n0\r\n\r\n")
-        too_much = b"%X\r\n" % (6 * MEGABYTE) + bytes(6 * MEGABYTE)
-        assert server.raw(head + too_much).startswith(b"HTTP/1.1 413")
+def test_a_chunked_body_arrives_complete_and_is_bounded(shared_small):
+    head = b"POST /api/length HTTP/1.1\r\nHost: 127.0.0.1\r\nTransfer-Encoding: chunked\r\n\r\n"
+    closing = head.replace(b"\r\n\r\n", b"\r\nConnection: close\r\n\r\n")
+    answer = shared_small.raw(closing + b"5\r\nhello\r\n0\r\n\r\n", whole=True)
+    assert answer.endswith(b"1\r\n5\r\n0\r\n\r\n")
+    too_much = b"%X\r\n" % (6 * MEGABYTE) + bytes(6 * MEGABYTE)
+    assert shared_small.raw(head + too_much).startswith(b"HTTP/1.1 413")
 
 
 @pytest.mark.parametrize(
@@ -190,9 +197,8 @@ def test_concurrent_large_uploads_are_limited(small):
             connection.close()
 
 
-def test_proxy_headers_are_honoured(small):
-    with small() as server:
-        told = server.get("/told", **{"X-Forwarded-For": "203.0.113.7", "X-Forwarded-Proto": "https"})[1].decode()
+def test_proxy_headers_are_honoured(shared_small):
+    told = shared_small.get("/told", **{"X-Forwarded-For": "203.0.113.7", "X-Forwarded-Proto": "https"})[1].decode()
     assert told == "203.0.113.7 https http 127.0.0.1"
 
 

@@ -20,7 +20,8 @@ from tests.factories import a_model, a_race, a_racer, laps, outcome, start
 from tests.pages.browsing import IN_A_BROWSER, chromium, visitor
 from training.models import TrainingJob
 from training.vehicles import save_vehicle
-from videos.services import ask_for_video
+from videos import drawing
+from videos.services import ask_for_video, run_next_video
 
 pytestmark = [*IN_A_BROWSER, pytest.mark.django_db(transaction=True)]
 # every message of the polite region and every start of the player, from the moment that the page is there
@@ -32,6 +33,8 @@ RECORD = """addEventListener("DOMContentLoaded", () => {
   })).observe(document, { subtree: true, childList: true, attributes: true });
 });"""
 LAP_MS = 1_000
+CARD_S = 2.5  # the figures at the end of a video
+WRITE_VIDEO, POSTER = drawing.write_video, drawing.poster  # before a test puts others in their place
 
 
 @pytest.fixture(scope="module")
@@ -165,6 +168,36 @@ def test_video_progress_is_announced_and_its_button_keeps_focus(browser, live_se
     page.keyboard.press("Enter")
     page.locator("#video:not(:has(#video-now))").wait_for()
     page.wait_for_function("() => document.querySelector('#video').contains(document.activeElement)")
+
+
+def test_a_drawn_video_is_played_and_jumped_about_in(browser, live_server, now, monkeypatch) -> None:
+    """Of a lap of a second; of a real run, drawn by a worker of a whole site: tests/pages/test_video_browser.py."""
+    monkeypatch.setattr(drawing, "write_video", WRITE_VIDEO)
+    monkeypatch.setattr(drawing, "poster", POSTER)
+    alice = a_racer("alice")
+    run = a_driven_run(a_race(now), alice, now)
+    page = visitor(browser, live_server.url, alice).new_page()
+    page.goto(run.get_absolute_url())
+    page.locator("#video").get_by_role("button", name="Make a video").click()
+    page.locator("#video").get_by_role("progressbar").wait_for()
+    assert run_next_video(worker="w")
+    page.locator("#video video").wait_for()
+    page.wait_for_function("() => document.querySelector('#video video').readyState >= 1")
+    player = page.locator("#video video")
+    assert player.evaluate("video => video.duration") == pytest.approx(0.999 + CARD_S, abs=0.1)
+    assert player.evaluate("video => video.videoWidth") == 1280
+    player.evaluate("video => { video.muted = true; return video.play(); }")
+    player.evaluate("video => { video.currentTime = 2.0; }")
+    page.wait_for_function("() => document.querySelector('#video video').currentTime > 2.2")
+    assert player.evaluate("video => video.error && video.error.message") is None
+    with page.expect_download() as download:
+        page.locator("#video").get_by_role("link", name="Download (MP4").click()
+    assert download.value.suggested_filename.endswith(".mp4")
+
+    guest = visitor(browser, live_server.url).new_page()
+    guest.goto(page.url)
+    guest.locator("#video video").wait_for()
+    assert guest.locator("#video form").count() == 0
 
 
 def test_the_wizard_shows_errors_and_defaults_to_the_original_car(browser, live_server, now) -> None:

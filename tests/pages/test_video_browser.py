@@ -32,6 +32,7 @@ def a_run_on_the_oval(page: playwright.Page) -> None:  # noqa: F811
     race_on_the_oval(page, "Video night")
 
 
+@pytest.mark.soak
 def test_a_racer_makes_a_video_of_a_best_lap_and_a_guest_watches_it(
     page: playwright.Page,  # noqa: F811
     browser: playwright.Browser,  # noqa: F811

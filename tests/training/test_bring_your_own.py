@@ -57,12 +57,14 @@ def evaluated(package: Path, *options: str) -> dict:
     return json.loads(printed.getvalue())
 
 
+@pytest.mark.soak  # the notebook, below, does all that the example does
 def test_the_example_prints_its_progress_and_what_it_packed(made):
     package, said = made
     assert "2000 steps" in said
     assert said.rstrip().endswith(f"packed: {package}")
 
 
+@pytest.mark.soak
 def test_the_site_drives_the_package_as_the_example_did(made, example):
     package, _ = made
     own = example.drive(package, laps=1, track="oval")["laps"]

@@ -285,7 +285,7 @@ def test_any_damage_gives_a_reason_or_a_sound_network(damage: list[tuple[int, in
     assert canonical.output == ("actions", "float32", (1, 5))
 
 
-@pytest.mark.slow
+@pytest.mark.soak  # it is admitted and driven in test_large_networks.py; small ones answer as openvino does above
 def test_the_full_size_medium_network_converts_within_limits(tmp_path: Path) -> None:
     """As the simulator's code builds it, its middleware alone has 28.7 million weights (115 MB)."""
     limits = PackageLimits(model_bytes=160 << 20, tensor_elements=40_000_000)

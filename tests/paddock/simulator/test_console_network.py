@@ -48,11 +48,13 @@ def test_it_laps_a_to_z_speedway_at_the_official_pace(console_car):
 
 @needs_shared
 @pytest.mark.slow
-def test_its_laps_do_not_depend_on_a_lucky_start(console_car):
+@pytest.mark.parametrize("apart", [24.0, pytest.param(2.4, marks=pytest.mark.soak)])
+def test_its_laps_do_not_depend_on_a_lucky_start(console_car, apart):
+    """``apart``: metres from one start to the next."""
     space, policy = console_car
     track = read_npy((SHARED / "tracks" / "reInvent2019_wide.npy").read_bytes(), "reInvent2019_wide")
     laps = []
-    for start_m in np.arange(0.0, track.length, 2.4):
+    for start_m in np.arange(0.0, track.length, apart):
         result = run_race(track, RaceRules(laps=2), space, ["FRONT_FACING_CAMERA"], policy, start_m=float(start_m))
         assert result.end_reason == "laps_done"
         laps.extend(result.laps)
