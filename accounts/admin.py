@@ -22,7 +22,7 @@ from django.utils.translation import gettext_lazy as _
 from django.utils.translation import ngettext
 
 from .avatars.keeping import remove_picture
-from .models import GroupMember, Racer, RacerGroup, RacerQuota, SignUpInvitation
+from .models import GroupMember, Racer, RacerGroup, RacerQuota, SignUpInvitation, Team, TeamMember
 from .templatetags.accounts import avatar
 from .who import racer_of
 
@@ -210,3 +210,30 @@ class RacerGroupAdmin(admin.ModelAdmin):
 
     def get_changeform_initial_data(self, request: HttpRequest) -> dict[str, Any]:
         return {"made_at": timezone.now()} | super().get_changeform_initial_data(request)
+
+
+class TeamMemberInline(admin.TabularInline):
+    """Who is in a team."""
+
+    model = TeamMember
+    extra = 0
+    fields = readonly_fields = ("racer", "joined_at")
+
+    def has_add_permission(self, request: HttpRequest, obj: Team | None = None) -> bool:
+        return False
+
+
+@admin.register(Team)
+class TeamAdmin(admin.ModelAdmin):
+    """Teams. An admin leads every one of them on its page; here they are found."""
+
+    list_display = ("name", "captain", "made_at")
+    search_fields = ("name", "captain__alias")
+    fields = readonly_fields = ("name", "slug", "captain", "made_at")
+    inlines = (TeamMemberInline,)
+
+    def has_add_permission(self, request: HttpRequest) -> bool:
+        return False
+
+    def has_delete_permission(self, request: HttpRequest, obj: Team | None = None) -> bool:
+        return False

@@ -13,6 +13,7 @@ class AccountsConfig(AppConfig):
 
         from core.pages import register_slots
 
+        from . import events  # noqa: F401 - its kinds of events are known from the start
         from .avatars.keeping import PICTURES, take_picture_along
         from .models import Racer
         from .receivers import keep_the_session, know_the_address, take_over_on_reset

@@ -60,8 +60,7 @@ class ProfileForm(forms.ModelForm):
 
     class Meta:
         model = Racer
-        fields = ["country", "team"]
-        help_texts = {"team": _("As it is to stand in the standings of teams: one spelling makes one team.")}
+        fields = ["country"]
 
     def __init__(self, *args: Any, **kwargs: Any) -> None:
         super().__init__(*args, **kwargs)

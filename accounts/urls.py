@@ -2,7 +2,7 @@
 
 from django.urls import path
 
-from .views import account, groups, pictures, usage
+from .views import account, groups, pictures, teams, usage
 
 urlpatterns = [
     path("settings/", account.settings_page, name="settings"),
@@ -18,5 +18,10 @@ urlpatterns = [
     path("groups/join/<str:code>/", groups.group_join, name="group_join"),
     path("groups/<slug:slug>/", groups.group, name="group"),
     path("groups/<slug:slug>/leave/", groups.group_leave, name="group_leave"),
+    path("teams/", teams.teams, name="teams"),
+    path("teams/new/", teams.team_new, name="team_new"),
+    path("teams/leave/", teams.team_leave, name="team_leave"),
+    path("teams/join/<str:code>/", teams.team_join, name="team_join"),
+    path("teams/<slug:slug>/", teams.team, name="team"),
     path("usage/", usage.usage_of_all, name="usage_of_all"),
 ]

@@ -21,7 +21,7 @@ from paddock.rules.race import BY_PLACE
 from .errors import RaceRefused
 from .fields import BesideField, MomentField
 from .layout_form import DRAWN, FIXED, PROPOSALS, LayoutForm
-from .models import Race, RaceState, RaceType, Visibility
+from .models import Race, RaceState, RaceType, TeamEntries, Visibility
 from .models.race import MINIMUM_LAP_MS, MOST_TERMS, SESSION_S
 from .rules.fields import rule_fields
 from .services.races import edition_of
@@ -98,6 +98,7 @@ class RaceForm(_RuleFields):  # type: ignore[misc, valid-type]
         empty_label=_("for everybody"),
         help_text=_("Only its confirmed members may enter; they need no link."),
     )
+    team_entries = forms.ChoiceField(label=_("Teams"), required=False, choices=TeamEntries.choices)
     time_zone = forms.CharField(required=False, widget=forms.HiddenInput)
     edition = forms.CharField(required=False, widget=forms.HiddenInput)
 

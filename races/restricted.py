@@ -4,14 +4,39 @@ from __future__ import annotations
 
 from datetime import datetime
 
+from django.db import connection
+
 from accounts.groups.selectors import is_in
 from accounts.models import Racer
+from accounts.teams.services import team_of
+from core.locks import hold
 from paddock.errors import UserFault
 
-from .models import Race
+from .models import Entry, Race, TeamEntries
 
 
 def check_group(race: Race, racer: Racer, now: datetime) -> None:
     """Refuse a race of a group to whoever is not a confirmed member. Raises UserFault("race_group_only")."""
     if race.group is not None and not is_in(racer, race.group):
         raise UserFault("race_group_only", group=race.group.name)
+
+
+def check_team(race: Race, racer: Racer, now: datetime) -> None:
+    """Refuse a race of teams to whoever is in none, and where a team has one car, to a second of one team.
+
+    Raises UserFault("race_needs_team" | "race_team_has_entry"). Within a transaction the team is locked, so that two of
+    one team do not enter at once.
+    """
+    if not race.team_entries:
+        return
+    team = team_of(racer)
+    if team is None:
+        raise UserFault("race_needs_team")
+    if race.team_entries != TeamEntries.ONE:
+        return
+    if connection.in_atomic_block:
+        hold(team)
+    others = Entry.objects.filter(race=race, withdrawn_at=None, racer__team_membership__team=team).exclude(racer=racer)
+    first = others.select_related("racer").order_by("pk").first()
+    if first is not None:
+        raise UserFault("race_team_has_entry", racer=first.racer.alias)

@@ -48,6 +48,7 @@ EDITABLE_FIELDS = (
     *(name for name, rule in RULES.items() if not rule.fixed),
     "visibility",
     "group",
+    "team_entries",
     "opens_at",
     "closes_at",
 )

@@ -4,6 +4,7 @@ from, and what their tokens may do."""
 from .access import MOST, KnownAddress, RacerQuota, SignUpInvitation, TokenGrant
 from .group import GroupMember, RacerGroup
 from .racer import ALIAS_PATTERN, ALIAS_VALIDATORS, Racer, RacerManager
+from .team import Team, TeamInvitation, TeamMember
 
 __all__ = [
     "ALIAS_PATTERN",
@@ -16,5 +17,8 @@ __all__ = [
     "RacerManager",
     "RacerQuota",
     "SignUpInvitation",
+    "Team",
+    "TeamInvitation",
+    "TeamMember",
     "TokenGrant",
 ]

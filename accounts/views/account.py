@@ -59,7 +59,7 @@ def settings_page(request: HttpRequest) -> HttpResponse:
     """Country, and the way to e-mail, password and tokens."""
     form = ProfileForm(request.POST or None, instance=request.user)
     if request.method == "POST" and form.is_valid():
-        change_profile(racer=racer_of(request), **form.cleaned_data)
+        change_profile(racer=racer_of(request), now=timezone.now(), **form.cleaned_data)
         messages.success(request, _("Saved."))
         return redirect("settings")
     return render(request, "accounts/settings.html", {"form": form})

@@ -137,7 +137,9 @@ class ProfileBody(Body):
     country = serializers.ChoiceField(
         [("", ""), *country_choices()], required=False, allow_blank=True, help_text="Two-letter code, or empty."
     )
-    team = serializers.CharField(required=False, allow_blank=True, max_length=64, help_text="Empty for none.")
+    team = serializers.CharField(
+        required=False, allow_blank=True, max_length=64, help_text="Empty leaves it, a new name founds one."
+    )
 
 
 class KnownTokenSerializer(serializers.Serializer):
@@ -226,8 +228,8 @@ class MeView(APIView):
     )
     def patch(self, request: Request) -> Response:
         racer = racer_of(request)
-        sent = {"country": racer.country, "team": racer.team} | read_as(ProfileBody, request.data)
-        return Response(RacerSerializer(change_profile(racer=racer, **sent)).data)
+        sent = {"country": racer.country} | read_as(ProfileBody, request.data)
+        return Response(RacerSerializer(change_profile(racer=racer, now=timezone.now(), **sent)).data)
 
 
 @extend_schema_view(

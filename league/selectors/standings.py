@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 from django.db.models import Q
 
 from accounts.groups.selectors import inside
+from accounts.models.team import team_key
 from accounts.regions import region_of
 from races.selectors.boards import CLASSIFIED, board_entries
 
@@ -83,11 +84,6 @@ def region_standings(season: Season, division: Division | str, running: Sequence
 def team_standings(season: Season, division: Division | str, running: Sequence[Round] = ()) -> list[RacerStanding]:
     """The standings of teams (``who``: the name, in small letters): the points of all their racers, none dropped."""
     return _summed(season, division, running, lambda row: team_key(row.team))
-
-
-def team_key(team: str) -> str:
-    """What two spellings of one team have in common: neither letter case nor blanks make another team."""
-    return " ".join(team.split()).casefold()
 
 
 def points_as_they_stand(round_: Round) -> list[RoundPoints]:

@@ -143,7 +143,22 @@ class RaceAdmin(WithReason):
     raw_id_fields = ("beside",)
     actions = ("cancel", "clone", "new_invitations", "work_out_anew")
     fieldsets = (
-        (None, {"fields": ("name", "slug", "kind", "division", "organiser", "group", "description", "edition")}),
+        (
+            None,
+            {
+                "fields": (
+                    "name",
+                    "slug",
+                    "kind",
+                    "division",
+                    "organiser",
+                    "group",
+                    "team_entries",
+                    "description",
+                    "edition",
+                )
+            },
+        ),
         (gettext_lazy("Prize and terms"), {"fields": ("prize", "sponsor", "terms")}),
         (gettext_lazy("Time and place"), {"fields": ("opens_at", "closes_at", "track", "direction")}),
         (

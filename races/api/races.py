@@ -23,7 +23,7 @@ from tracks.models import Track
 from .. import services
 from ..audit import log
 from ..layout import box_rows
-from ..models import Division, Entry, Race, RaceKind, RaceState, RaceType, Visibility
+from ..models import Division, Entry, Race, RaceKind, RaceState, RaceType, TeamEntries, Visibility
 from ..models.race import MINIMUM_LAP_MS, MOST_TERMS, SESSION_S
 from ..ranking import order_rule, rule_for
 from ..rules.serializers import with_rules
@@ -60,6 +60,9 @@ class RaceSerializer(with_rules(serializers.Serializer, RULES)):  # type: ignore
     cancel_reason = serializers.CharField(allow_blank=True)
     track = TrackSummarySerializer()
     visibility = serializers.ChoiceField(Visibility.choices)
+    team_entries = serializers.ChoiceField(
+        TeamEntries.choices, help_text="Whether it is for teams, and with how many cars each."
+    )
     group = serializers.CharField(
         source="group.slug", default=None, allow_null=True, help_text="Whose members alone may enter; null: everybody."
     )
@@ -142,6 +145,7 @@ class RaceChangeSerializer(with_rules(Body, RULES, asked=True)):  # type: ignore
     opens_at = serializers.DateTimeField(required=False)
     closes_at = serializers.DateTimeField(required=False)
     visibility = serializers.ChoiceField(Visibility.choices, required=False)
+    team_entries = serializers.ChoiceField(TeamEntries.choices, required=False, allow_blank=True)
     group = serializers.SlugRelatedField(
         slug_field="slug",
         queryset=RacerGroup.objects.all(),

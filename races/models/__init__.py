@@ -1,7 +1,18 @@
 """A race, who is in it, and what they sent."""
 
 from .car import RaceCar, RefusedCar, car_of
-from .choices import Division, DuelFormat, Lane, Opponents, RaceKind, RaceState, RaceType, RankingMethod, Visibility
+from .choices import (
+    Division,
+    DuelFormat,
+    Lane,
+    Opponents,
+    RaceKind,
+    RaceState,
+    RaceType,
+    RankingMethod,
+    TeamEntries,
+    Visibility,
+)
 from .counting import BoardCount
 from .duel import Draw, Duel, DuelCompetitor, DuelState
 from .entry import Entry
@@ -79,6 +90,7 @@ __all__ = [
     "SlotState",
     "Source",
     "Submission",
+    "TeamEntries",
     "TermsAcceptance",
     "TimedSession",
     "Timekeeper",

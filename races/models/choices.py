@@ -67,6 +67,14 @@ class Visibility(models.TextChoices):
     INVITATION = "invitation", _("by invitation link")
 
 
+class TeamEntries(models.TextChoices):
+    """What teams are in a race."""
+
+    NONE = "", _("teams play no part")
+    SEVERAL = "several", _("for teams, with any number of cars each")
+    ONE = "one", _("for teams, with one car each")
+
+
 class RaceState(models.TextChoices):
     """A function of the time, never a column."""
 

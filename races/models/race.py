@@ -21,7 +21,7 @@ from paddock.rules.race import RULES
 from ..errors import problem
 from ..sensors import OFFERABLE, sensors_make_sense
 from . import layout
-from .choices import Division, RaceKind, RaceState, RaceType, Visibility
+from .choices import Division, RaceKind, RaceState, RaceType, TeamEntries, Visibility
 from .rules import inside_a_race, lap_problems, laps_constraints, with_rules, within
 
 
@@ -95,6 +95,9 @@ class Race(ChecksTogether, with_rules(RULES, inside_a_race)):  # type: ignore[mi
         related_name="races",
         verbose_name=_("for a group alone"),
         help_text=_("Only its confirmed members may enter. Empty: everybody."),
+    )
+    team_entries = models.CharField(
+        _("teams"), max_length=7, choices=TeamEntries.choices, blank=True, default=TeamEntries.NONE, db_default=""
     )
     visibility = models.CharField(_("visibility"), max_length=10, choices=Visibility.choices, default=Visibility.PUBLIC)
     invitation = models.CharField(_("invitation"), max_length=32, unique=True, default=new_invitation, editable=False)

@@ -91,6 +91,7 @@ def beginners_races(*, racer: Racer, track_slug: str, direction: str, race_type:
         race_type=race_type,
         visibility=Visibility.PUBLIC,
         group=None,
+        team_entries="",
         kind=RaceKind.COMMUNITY,
     )
     return races.order_by(house_first, *EASIER_FIRST, "closes_at", "pk")
@@ -102,7 +103,7 @@ def enterable_now(now: datetime, racer: Racer) -> QuerySet[Race]:
     races = racing_now(now, racer).filter(
         ~Exists(Entry.objects.filter(race=OuterRef("pk"), racer_id=racer.pk, removed_at__isnull=False))
     )
-    limited = races.filter(Q(kind=RaceKind.LEAGUE) | Q(group__isnull=False))
+    limited = races.filter(Q(kind=RaceKind.LEAGUE) | Q(group__isnull=False) | ~Q(team_entries=""))
     closed = [race.pk for race in limited if refusal(race, racer, now) is not None]
     return races.exclude(pk__in=closed)
 

@@ -34,6 +34,7 @@ from races.selectors import (
     upcoming,
 )
 from races.selectors.group_boards import group_board, groups_on
+from races.selectors.team_boards import team_board
 from races.selectors.terms import has_accepted
 from races.selectors.timing import beside, can_keep_time
 from races.sensors import not_offered
@@ -89,12 +90,14 @@ def _listed(request: HttpRequest, show: str) -> QuerySet[Race]:
 
 @require_safe
 def race(request: HttpRequest, slug: str) -> HttpResponse:
-    """A race with its board; with ``group`` that of a group's members among each other."""
+    """A race with its board; with ``group`` that of a group's members among each other, with
+    ``by=teams`` that of teams."""
     shown = visible_race(request, slug)
     page = request.GET.get("page", "1")
     number = int(page) if page.isdecimal() and len(page) < 9 else 1
     groups = groups_on(shown, request.user)
     group = next((one for one in groups if one.slug == request.GET.get("group")), None)
+    teams = team_board(shown) if shown.team_entries and request.GET.get("by") == "teams" else None
     if group is None:
         standings = shared_board(shown, request.user, page=number)
     else:
@@ -105,6 +108,7 @@ def race(request: HttpRequest, slug: str) -> HttpResponse:
         "board": standings,
         "score_column": score_column(shown),
         "groups": groups,
+        "teams": teams,
         "group": group,
     }
     if shown.physical:

@@ -119,6 +119,17 @@ CASES = [
     ),
     Case("alice", "/notices/", "css=.notice-link", "css=#evaluation, #board"),
     Case("alice", "/notices/", "Mark all as read", "css=main:not(:has([action='/notices/read/']))"),
+    # teams
+    Case("admin", "/teams/new/", "Found the team", "The team is founded.", {"Name": "Kites"}),
+    Case("alice", "/teams/comets/", "Ask to join", "Saved.", {"Alias": "slowpoke"}),
+    Case("alice", "/teams/comets/", "css=#invite li button", "Saved."),
+    Case("newcomer", "/teams/comets/", "Join", "Saved."),
+    Case("newcomer", "/teams/comets/", "Leave the team", "You are in no team any more."),
+    Case("newcomer", "/teams/join/{team_code}/", "Join the team", "You are in the team."),
+    Case("newcomer", "/teams/", "Turn down", "Saved."),
+    Case("alice", "/teams/comets/", "css=#members [value=remove]", "Saved."),
+    Case("alice", "/teams/comets/", "css=#members [value=hand_over]", "Saved."),
+    Case("admin", "/teams/comets/", "css=.side [value=link]", "Saved."),
     # groups
     Case("alice", "/groups/new/", "Make the group", "The group is made.", {"Name": "Owls"}),
     Case("newcomer", "/groups/join/{group_code}/", "Ask to be in it", "waits for its leader"),

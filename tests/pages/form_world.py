@@ -13,6 +13,7 @@ from PIL import Image
 
 from accounts.groups.services import ask_to_join, confirm_member, make_group
 from accounts.models import Racer
+from accounts.teams.services import found_team, invite_to_team, join_by_link
 from accounts.tokens import create_token
 from evaluation.services import share_model, stop_evaluation
 from league.models import MailInvitation, NoticeKind, Round, Stage
@@ -105,6 +106,12 @@ class Cast:
         for one in (done, again):
             drive(one, now, off_the_road(39))
         self._season(world)
+        comets = found_team(by=alice, name="Comets", now=now)
+        for racer in (a_racer("comet-1"), a_racer("comet-2")):
+            join_by_link(code=comets.code, racer=racer, now=now)
+        for alias in ("newcomer", "gone"):
+            invite_to_team(team=comets, alias=alias, by=alice, now=now)
+        self.team_code = comets.code
         then, later = now - timedelta(days=2), world.upcoming
         type(later).objects.filter(pk=later.pk).update(organiser=alice)
         later.refresh_from_db()
@@ -125,6 +132,7 @@ class Cast:
             "driven": driven.public_id,
             "invited": link_token(MailInvitation.objects.get(email="c@example.org")),
             "invited_stop": stop_token("c@example.org"),
+            "team_code": self.team_code,
             "group_code": self.group.code,
             "ready": ready.public_id,
             "waits": waits.public_id,
@@ -185,6 +193,8 @@ class Cast:
             "train/<str:public_id>/": [{"public_id": said["job"]}, {"public_id": said["ended"]}],
             "vehicles/<str:public_id>/": [{"public_id": said["vehicle"]}],
             "cups/": [],  # a page without a form; the form of the list has a case
+            "teams/<": [{"slug": "comets"}],
+            "teams/join/<": [{"code": said["team_code"]}],
             "groups/<": [{"slug": "club"}],
             "groups/join/<": [{"code": said["group_code"]}],
             "races/invited/<": [{"token": said["invited"]}],

@@ -12,7 +12,8 @@ from django.conf import settings
 from django.urls import URLPattern, get_resolver, resolve
 
 from accounts.groups.services import ask_to_join, confirm_member, make_group
-from accounts.models import RacerGroup
+from accounts.models import RacerGroup, Team
+from accounts.teams.services import found_team, invite_to_team
 from evaluation.reports.models import CarReport
 from evaluation.services import finish_evaluation, share_model
 from league.models import Cup, CupPlace, Season, Stage
@@ -59,6 +60,7 @@ NO_PAGES = {
     "training_first",
     "track_file",
     "group_leave",
+    "team_leave",
     "invited",
     *("avatar", "picture_remove", "picture_set"),
     # which lead elsewhere unless something has just happened
@@ -118,6 +120,9 @@ def make_site() -> Site:
         if racer == world.bob:
             confirm_member(member=asked, by=world.alice, now=now)
     RacerGroup.objects.update(is_listed=True)
+    comets = found_team(by=world.alice, name="Comets", now=now)
+    invite_to_team(team=comets, alias="bob", by=world.alice, now=now)
+    type(world.race).objects.filter(pk=world.race.pk).update(team_entries="several")
     addresses = ["ann@example.org", "ben@example.org"]
     invite_by_mail(race=world.race, by=world.alice, addresses=addresses, language="en", now=now)
     token = stopping_token(world.alice.pk, "opens")
@@ -166,6 +171,8 @@ def _paths(world, season, trained, training, driven, vehicle, token) -> dict[str
             *("/races/open-race/racers/", "/races/open-race/racers/bob/remove/", "/races/open-race/cancel/"),
             "/races/open-race/close/",
             *("/races/open-race/invited/", f"/invitations/stop/{stop_token('a@example.org')}/"),
+            *("/teams/", "/teams/new/", "/teams/comets/", f"/teams/join/{Team.objects.get().code}/"),
+            *("/races/open-race/?by=teams",),
             *("/groups/", "/groups/new/", "/groups/owls/", f"/groups/join/{RacerGroup.objects.get().code}/"),
             *("/races/open-race/withdraw/", "/races/waiting-race/", "/races/fault-race/", "/races/next-race/"),
             *("/races/old-race/", "/races/no-race/", "/races/secret-race/", "/races/robin/", "/races/robin/duels/"),

@@ -1,0 +1,220 @@
+"""Founding teams, joining, leaving, and what their captains do."""
+
+from __future__ import annotations
+
+from datetime import datetime
+
+from django.core.exceptions import ValidationError
+from django.db import transaction
+from django.db.models import QuerySet
+from django.utils.crypto import get_random_string
+from django.utils.text import slugify
+
+from core.events import record
+from core.locks import hold
+from paddock.errors import UserFault
+
+from ..events import TEAM_INVITED
+from ..models import Racer, Team, TeamInvitation, TeamMember
+from ..models.access import new_code
+from ..models.team import team_key
+
+MEMBERS = 50
+INVITATIONS = 50  # that a team may have waiting
+RESERVED = frozenset({"new", "join", "leave"})
+
+
+def is_captain(racer: object, team: Team) -> bool:
+    """Whether the racer invites to the team and removes from it: its captain and admins."""
+    return isinstance(racer, Racer) and (racer.is_staff or racer.pk == team.captain_id)
+
+
+def invitations_visible_to(viewer: object) -> QuerySet[TeamInvitation]:
+    """Invitations that the viewer may know of: their own, those of their team, and admins all. Twin of
+    :func:`can_see_invitation`."""
+    found = TeamInvitation.objects.select_related("team", "racer")
+    if not isinstance(viewer, Racer):
+        return found.none()
+    return found if viewer.is_staff else found.filter(racer=viewer) | found.filter(team__captain=viewer)
+
+
+def can_see_invitation(viewer: object, invitation: TeamInvitation) -> bool:
+    """Twin of :func:`invitations_visible_to`."""
+    return isinstance(viewer, Racer) and (viewer.pk == invitation.racer_id or is_captain(viewer, invitation.team))
+
+
+def team_of(racer: Racer) -> Team | None:
+    """The racer's team."""
+    member = TeamMember.objects.filter(racer=racer).select_related("team").first()
+    return None if member is None else member.team
+
+
+@transaction.atomic
+def found_team(*, by: Racer, name: str, now: datetime) -> Team:
+    """A team with ``by`` as its captain and first member. Raises UserFault("team_in_one_already" | "team_name_taken")
+    and django's ValidationError by field."""
+    hold(by)
+    _require_free(by)
+    name = " ".join(name.split()) if name.isprintable() else name
+    if Team.objects.filter(key=team_key(name)).exists():
+        raise UserFault("team_name_taken")
+    team = Team(name=name, key=team_key(name), captain=by, made_at=now, slug=_free_slug(name))
+    team.full_clean(exclude={"key"})
+    team.save()
+    _join(team, by, now)
+    return team
+
+
+@transaction.atomic
+def invite_to_team(*, team: Team, alias: str, by: Racer, now: datetime) -> TeamInvitation:
+    """Ask a racer to join; who was asked already stays asked. Raises UserFault("team_captain_only" |
+    "team_no_such_racer" | "team_too_many_invitations")."""
+    _require_captain(team, by)
+    racer = Racer.objects.filter(alias__iexact=alias.strip(), is_active=True, is_house=False).first()
+    if racer is None:
+        raise UserFault("team_no_such_racer")
+    if TeamMember.objects.filter(team=team, racer=racer).exists():
+        raise UserFault("team_in_it_already")
+    if team.invitations.count() >= INVITATIONS:
+        raise UserFault("team_too_many_invitations", limit=INVITATIONS)
+    invitation, made = TeamInvitation.objects.get_or_create(team=team, racer=racer, defaults={"made_at": now})
+    if made:
+        record(TEAM_INVITED, at=now, racer=racer.pk, subject=team.slug)
+    return invitation
+
+
+@transaction.atomic
+def accept_team(*, invitation: TeamInvitation, racer: Racer, now: datetime) -> Team:
+    """Join by an invitation of one's own. Raises UserFault("team_not_asked" | "team_in_one_already" | "team_full")."""
+    if invitation.racer_id != racer.pk or not TeamInvitation.objects.filter(pk=invitation.pk).exists():
+        raise UserFault("team_not_asked")
+    return _join(invitation.team, racer, now)
+
+
+def decline_team(*, invitation: TeamInvitation, by: Racer) -> None:
+    """Turn an invitation down, or take it back as captain. Raises UserFault("team_captain_only")."""
+    if by.pk != invitation.racer_id:
+        _require_captain(invitation.team, by)
+    TeamInvitation.objects.filter(pk=invitation.pk).delete()
+
+
+@transaction.atomic
+def join_by_link(*, code: str, racer: Racer, now: datetime) -> Team:
+    """Raises UserFault("team_link_unknown" | "team_in_one_already" | "team_full")."""
+    team = Team.objects.filter(code=code).first() if code else None
+    if team is None:
+        raise UserFault("team_link_unknown")
+    return _join(team, racer, now)
+
+
+@transaction.atomic
+def leave_team(*, racer: Racer) -> None:
+    """Be in no team. The last one out closes the team; a captain hands over first. Raises
+    UserFault("team_hand_over_first")."""
+    team = team_of(racer)
+    if team is not None:
+        _take_out(team, racer)
+    elif racer.team:  # a name that was written beside the alias while there were no teams
+        _name(racer, "")
+
+
+@transaction.atomic
+def remove_from_team(*, team: Team, racer: Racer, by: Racer) -> None:
+    """Raises UserFault("team_captain_only" | "team_not_a_member" | "team_hand_over_first")."""
+    _require_captain(team, by)
+    _take_out(team, _member(team, racer))
+
+
+@transaction.atomic
+def hand_over_team(*, team: Team, to: Racer, by: Racer) -> Team:
+    """Another captain. Raises UserFault("team_captain_only" | "team_not_a_member")."""
+    _require_captain(team, by)
+    hold(team)
+    team.captain = _member(team, to)
+    team.save(update_fields=["captain"])
+    return team
+
+
+def new_team_link(*, team: Team, by: Racer) -> Team:
+    """Another link to join with. Raises UserFault("team_captain_only")."""
+    _require_captain(team, by)
+    team.code = new_code()
+    team.save(update_fields=["code"])
+    return team
+
+
+def set_team_name(*, racer: Racer, name: str, now: datetime) -> None:
+    """For programs, which name a team: "" leaves, a new name founds it. Raises UserFault("team_by_invitation") for a
+    team of others, and what leaving and founding raise; ValidationError for what is no name."""
+    if not _is_a_name(name):
+        raise ValidationError({"team": ["One line, without control characters, of 64 characters at most."]})
+    name = " ".join(name.split())
+    if team_key(name) == team_key(racer.team):
+        return
+    with transaction.atomic():
+        leave_team(racer=racer)
+        if not name:
+            return
+        if Team.objects.filter(key=team_key(name)).exists():
+            raise UserFault("team_by_invitation")
+        found_team(by=racer, name=name, now=now)
+
+
+def _is_a_name(name: str) -> bool:
+    return name.isprintable() and len(name) <= 64
+
+
+def _join(team: Team, racer: Racer, now: datetime) -> Team:
+    hold(team)
+    hold(racer)
+    if TeamMember.objects.filter(team=team, racer=racer).exists():
+        return team
+    _require_free(racer)
+    if team.members.count() >= MEMBERS:
+        raise UserFault("team_full", limit=MEMBERS)
+    TeamMember.objects.create(team=team, racer=racer, joined_at=now)
+    TeamInvitation.objects.filter(team=team, racer=racer).delete()
+    if team.captain_id is None:  # whose captain's account is gone
+        team.captain = racer
+        team.save(update_fields=["captain"])
+    _name(racer, team.name)
+    return team
+
+
+def _take_out(team: Team, racer: Racer) -> None:
+    hold(team)
+    if racer.pk == team.captain_id and team.members.exclude(racer=racer).exists():
+        raise UserFault("team_hand_over_first")
+    TeamMember.objects.filter(team=team, racer=racer).delete()
+    _name(racer, "")
+    if not team.members.exists():
+        team.delete()
+
+
+def _name(racer: Racer, name: str) -> None:
+    racer.team = name
+    Racer.objects.filter(pk=racer.pk).update(team=name)
+
+
+def _member(team: Team, racer: Racer) -> Racer:
+    member = TeamMember.objects.filter(team=team, racer=racer).select_related("racer").first()
+    if member is None:
+        raise UserFault("team_not_a_member")
+    return member.racer
+
+
+def _require_captain(team: Team, by: Racer) -> None:
+    if not is_captain(by, team):
+        raise UserFault("team_captain_only")
+
+
+def _require_free(racer: Racer) -> None:
+    if TeamMember.objects.filter(racer=racer).exists():
+        raise UserFault("team_in_one_already")
+
+
+def _free_slug(name: str) -> str:
+    slug = slugify(name)[:40].strip("-")
+    if not slug or slug in RESERVED or Team.objects.filter(slug=slug).exists():
+        slug = f"{slug or 'team'}-{get_random_string(6, 'abcdefghijkmnpqrstuvwxyz23456789')}"
+    return slug
