@@ -20,7 +20,6 @@ from accounts.who import racer_of
 from core.bodies import Body, read_as, refuse_fields
 from paddock.errors import UserFault
 from paddock.errors.reasons import REASONS
-from paddock.rules.race import DIRECTIONS
 from paddock.rules.report import KINDS, MOST_SEED, kind_of, percent_of
 from tracks.models import Track
 
@@ -56,8 +55,8 @@ class ReportSerializer(serializers.Serializer):
     state = serializers.ChoiceField(State.choices)
     model = ReportModelSerializer()
     track_set = serializers.ChoiceField(TrackSet.choices)
-    variations_on: serializers.SlugRelatedField = serializers.SlugRelatedField(
-        slug_field="slug", read_only=True, allow_null=True, help_text="The track whose lap is varied."
+    variations_on = serializers.CharField(
+        source="variations_on.slug", default=None, allow_null=True, help_text="The track whose lap is varied: its slug."
     )
     direction = serializers.CharField(allow_blank=True, help_text="Of the varied laps: ccw or cw; empty without any.")
     seed = serializers.IntegerField()
@@ -87,7 +86,7 @@ class ReportLapSerializer(serializers.Serializer):
 
     number = serializers.IntegerField()
     track = serializers.CharField(source="track.slug")
-    direction = serializers.ChoiceField(DIRECTIONS)
+    direction = serializers.CharField(help_text="ccw or cw.")
     variation = serializers.IntegerField(allow_null=True, help_text="0 to 99; null for the track as it is.")
     kind = serializers.SerializerMethodField(help_text="What is other than usual; null for nothing.")
     strength_percent = serializers.SerializerMethodField()
@@ -97,7 +96,7 @@ class ReportLapSerializer(serializers.Serializer):
     status = serializers.CharField(allow_blank=True, help_text="How it ended, in the words of sim-traces.")
     trace_sha256 = serializers.CharField(allow_blank=True)
 
-    @extend_schema_field(serializers.ChoiceField(KINDS, allow_null=True))
+    @extend_schema_field(serializers.CharField(allow_null=True))
     def get_kind(self, lap: ReportLap) -> str | None:
         return None if lap.variation is None else kind_of(lap.variation)
 
@@ -109,7 +108,7 @@ class ReportLapSerializer(serializers.Serializer):
 class KindSummarySerializer(serializers.Serializer):
     """What came of one kind of variation, or of all."""
 
-    kind = serializers.ChoiceField([*KINDS, ""], help_text="Empty: all of them.")
+    kind = serializers.CharField(allow_blank=True, help_text=f"One of {', '.join(KINDS)}; empty: all of them.")
     driven = serializers.IntegerField()
     completed = serializers.IntegerField()
     copes_percent = serializers.IntegerField(help_text="Up to which strength every one was completed.")
