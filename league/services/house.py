@@ -99,7 +99,11 @@ def enter_house_cars(*, now: datetime, folder: Path = HOUSE_CARS_DIR) -> HouseRe
     cars = house_cars(folder)
     if not cars:
         logger.info("There are no house cars in %s.", folder)
-    races = [race for race in racing_now(now) if race.kind == RaceKind.LEAGUE or _is_of_the_house(race)]
+    races = [
+        race
+        for race in racing_now(now).filter(physical=False)
+        if race.kind == RaceKind.LEAGUE or _is_of_the_house(race)
+    ]
     submitted = 0
     for car in cars if races else ():
         racer = house_racer(name=car.name, display_name=car.display_name, now=now)

@@ -6,6 +6,7 @@ from datetime import datetime
 from typing import Any
 from uuid import UUID
 
+from django.http import Http404
 from django.shortcuts import get_object_or_404
 from django.utils import timezone
 from drf_spectacular.utils import OpenApiResponse, extend_schema
@@ -16,7 +17,7 @@ from rest_framework.request import Request
 from rest_framework.response import Response
 from rest_framework.views import APIView
 
-from accounts.scopes import ORGANISE
+from accounts.scopes import ANY, ORGANISE
 from accounts.who import racer_of
 from core.bodies import Body, read_as, refuse_fields
 from core.forms import explain
@@ -260,6 +261,14 @@ class TakenCrossingSerializer(serializers.Serializer):
     time_ms = serializers.IntegerField(source="lap.time_ms", default=None, allow_null=True)
 
 
+def _uuid(text: str) -> UUID:
+    """Raises Http404 for what is none."""
+    try:
+        return UUID(text)
+    except ValueError:
+        raise Http404 from None
+
+
 def timed_race(request: Request, slug: str) -> Race:
     """The race at ``slug``, in which the reader may take times. Raises Http404, UserFault("race_not_physical" |
     "timing_not_yours")."""
@@ -274,7 +283,6 @@ def timed_race(request: Request, slug: str) -> Race:
 class TimingView(APIView):
     """What a timekeeper needs."""
 
-    token_scope = ORGANISE
     permission_classes = [IsAuthenticated]
 
     @extend_schema(
@@ -341,9 +349,9 @@ class SessionView(APIView):
         responses=TimedSessionSerializer,
         tags=["timing"],
     )
-    def get(self, request: Request, slug: str, id: UUID) -> Response:
+    def get(self, request: Request, slug: str, id: str) -> Response:
         race = visible_race(request, slug)
-        session = get_object_or_404(sessions_of(race), pk=id)
+        session = get_object_or_404(sessions_of(race), pk=_uuid(id))
         return Response(TimedSessionSerializer(session, context={"race": race}).data)
 
 
@@ -382,10 +390,10 @@ class LapView(APIView):
         responses=MeasuredLapSerializer,
         tags=["timing"],
     )
-    def patch(self, request: Request, slug: str, id: UUID) -> Response:
+    def patch(self, request: Request, slug: str, id: str) -> Response:
         race = organised_race(request, slug)
         laps = MeasuredLap.objects.select_related("session__entry", "session__race").filter(session__race=race)
-        lap = get_object_or_404(laps, pk=id)
+        lap = get_object_or_404(laps, pk=_uuid(id))
         sent = read_as(CorrectionSerializer, request.data)
         made = timing.correct_lap(lap=lap, by=racer_of(request), now=timezone.now(), **sent)
         return Response(MeasuredLapSerializer(made.lap, context={"race": race}).data)
@@ -494,6 +502,7 @@ class TimekeeperView(APIView):
 class CrossingsView(APIView):
     """Where sensors tell of crossings, with a token of their own."""
 
+    token_scope = ANY  # a sensor's token is none of a racer's
     authentication_classes: list[type] = []
     permission_classes = [AllowAny]
 

@@ -63,7 +63,12 @@ def offers_for(*, model: TrainedModel, racer: Racer, now: datetime, learned: Lea
         mine.filter(withdrawn_at__isnull=False),
         mine.filter(submission_count__gte=F("race__max_submissions")),
     )
-    races = racing_now(now, racer).filter(~Exists(left)).filter(~Exists(used_up) | Exists(sent_there))
+    races = (
+        racing_now(now, racer)
+        .filter(physical=False)
+        .filter(~Exists(left))
+        .filter(~Exists(used_up) | Exists(sent_there))
+    )
     if learned is not None:
         races = likest_first(races, learned)
     taken = [
@@ -90,6 +95,7 @@ def beginners_races(*, racer: Racer, track_slug: str, direction: str, race_type:
         direction=direction,
         race_type=race_type,
         visibility=Visibility.PUBLIC,
+        physical=False,
         group=None,
         team_entries="",
         kind=RaceKind.COMMUNITY,
@@ -100,8 +106,10 @@ def beginners_races(*, racer: Racer, track_slug: str, direction: str, race_type:
 def enterable_now(now: datetime, racer: Racer) -> QuerySet[Race]:
     """The open races that a racer sees and may enter or is in: not those of another division, of a field that they are
     not in, or that they were removed from."""
-    races = racing_now(now, racer).filter(
-        ~Exists(Entry.objects.filter(race=OuterRef("pk"), racer_id=racer.pk, removed_at__isnull=False))
+    races = (
+        racing_now(now, racer)
+        .filter(physical=False)
+        .filter(~Exists(Entry.objects.filter(race=OuterRef("pk"), racer_id=racer.pk, removed_at__isnull=False)))
     )
     limited = races.filter(Q(kind=RaceKind.LEAGUE) | Q(group__isnull=False) | ~Q(team_entries=""))
     closed = [race.pk for race in limited if refusal(race, racer, now) is not None]

@@ -166,10 +166,12 @@ def lap_correct(request: HttpRequest, slug: str, id: UUID) -> HttpResponse:
 
 
 @login_required
-@require_safe
+@require_http_methods(["GET", "HEAD", "POST"])
 def race_timing_setup(request: HttpRequest, slug: str) -> HttpResponse:
-    """Timekeepers, sensors, guests and files, for who organises the race."""
+    """Timekeepers, sensors, guests and files, for who organises the race; a POST makes a sensor, or takes a file."""
     race = _physical(organised_race(request, slug))
+    if request.method == "POST":
+        return _take_file(request, race) if request.POST.get("do") == "file" else _make_sensor(request, race)
     return _setup(request, race)
 
 
@@ -198,21 +200,6 @@ def timekeeper_dismiss(request: HttpRequest, slug: str, alias: str) -> HttpRespo
     timing.dismiss_timekeeper(race=race, racer=named.racer, by=racer_of(request))
     messages.success(request, _("%(racer)s takes no times any more.") % {"racer": alias})
     return redirect("race_timing_setup", race.slug)
-
-
-@login_required
-@require_POST
-def sensor_make(request: HttpRequest, slug: str) -> HttpResponse:
-    """Make a sensor and show its token, this once."""
-    race = _physical(organised_race(request, slug))
-    try:
-        sensor, text = timing.make_sensor(
-            race=race, name=request.POST.get("name", ""), by=racer_of(request), now=timezone.now()
-        )
-    except UserFault as fault:
-        tell_fault(request, fault)
-        return redirect("race_timing_setup", race.slug)
-    return _setup(request, race, token=text, sensor=sensor)
 
 
 @login_required
@@ -265,24 +252,6 @@ def guest_claim(request: HttpRequest, claim: str) -> HttpResponse:
 
 @login_required
 @require_POST
-def laps_take(request: HttpRequest, slug: str) -> HttpResponse:
-    """Take laps from a file."""
-    race = _physical(organised_race(request, slug))
-    file = request.FILES.get("file")
-    try:
-        text = "" if file is None else file.read(MOST_BYTES + 1).decode("utf-8-sig", "replace")
-        count = timing.take_file(race=race, by=racer_of(request), text=text, now=timezone.now())
-    except FileRefused as fault:
-        return _setup(request, race, file_fault=fault, status=422)
-    except UserFault as fault:
-        tell_fault(request, fault)
-    else:
-        messages.success(request, _("%(count)s laps of the file stand in the race.") % {"count": count})
-    return redirect("race_timing_setup", race.slug)
-
-
-@login_required
-@require_POST
 def car_choose(request: HttpRequest, slug: str) -> HttpResponse:
     """Say which of my models drives my real car in this race."""
     race = _physical(visible_race(request, slug))
@@ -324,3 +293,30 @@ def _setup(request: HttpRequest, race: Race, *, status: int = 200, **more: Any) 
     response = render(request, "races/timing/setup.html", context, status=status)
     response["Cache-Control"] = "private, no-store"  # a token may stand in it
     return response
+
+
+def _make_sensor(request: HttpRequest, race: Race) -> HttpResponse:
+    """Make a sensor and show its token, this once."""
+    try:
+        sensor, text = timing.make_sensor(
+            race=race, name=request.POST.get("name", ""), by=racer_of(request), now=timezone.now()
+        )
+    except UserFault as fault:
+        tell_fault(request, fault)
+        return redirect("race_timing_setup", race.slug)
+    return _setup(request, race, token=text, sensor=sensor)
+
+
+def _take_file(request: HttpRequest, race: Race) -> HttpResponse:
+    """Take laps from a file."""
+    file = request.FILES.get("file")
+    try:
+        text = "" if file is None else file.read(MOST_BYTES + 1).decode("utf-8-sig", "replace")
+        count = timing.take_file(race=race, by=racer_of(request), text=text, now=timezone.now())
+    except FileRefused as fault:
+        return _setup(request, race, file_fault=fault, status=422)
+    except UserFault as fault:
+        tell_fault(request, fault)
+    else:
+        messages.success(request, _("%(count)s laps of the file stand in the race.") % {"count": count})
+    return redirect("race_timing_setup", race.slug)

@@ -27,11 +27,13 @@ from league.services import create_season, schedule_round
 from league.services.webhooks import add_webhook, send_test
 from races.models import Visibility
 from races.services import accept_invitation
+from races.services.timing import make_sensor
 from tests.api.schema import SCHEMA
 from tests.drawn_runs import a_drawing
 from tests.evaluation.reports import a_report
 from tests.factories import a_race, a_racer, drive, laps
 from tests.kept import Kept
+from tests.races.timing import a_physical_race, timed
 from tests.training.jobs import a_trained_one
 from training.vehicles import save_vehicle
 from videos import drawing
@@ -87,7 +89,8 @@ def kept_fuzzed(request, keep: Callable) -> Kept:
 
 @pytest.fixture
 def fuzzed(kept_fuzzed: Kept, db: None, video_wakes, trainings_taken_on, monkeypatch) -> Fuzzed:
-    monkeypatch.setattr(ScopedRateThrottle, "THROTTLE_RATES", {"upload": "1000000/hour", "write": "1000000/hour"})
+    rates = dict.fromkeys(("upload", "write", "timing"), "1000000/hour")
+    monkeypatch.setattr(ScopedRateThrottle, "THROTTLE_RATES", rates)
     return kept_fuzzed.copy()
 
 
@@ -124,6 +127,9 @@ def make_known(alice: Racer) -> dict[str, str]:
     asked = ask_for_video(evaluation=submission.evaluation, by=alice, part="1", language="en", now=now)
     run_next_video(worker="w")
     notice = Notice.objects.create(racer=alice, kind=NoticeKind.OPENS, about="x", params={"race": "Fuzzed"}, at=now)
+    real = a_physical_race(now, slug="real", organiser=alice)
+    sensor = make_sensor(race=real, name="Gate", by=alice, now=now)[0]
+    session = timed(real, alice, alice, now, 10_000)
     hook = add_webhook(owner=alice, url="https://example.org/hook")
     send_test(webhook=hook, now=now)
     return {
@@ -141,6 +147,8 @@ def make_known(alice: Racer) -> dict[str, str]:
         "notices": notice.pk,
         "webhooks": hook.pk,
         "key": AuthToken.objects.create(user=alice)[0].token_key,
+        "id": str(session.pk),
+        "number": str(sensor.pk),
     }
 
 
@@ -180,7 +188,9 @@ def test_no_request_crashes_or_gets_an_undocumented_answer(label, examples, fuzz
     def ask(case: Any) -> None:
         answers(case, "owner")
         for name in case.path_parameters or ():
-            case.path_parameters[name] = known[kind if kind in known else name]
+            case.path_parameters[name] = known[kind] if kind in known else known.get(name)
+        if kind == "races" and {"id", "number"} & set(case.path_parameters or ()):  # of the race of real cars
+            case.path_parameters["slug"] = "real"
         for role in tokens:
             answers(case, role)
 

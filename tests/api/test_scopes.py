@@ -47,7 +47,7 @@ def refused(client: APIClient, method: str, path: str) -> str:
 
 @pytest.mark.parametrize("scope", SCOPES)
 def test_a_token_of_one_scope_can_do_nothing_else(alice, operations, monkeypatch, scope):
-    monkeypatch.setattr(ScopedRateThrottle, "THROTTLE_RATES", {"upload": "9999/hour", "write": "9999/hour"})
+    monkeypatch.setattr(ScopedRateThrottle, "THROTTLE_RATES", dict.fromkeys(("upload", "write", "timing"), "9999/hour"))
     monkeypatch.setattr("config.api.views._authenticate", lambda *said: alice)
     client = client_with(alice, scope)
     for (method, path), operation in operations.items():
@@ -66,7 +66,8 @@ def test_a_token_of_all_scopes_may_do_everything(alice, operations):
 def test_every_operation_has_its_scope(operations):
     """Each view says its own; only getting a token takes none, and giving one back any."""
     without = {(method, path) for (method, path), one in operations.items() if not one.get("x-token-scopes")}
-    assert without == {("post", "/api/v1/auth/token/"), ("delete", "/api/v1/auth/token/")}
+    crossings = ("post", "/api/v1/timing/crossings/")  # with a sensor's token
+    assert without == {("post", "/api/v1/auth/token/"), ("delete", "/api/v1/auth/token/"), crossings}
     every = {(method, path) for (method, path), one in operations.items() if len(one.get("x-token-scopes", ())) > 1}
     assert every == {("delete", "/api/v1/auth/tokens/{key}/")}
     for entry in version_1:

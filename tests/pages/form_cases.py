@@ -18,6 +18,7 @@ A_CAR = [
     {"name": "model.onnx", "mimeType": "application/octet-stream", "buffer": CAR.read_bytes()},
     {"name": "model_metadata.json", "mimeType": "application/json", "buffer": CAR.with_suffix(".json").read_bytes()},
 ]
+LAPS = {"name": "laps.csv", "mimeType": "text/csv", "buffer": b"guest,lap,time\nFred,1,12.5\n"}
 A_TRACK = {"name": "t.npy", "mimeType": "application/octet-stream", "buffer": write_npy(CATALOGUE[3].geometry())}
 A_PICTURE = {"name": "me.png", "mimeType": "image/png", "buffer": a_picture()}
 
@@ -158,6 +159,28 @@ CASES = [
     Case("alice", "/races/secret-race/edit/", "Make a new link and switch this one off", "The link is new"),
     Case("alice", "/races/open-race/racers/", "css=[action$='gone/restore/'] button", "gone is back in the race."),
     Case("alice", "/races/open-race/racers/slowpoke/remove/", "Remove", "slowpoke is removed", {"Reason": "Rude"}),
+    # real cars
+    Case(
+        "alice",
+        "/races/real-race/timing/set-up/",
+        "Name a timekeeper",
+        "may take times now.",
+        {"Alias of the timekeeper": "newcomer"},
+    ),
+    Case("alice", "", "Dismiss newcomer", "newcomer takes no times any more."),
+    Case("alice", "", "Make a sensor", "Copy it now", {"Name of the sensor": "Strip"}),
+    Case("alice", "/races/real-race/timing/set-up/", "Revoke Old gate", "The token is revoked."),
+    Case("alice", "", "Give Tom Guest", "are those of gone now.", {"Alias of Tom Guest": "gone"}),
+    Case("alice", "", "Take the laps", "1 laps of the file stand in the race.", {"CSV file": [LAPS]}),
+    Case(
+        "alice",
+        "/races/real-race/laps/{timed_lap}/correct/",
+        "Correct the lap",
+        "The lap is corrected.",
+        {"Time": "0:10.500", "Reason": "Seen on the film"},
+    ),
+    Case("newcomer", "/laps/{claim}/", "Yes, they are mine", "These laps are yours now."),
+    Case("newcomer", "/races/real-race/", "css=#car button", "Saved.", {"Model on the car": "Spark"}),
     Case("alice", "/races/rain-race/cancel/", "Cancel the race", "The race is cancelled.", {"Reason": "Rain"}),
     Case("alice", "/races/secret-race/close/", "Close now", "The race is closed."),
     Case("alice", "/races/duel-race/duels/", "Draw now", "The duels are drawn."),

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import uuid
 from collections.abc import Mapping
 from datetime import timedelta
 from io import BytesIO
@@ -21,8 +22,9 @@ from league.services import close_due_rounds, close_round
 from league.services.inviting import invite_by_mail, link_token, stop_token
 from league.services.notices import stopping_token
 from league.services.webhooks import add_webhook
-from races.models import Race
+from races.models import Guest, Race
 from races.services import drive_own, enter_race, remove_entry, withdraw
+from races.services.timing import carry_over, make_sensor
 from tests.drawn_runs import a_driven_run
 from tests.duels import a_duel_race, qualify
 from tests.evaluation.reports import a_report, drive, off_the_road
@@ -30,6 +32,7 @@ from tests.factories import a_model, a_race, a_racer
 from tests.happened import tell_what_happened
 from tests.league.seasons import a_season, board, racers
 from tests.pages.conftest import World
+from tests.races.timing import a_session, a_timed_race
 from tests.training.jobs import a_training
 from training.lessons import LESSONS
 from training.models import JobState, TrainingJob
@@ -124,12 +127,21 @@ class Cast:
             asked = ask_to_join(code=self.group.code, racer=racer, now=now)
             if racer == bob:
                 confirm_member(member=asked, by=alice, now=now)
+        real, mia = a_timed_race(now, alice, bob, beside=world.race)
+        self.real, self.mia = real, mia
+        self.lap = real.timed_sessions.get(entry__racer=bob).laps.get(number=1)
+        id = uuid.uuid4()
+        carry_over(race=real, by=alice, sent=a_session(now, 14_000, guest=(id, "Tom Guest")), now=now)
+        self.tom = Guest.objects.get(pk=id)
+        make_sensor(race=real, name="Old gate", by=alice, now=now)
         tell_what_happened(now=now)
         key = f"{user_pk_to_url_str(bob)}-{default_token_generator.make_token(bob)}"
         names = ("finished", "other", "queued", "running", "failed", "ours")
         self.words = {name: getattr(world, name).evaluation.public_id for name in names} | {
             "invitation": world.secret.invitation,
             "driven": driven.public_id,
+            "timed_lap": self.lap.pk,
+            "claim": mia.claim,
             "invited": link_token(MailInvitation.objects.get(email="c@example.org")),
             "invited_stop": stop_token("c@example.org"),
             "team_code": self.team_code,
@@ -195,6 +207,14 @@ class Cast:
             "cups/": [],  # a page without a form; the form of the list has a case
             "teams/<": [{"slug": "comets"}],
             "teams/join/<": [{"code": said["team_code"]}],
+            "laps/<": [{"claim": self.mia.claim}],
+            "races/<slug:slug>/timing/": [{"slug": "real-race"}],
+            "races/<slug:slug>/timing/timekeepers/<": [],
+            "races/<slug:slug>/timing/sensors/<": [],
+            "races/<slug:slug>/timing/guests/<": [],
+            "races/<slug:slug>/laps/": [{"slug": "real-race"}],
+            "races/<slug:slug>/laps/<": [{"slug": "real-race", "id": str(self.lap.pk)}],
+            "races/<slug:slug>/car/": [],
             "groups/<": [{"slug": "club"}],
             "groups/join/<": [{"code": said["group_code"]}],
             "races/invited/<": [{"token": said["invited"]}],

@@ -30,6 +30,7 @@ from tests.factories import a_model, a_race, a_racer, drive, laps, outcome, star
 from tests.happened import tell_what_happened
 from tests.pages.conftest import World, make_world
 from tests.pages.test_training import end, run
+from tests.races.timing import a_timed_race
 from tests.training.jobs import a_training
 from training.lessons import LESSONS
 from training.models import TrainingJob
@@ -56,6 +57,8 @@ NO_PAGES = {
     *("standings_file", "submit", "theme", "training_best", "training_evaluate", "training_last", "training_live"),
     *("report_again", "report_live", "report_stop"),
     *("training_logs", "training_metrics", "training_sb3", "training_stop", "training_trace", "video_file"),
+    *("car_choose", "guest_link", "race_laps_csv", "race_timing_worker", "sensor_revoke"),
+    *("timekeeper_dismiss", "timekeeper_name"),
     *("video_live", "video_poster", "video_stop", "webhook_remove", "webhook_secret", "webhook_test"),
     "training_first",
     "track_file",
@@ -155,6 +158,8 @@ def _a_cup(world: World) -> None:
 def _paths(world, season, trained, training, driven, vehicle, token) -> dict[str, list[str]]:
     runs = {name: world.evaluation(name).public_id for name in ("queued", "running", "failed", "finished")}
     own = [run.evaluation.public_id for run in _own(world)]
+    real, mia = a_timed_race(world.now, world.alice, world.bob, beside=world.race)
+    timed_lap = real.timed_sessions.get(entry__racer=world.bob).laps.get(number=1)
     done, waits = (report.public_id for report in _reports(world))
     at = f"/seasons/{season.slug}/"
     return {
@@ -168,6 +173,9 @@ def _paths(world, season, trained, training, driven, vehicle, token) -> dict[str
         "alice": [
             *("/", "/races/", "/races/?show=upcoming", "/races/?show=closed", "/races/?show=mine", "/races/new/"),
             *("/races/open-race/", "/races/open-race/rules/", "/races/open-race/runs/", "/races/open-race/edit/"),
+            *("/races/real-race/", "/races/real-race/laps/", "/races/real-race/rules/", "/races/real-race/edit/"),
+            *("/races/real-race/timing/", "/races/real-race/timing/set-up/", f"/laps/{mia.claim}/"),
+            f"/races/real-race/laps/{timed_lap.pk}/correct/",
             *("/races/open-race/racers/", "/races/open-race/racers/bob/remove/", "/races/open-race/cancel/"),
             "/races/open-race/close/",
             *("/races/open-race/invited/", f"/invitations/stop/{stop_token('a@example.org')}/"),

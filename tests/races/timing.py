@@ -8,9 +8,9 @@ from datetime import datetime, timedelta
 from typing import Any
 
 from accounts.models import Racer
-from races.models import Entry, Race, TimedSession
+from races.models import Entry, Guest, Race, TimedSession
 from races.services import enter_race
-from races.services.timing import SentLap, SentSession, carry_over
+from races.services.timing import SentLap, SentSession, carry_over, correct_lap, make_sensor, name_timekeeper
 from tests.factories import a_race
 
 
@@ -44,3 +44,18 @@ def standing(race: Race, racer: Racer) -> tuple:
     """What a racer is ranked by: whether classified, score, best and average lap, off tracks."""
     names = ("classified", "score_ms", "best_lap_ms", "average_ms", "off_tracks")
     return Entry.objects.values_list(*names).get(race=race, racer=racer)
+
+
+def a_timed_race(now: datetime, organiser: Racer, racer: Racer, **fields: Any) -> tuple[Race, Guest]:
+    """A race of real cars in which much has happened: two racers timed, a guest, a correction, a sensor, a
+    timekeeper."""
+    usual = {"slug": "real-race", "name": "Real race", "organiser": organiser, "max_resets": 3}
+    race = a_physical_race(now, **(usual | fields))
+    timed(race, organiser, organiser, now, 12_000, 11_500, car="Car 7")
+    lap = timed(race, racer, organiser, now, 10_000, 11_000).laps.get(number=1)
+    correct_lap(lap=lap, by=organiser, reason="Cut the corner", now=now, off_tracks=1)
+    id = uuid.uuid4()
+    carry_over(race=race, by=organiser, sent=a_session(now, 13_000, guest=(id, "Mia Guest")), now=now)
+    name_timekeeper(race=race, alias=racer.alias, by=organiser, now=now)
+    make_sensor(race=race, name="Gate", by=organiser, now=now)
+    return race, Guest.objects.get(pk=id)

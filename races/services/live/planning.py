@@ -43,6 +43,8 @@ def plan_live(*, race: Race, by: Racer, now: datetime, starts_at: datetime, **pl
     race = Race.objects.get(pk=race.pk)
     if race.imported_at is not None:
         raise UserFault("race_recorded")
+    if race.physical:
+        raise UserFault("race_is_physical")
     if race.cancelled_at is not None:
         raise UserFault("race_cancelled", reason=race.cancel_reason)
     if race.physical:
