@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 
 
 @dataclass(frozen=True)
-class Asked:
+class Wished:
     """What an act is asked with besides its word."""
 
     event: LiveEvent
@@ -50,55 +50,55 @@ class Asked:
         return found
 
 
-def _move(asked: Asked) -> object:
-    return live.move_slot(before=asked.before, **asked.place)
+def _move(wish: Wished) -> object:
+    return live.move_slot(before=wish.before, **wish.place)
 
 
-def _up(asked: Asked) -> object:
+def _up(wish: Wished) -> object:
     """Before the one before: for consoles without scripts."""
-    numbers = _movable(asked)
-    index = numbers.index(asked.slot) if asked.slot in numbers else 0
-    return live.move_slot(before=numbers[max(0, index - 1)] if numbers else None, **asked.place)
+    numbers = _movable(wish)
+    index = numbers.index(wish.slot) if wish.slot in numbers else 0
+    return live.move_slot(before=numbers[max(0, index - 1)] if numbers else None, **wish.place)
 
 
-def _down(asked: Asked) -> object:
-    numbers = _movable(asked)
-    index = numbers.index(asked.slot) if asked.slot in numbers else 0
-    return live.move_slot(before=numbers[index + 2] if index + 2 < len(numbers) else None, **asked.place)
+def _down(wish: Wished) -> object:
+    numbers = _movable(wish)
+    index = numbers.index(wish.slot) if wish.slot in numbers else 0
+    return live.move_slot(before=numbers[index + 2] if index + 2 < len(numbers) else None, **wish.place)
 
 
-def _movable(asked: Asked) -> list[int]:
-    return [slot.pk for slot in running_order(asked.event) if slot.state in ("waiting", "called", "held")]
+def _movable(wish: Wished) -> list[int]:
+    return [slot.pk for slot in running_order(wish.event) if slot.state in ("waiting", "called", "held")]
 
 
-ACTS: dict[str, Callable[[Asked], object]] = {
-    "begin": lambda asked: live.begin_live(**asked.who),
-    "call": lambda asked: live.call_slot(**asked.place),
-    "launch": lambda asked: live.launch(slot=asked.slot, **asked.who),
-    "skip": lambda asked: live.skip_slot(**asked.place),
-    "hold": lambda asked: live.hold_slot(**asked.place),
-    "release": lambda asked: live.release_slot(**asked.place),
-    "remove": lambda asked: live.remove_slot(**asked.place),
-    "again": lambda asked: live.run_again(**asked.place),
+ACTS: dict[str, Callable[[Wished], object]] = {
+    "begin": lambda wish: live.begin_live(**wish.who),
+    "call": lambda wish: live.call_slot(**wish.place),
+    "launch": lambda wish: live.launch(slot=wish.slot, **wish.who),
+    "skip": lambda wish: live.skip_slot(**wish.place),
+    "hold": lambda wish: live.hold_slot(**wish.place),
+    "release": lambda wish: live.release_slot(**wish.place),
+    "remove": lambda wish: live.remove_slot(**wish.place),
+    "again": lambda wish: live.run_again(**wish.place),
     "move": _move,
     "up": _up,
     "down": _down,
-    "add": lambda asked: live.add_late(entry=asked.entry, **asked.who),
-    "pause": lambda asked: live.pause_live(**asked.who),
-    "resume": lambda asked: live.resume_live(**asked.who),
-    "end": lambda asked: live.end_live(**asked.who),
-    "cancel": lambda asked: live.cancel_live(**asked.who),
-    "message": lambda asked: live.say_to_spectators(message=asked.message, **asked.who),
-    "winner": lambda asked: live.crown(entry=asked.entry, **asked.who),
-    "podium": lambda asked: live.show_podium(**asked.who),
-    "open": lambda asked: live.set_submissions(is_open=True, **asked.who),
-    "close": lambda asked: live.set_submissions(is_open=False, **asked.who),
-    "auto": lambda asked: live.set_auto_run(auto_run=True, **asked.who),
-    "manual": lambda asked: live.set_auto_run(auto_run=False, **asked.who),
-    "undo": lambda asked: live.undo_last(**asked.who),
+    "add": lambda wish: live.add_late(entry=wish.entry, **wish.who),
+    "pause": lambda wish: live.pause_live(**wish.who),
+    "resume": lambda wish: live.resume_live(**wish.who),
+    "end": lambda wish: live.end_live(**wish.who),
+    "cancel": lambda wish: live.cancel_live(**wish.who),
+    "message": lambda wish: live.say_to_spectators(message=wish.message, **wish.who),
+    "winner": lambda wish: live.crown(entry=wish.entry, **wish.who),
+    "podium": lambda wish: live.show_podium(**wish.who),
+    "open": lambda wish: live.set_submissions(is_open=True, **wish.who),
+    "close": lambda wish: live.set_submissions(is_open=False, **wish.who),
+    "auto": lambda wish: live.set_auto_run(auto_run=True, **wish.who),
+    "manual": lambda wish: live.set_auto_run(auto_run=False, **wish.who),
+    "undo": lambda wish: live.undo_last(**wish.who),
 }
 
 
 def act(event: LiveEvent, action: str, *, by: Racer, seen: int | None, now: datetime, **said: Any) -> None:
-    """Do one of :data:`ACTS`; ``said``: what :class:`Asked` has besides. Raises UserFault, KeyError."""
-    ACTS[action](Asked(event, by, seen, now, **said))
+    """Do one of :data:`ACTS`; ``said``: what :class:`Wished` has besides. Raises UserFault, KeyError."""
+    ACTS[action](Wished(event, by, seen, now, **said))
