@@ -28,6 +28,7 @@ urlpatterns = [
     path("cups/<str:day>/", cups.cup, name="cup"),
     path("hall-of-fame/", seasons.hall, name="hall"),
     path("notices/", notices.notices, name="notices"),
+    path("notices/bell/", notices.notices_bell, name="notices_bell"),
     path("notices/read/", notices.notices_read, name="notices_read"),
     path("notices/stop/<str:token>/", notices.notices_stop, name="notices_stop"),
     path("notices/<int:pk>/", notices.notice_open, name="notice_open"),

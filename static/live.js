@@ -1,28 +1,12 @@
-// Parts of a page that ask for themselves again. What is new is written into what stands there, so that focus stays where
-// it is; it is said politely to those who listen, one message in two seconds at most. Needs htmx, and comes after it.
+// Parts of a page that htmx asks for. What is new is written into what stands there (moves.js), so that focus stays where
+// it is. Needs htmx, and comes after it.
 "use strict";
 
 (() => {
-  const PAUSE_MS = 2000;
+  const { morph } = window.paddockMoves;
+  const alike = (one, other) => one.nodeName === other.nodeName && one.id === other.id;
 
   // --- hx-swap="morph": the same elements with what is new in them ---------------------------------------------------
-  const alike = (one, other) => one.nodeType === other.nodeType && one.nodeName === other.nodeName && one.id === other.id;
-
-  function morph(old, fresh) {
-    for (const { name } of [...old.attributes]) if (!fresh.hasAttribute(name)) old.removeAttribute(name);
-    for (const { name, value } of [...fresh.attributes]) if (old.getAttribute(name) !== value) old.setAttribute(name, value);
-    const before = [...old.childNodes];
-    const after = [...fresh.childNodes];
-    after.forEach((node, index) => {
-      const was = before[index];
-      if (!was) old.append(node);
-      else if (!alike(was, node)) was.replaceWith(node);
-      else if (node.nodeType === Node.ELEMENT_NODE) morph(was, node);
-      else if (was.data !== node.data) was.data = node.data;
-    });
-    before.slice(after.length).forEach((node) => node.remove());
-  }
-
   htmx.defineExtension("morph", {
     handleSwap(style, target, fragment) {
       const fresh = fragment.firstElementChild;
@@ -49,30 +33,4 @@
     head.tabIndex = -1;
     head.focus({ preventScroll: true });
   });
-
-  // --- what is new is said: data-say of an element with an id ----------------------------------------------------------
-  const said = new Map();
-  const waiting = new Map();
-  let last = -Infinity;
-  let timer = 0;
-
-  function speak() {
-    timer = 0;
-    const region = document.querySelector("[data-live-said]");
-    if (!region || !waiting.size) return;
-    region.textContent = [...waiting.values()].join(" ");
-    waiting.clear();
-    last = performance.now();
-  }
-
-  function listen(first) {
-    document.querySelectorAll("[data-say][id]").forEach(({ id, dataset }) => {
-      if (said.get(id) === dataset.say) return;
-      said.set(id, dataset.say);
-      if (!first && dataset.say) waiting.set(id, dataset.say);
-    });
-    if (waiting.size && !timer) timer = setTimeout(speak, Math.max(0, last + PAUSE_MS - performance.now()));
-  }
-  listen(true);
-  document.addEventListener("htmx:afterSettle", () => listen(false));
 })();

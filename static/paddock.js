@@ -48,6 +48,7 @@
   refresh();
   setInterval(() => each("time[data-countdown]", countDown), 1000);
   document.addEventListener("htmx:afterSettle", () => refresh());
+  document.addEventListener("paddock:fresh", ({ detail }) => refresh(detail));
 
   // --- date fields: typed in the reader's time zone, which the hidden field names ------------------------------------
   const local = (moment) => new Date(moment - moment.getTimezoneOffset() * 60000).toISOString().slice(0, 16);

@@ -72,6 +72,7 @@ class Hub:
         while self.position is None:
             self.position = await self._table.ask(newest)
         begins = reader.position = self.position
+        reader.may = (await self._may(reader.topics, [reader]))[reader] if reader.topics else set()
         past = await self._past_of(reader, last, begins) if last is not None and last != begins else []
         welcomes = await self._welcomes(reader)
         # its position comes after all that is up to it: cut in between, the reader asks for the rest
@@ -98,16 +99,15 @@ class Hub:
         if past is None:
             return [message({}, event="reload")]
         topics = {topic for moved in past for topic in moved.topics} & reader.topics
-        may = await self._may(topics, [reader])
-        numbers = [moved.position for moved in past if moved.topics & may.get(reader, set())]
-        told = {topic for moved in past for topic in moved.topics} & may.get(reader, set())
+        told = topics & reader.may
+        numbers = [moved.position for moved in past if moved.topics & told]
         return [message({"of": sorted(told), "at": numbers[-NUMBERS_TOLD:]})] if told else []
 
     async def _welcomes(self, reader: Reader) -> list[bytes]:
         """What the topics with messages of their own say to who has just come; their sources begin."""
         special = {topic for topic in reader.topics if (kind := _kind(topic)) and (kind.welcome or kind.source)}
         welcomes = []
-        for topic in sorted((await self._may(special, [reader])).get(reader, set()) if special else ()):
+        for topic in sorted(special & reader.may):
             kind = TOPICS[topic.partition(":")[0]]
             if kind.welcome is not None:
                 said = await self._people.ask(kind.welcome, topic.partition(":")[2])
@@ -162,7 +162,9 @@ class Hub:
         may = await self._may({topic for topics in heard.values() for topic in topics}, heard) if heard else {}
         numbers: dict[frozenset[str], list[int]] = {}
         for reader, topics in may.items():
-            told = frozenset(topics & heard[reader])
+            # who may see something no more is told a last time that it moved: the page asks, and is refused
+            told = frozenset(heard[reader] & (topics | reader.may))
+            reader.may = (reader.may - heard[reader]) | (topics & heard[reader])
             if told not in numbers:
                 numbers[told] = [moved.position for moved in events if moved.topics & told]
             if told:

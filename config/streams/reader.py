@@ -18,6 +18,7 @@ class Reader:
 
     def __init__(self, topics: frozenset[str], session: str, address: str, cut: Callable[[], None]) -> None:
         self.topics, self.session, self.address = topics, session, address
+        self.may: set[str] = set()  # of the topics, when that was last asked
         self.position = 0
         self.sent_at = monotonic()
         self.is_over = False

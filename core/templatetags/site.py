@@ -6,6 +6,7 @@ from typing import Any
 
 from django import template
 from django.conf import settings
+from django.db import Error
 from django.http import HttpRequest
 from django.template import Context
 from django.template.base import FilterExpression, Parser, Token, token_kwargs
@@ -14,6 +15,7 @@ from django.utils.safestring import SafeString
 from django.utils.translation import gettext as _
 
 from core import pages
+from core.events.models import EventCursor
 
 register = template.Library()
 
@@ -39,6 +41,16 @@ def operators_links() -> list[tuple[str, str]]:
     """(label, address) of each page of the operator's own that the settings name."""
     labels = {"chat": _("Chat"), "forum": _("Forum"), "terms": _("Terms of use"), "privacy": _("Privacy")}
     return [(labels[name], address) for name, address in settings.FOOT_LINKS.items() if address]
+
+
+@register.simple_tag
+def stream_position() -> str:
+    """Up to which event a page that is made now shows everything; ``""`` where that cannot be read."""
+    cursor = EventCursor.objects.filter(pk=EventCursor.NUMBERED).values_list("position", flat=True)
+    try:
+        return str(cursor.first() or 0)
+    except Error:  # a page that says so is made all the same
+        return ""
 
 
 @register.simple_tag

@@ -12,6 +12,8 @@ from django.db import transaction
 from django.db.models import Exists, OuterRef, Q
 
 from accounts.models import Racer
+from core.streams import poke_after_commit
+from core.streams.topics import RACER
 from core.wakeup import wake
 from races.models import Division, Entry, Race, RaceKind
 
@@ -67,6 +69,7 @@ def tell(told: Told, now: datetime) -> int:
         with transaction.atomic():
             Notice.objects.bulk_create(rows, ignore_conflicts=True)
             mine = Notice.objects.filter(kind=told.kind, about=told.about, racer__in=by_mail).order_by("pk")
+            poke_after_commit(f"{RACER}:{racer}" for racer in new)
             Mail.objects.bulk_create([Mail(notice=notice) for notice in mine], ignore_conflicts=True)
         written += len(rows)
         mails += len(by_mail)

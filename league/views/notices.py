@@ -53,6 +53,14 @@ class NoticesForm(forms.Form):
 @login_required
 @never_cache
 @require_safe
+def notices_bell(request: HttpRequest) -> HttpResponse:
+    """The bell in the head of a page, for a page that stands open."""
+    return render(request, "league/parts/bell.html")
+
+
+@login_required
+@never_cache
+@require_safe
 def notices(request: HttpRequest) -> HttpResponse:
     """The racer's notices, the latest first."""
     own = notices_of(request.user)

@@ -73,6 +73,8 @@ def season(request: HttpRequest, slug: str) -> HttpResponse:
         "official": sum(one.closed_at is not None for month in months for one in month),
         "race_count": len(races),
         "racing": [one for one in races.values() if one.state == RaceState.OPEN],
+        "of_season": [one.race for one in races.values()],
+        "follows": f"season:{shown.pk}",
     }
     return render(request, "league/season.html", context)
 

@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
+from typing import Any
+
 from django import template
 from django.template import Context
 from django.template.base import FilterExpression, NodeList, Parser, Token
@@ -12,8 +15,21 @@ from accounts.models import RacerGroup
 from races.cuts import Cut, cut_of
 from races.models import Race
 from races.selectors import Board, races_visible_to
+from races.selectors.on_track import on_track
+from races.streams import RACES
 
 register = template.Library()
+
+
+@register.inclusion_tag("races/parts/track_now.html", takes_context=True)
+def track_now(context: Context, races: Iterable[Race] | None = None, follows: str = RACES) -> dict[str, Any]:
+    """Who is on track now and who is next: in the page's own race, in ``races``, or in all that the reader may see.
+    ``follows``: what moves it; of a race, that race."""
+    user = getattr(context.get("request"), "user", None)
+    race: Race | None = context.get("race") if races is None else None
+    if race is not None:
+        return {"track": on_track(user, [race.pk]), "follows": f"race:{race.pk}", "race": race, "user": user}
+    return {"track": on_track(user, races and [each.pk for each in races]), "follows": follows, "user": user}
 
 
 @register.simple_tag

@@ -314,9 +314,9 @@ def test_only_an_open_race_can_be_closed_now(world: World, slug: str, code: str)
 def test_the_live_box_polls_only_while_something_happens(world: World) -> None:
     client = world.client("alice")
     page = client.get("/races/waiting-race/").content.decode()
-    asked_first = re.search(r'hx-get="(/races/waiting-race/live/\?seen=[^"]+)" hx-trigger="load, every 1s"', page)
+    asked_first = re.search(r'hx-get="(/races/waiting-race/live/\?seen=[^"]+)" hx-trigger="load, paddock:moved"', page)
     box = client.get(asked_first[1]).content.decode()
-    polled = re.search(r'hx-get="(/races/waiting-race/live/\?seen=[^"]+)" hx-trigger="every 1s"', box)
+    polled = re.search(r'hx-get="(/races/waiting-race/live/\?seen=[^"]+)" hx-trigger="paddock:moved"', box)
     assert polled and "Next in the queue." in box
     unchanged = client.get(polled[1])
     assert (unchanged.status_code, unchanged.content) == (204, b"")
@@ -331,7 +331,8 @@ def test_the_live_box_polls_only_while_something_happens(world: World) -> None:
 
 def test_the_board_and_the_facts_beside_it_refresh_together(world: World) -> None:
     html = world.client("alice").get("/races/open-race/").content.decode()
-    assert re.search(r'id="board"[^>]* hx-select-oob="#race-facts"', html)
+    followed = re.findall(r'id="(?:board|race-facts)" data-follow="([^"]+)"', html)
+    assert followed == [f"race:{world.race.pk}"] * 2
     beside = html[html.index('id="race-facts"') :]
     assert html.count('id="race-facts"') == 1 and "Classified" in beside and "Position" in beside
 

@@ -1,0 +1,293 @@
+// Pages that move by themselves. A part of a page names what it follows (data-follow="race:7 me"); when the stream says that
+// this moved, the page is asked for anew, and what changed is written into what stands there: rows slide to their place, a
+// changed time lights up once, focus stays, and what is new is said politely. Without the stream the page asks by itself.
+"use strict";
+
+(() => {
+  const { body } = document;
+  const GAP_MS = 1000; // a page is asked for no more often
+  const POLL_MS = 5000; // without the stream
+  const RARELY = 10; // with it, what is in no table (a progress) is asked for so many times more rarely
+  const HIDDEN_MS = 60000; // a page that nobody sees for so long leaves the stream
+  const SAID_MS = 2000;
+  const SLIDE_MS = 450;
+  const LIT_MS = 1800;
+  const KEPT = new Set(["tabindex", "role", "aria-label", "open"]); // set by scripts and readers, not by the server
+  const still = () => matchMedia("(prefers-reduced-motion: reduce)").matches;
+
+  // --- what is new is written into what stands there -----------------------------------------------------------------
+  const keyOf = (node) => (node.nodeType === Node.ELEMENT_NODE ? node.dataset?.key || node.id : "") || "";
+  const alike = (one, other) => one.nodeType === other.nodeType && one.nodeName === other.nodeName && keyOf(one) === keyOf(other);
+
+  function morph(old, fresh) {
+    for (const { name } of [...old.attributes]) if (!fresh.hasAttribute(name) && !KEPT.has(name)) old.removeAttribute(name);
+    for (const { name, value } of [...fresh.attributes]) {
+      if (name !== "open" && old.getAttribute(name) !== value) old.setAttribute(name, value);
+    }
+    morphChildren(old, [...fresh.childNodes]);
+  }
+
+  function morphChildren(old, fresh) {
+    const before = [...old.childNodes];
+    const keyed = new Map(before.filter(keyOf).map((node) => [keyOf(node), node]));
+    const taken = new Set();
+    let place = 0;
+    const next = (node) => {
+      const found = before.findIndex((each, at) => at >= place && !keyOf(each) && alike(each, node));
+      if (found >= 0) place = found + 1;
+      return before[found];
+    };
+    const after = fresh.map((node) => {
+      const was = keyOf(node) ? keyed.get(keyOf(node)) : next(node);
+      if (!was || taken.has(was) || !alike(was, node)) return node;
+      taken.add(was);
+      if (node.nodeType === Node.ELEMENT_NODE) morph(was, node);
+      else if (was.data !== node.data) was.data = node.data;
+      return was;
+    });
+    before.forEach((node) => { if (!taken.has(node)) node.remove(); });
+    arrange(old, after);
+  }
+
+  // whoever holds the focus stays where it is, and the others move around it
+  function arrange(parent, nodes) {
+    const fixed = nodes.find((node) => node.isConnected && node.contains(document.activeElement));
+    const before = fixed ? nodes.slice(0, nodes.indexOf(fixed)) : [];
+    let at = parent.firstChild;
+    const put = (node, stop) => {
+      if (node === at) at = at.nextSibling;
+      else parent.insertBefore(node, at && at !== stop ? at : stop);
+    };
+    before.forEach((node) => put(node, fixed));
+    at = fixed ? fixed.nextSibling : at;
+    nodes.slice(fixed ? before.length + 1 : 0).forEach((node) => put(node, null));
+  }
+
+  // --- rows slide, times light up ------------------------------------------------------------------------------------
+  const rowsOf = (part) => new Map([...part.querySelectorAll("[data-key]")].map((row) => [row.dataset.key, row]));
+  const timesOf = (row) => [...row.querySelectorAll(".time")].map((each) => each.textContent.trim());
+
+  function look(part) {
+    return new Map([...rowsOf(part)].map(([key, row]) => [key, { top: row.getBoundingClientRect().top, times: timesOf(row) }]));
+  }
+
+  function light(element) {
+    element.classList.add("lit");
+    setTimeout(() => element.classList.remove("lit"), LIT_MS);
+  }
+
+  function show(part, seen) {
+    const moved = [];
+    rowsOf(part).forEach((row, key) => {
+      const was = seen.get(key);
+      if (!was) {
+        if (seen.size) light(row);
+        return;
+      }
+      row.querySelectorAll(".time").forEach((each, which) => {
+        if (was.times[which] !== undefined && was.times[which] !== each.textContent.trim()) light(each);
+      });
+      const by = was.top - row.getBoundingClientRect().top;
+      if (Math.abs(by) > 1) moved.push([row, by]);
+    });
+    if (still()) return;
+    moved.forEach(([row, by]) => row.animate(
+      [{ transform: `translateY(${by}px)` }, { transform: "none" }],
+      { duration: SLIDE_MS, easing: "cubic-bezier(.2, .7, .2, 1)" },
+    ));
+  }
+
+  function write(part, fresh) {
+    document.dispatchEvent(new CustomEvent("paddock:fresh", { detail: fresh }));
+    const seen = look(part);
+    if (part.nodeName === fresh.nodeName && part.id === fresh.id) morph(part, fresh);
+    show(part, seen);
+  }
+
+  // --- what is new is said: data-say of an element with an id, one message in two seconds ------------------------------
+  const said = new Map();
+  const waiting = new Map();
+  let last = -Infinity;
+  let timer = 0;
+
+  function region() {
+    let found = document.querySelector("[data-live-said]");
+    if (!found) {
+      found = document.createElement("p");
+      found.className = "hidden";
+      found.setAttribute("role", "status");
+      found.dataset.liveSaid = "";
+      body.append(found);
+    }
+    return found;
+  }
+
+  function speak() {
+    timer = 0;
+    if (!waiting.size) return;
+    region().textContent = [...waiting.values()].slice(-4).join(" ");
+    waiting.clear();
+    last = performance.now();
+  }
+
+  function listen(first) {
+    document.querySelectorAll("[data-say][id]").forEach(({ id, dataset }) => {
+      if (said.get(id) === dataset.say) return;
+      said.set(id, dataset.say);
+      if (!first && dataset.say) waiting.set(id, dataset.say);
+    });
+    if (waiting.size && !timer) timer = setTimeout(speak, Math.max(0, last + SAID_MS - performance.now()));
+  }
+  listen(true);
+  document.addEventListener("htmx:afterSettle", () => listen(false));
+  window.paddockMoves = { morph, write };
+
+  // --- asking for what moved -----------------------------------------------------------------------------------------
+  const partsOf = () => [...document.querySelectorAll("[data-follow]")];
+  const topicsOf = (part) => part.dataset.follow.split(" ").filter(Boolean);
+  const addressOf = (part) => new URL(part.dataset.from || location.href, location.href).href.split("#")[0];
+  const asked = new Map(); // by address: { tag, at, timer, busy, again }
+  let spread = 0;
+  let isUp = false;
+
+  async function ask(address) {
+    const state = asked.get(address);
+    state.timer = 0;
+    if (state.busy) { state.again = true; return; }
+    state.busy = true;
+    state.at = performance.now();
+    try {
+      const headers = { "X-Paddock-Parts": "1" };
+      if (state.tag) headers["If-None-Match"] = state.tag;
+      const answer = await fetch(address, { headers, cache: "no-store", signal: AbortSignal.timeout(15000) });
+      if (answer.redirected || [401, 403, 404, 410].includes(answer.status)) {
+        if (address === location.href.split("#")[0]) location.reload(); // it is not for this reader any more
+      } else if (answer.status === 200) {
+        const page = new DOMParser().parseFromString(await answer.text(), "text/html");
+        state.tag = answer.headers.get("ETag");
+        renew(address, page);
+      }
+    } catch { /* asked again when it moves, or in a while */ }
+    state.busy = false;
+    if (state.again) { state.again = false; soon(address); }
+  }
+
+  function renew(address, page) {
+    let changed = false;
+    partsOf().filter((part) => part.id && !part.hasAttribute("hx-get") && addressOf(part) === address).forEach((part) => {
+      const fresh = page.getElementById(part.id);
+      if (!fresh) return;
+      write(part, fresh);
+      changed = true;
+    });
+    if (!changed) return;
+    document.dispatchEvent(new CustomEvent("htmx:afterSettle", { bubbles: true }));
+    follow();
+  }
+
+  function soon(address) {
+    if (!asked.has(address)) asked.set(address, { at: -Infinity });
+    const state = asked.get(address);
+    if (state.timer) return;
+    const gap = Math.max(0, state.at + GAP_MS - performance.now());
+    state.timer = setTimeout(() => ask(address), gap + Math.random() * spread);
+  }
+
+  // what htmx asks for: once at a time, for an answer may be the last one
+  const again = new WeakSet();
+  function nudge(part) {
+    if (part.classList.contains("htmx-request")) again.add(part);
+    else part.dispatchEvent(new CustomEvent("paddock:moved"));
+  }
+  document.addEventListener("htmx:afterSettle", () => follow());
+  document.addEventListener("htmx:afterRequest", ({ detail: { elt } }) => {
+    if (again.delete(elt)) setTimeout(() => { if (elt.isConnected && elt.hasAttribute("hx-get")) nudge(elt); }, 100);
+  });
+
+  let missed = false;
+  function moved(topics) {
+    if (document.hidden) { missed = true; return; }
+    const all = topics && new Set(topics);
+    partsOf().filter((part) => !all || topicsOf(part).some((topic) => all.has(topic))).forEach((part) => {
+      if (part.hasAttribute("hx-get")) nudge(part);
+      else if (part.id) soon(addressOf(part));
+    });
+  }
+  document.addEventListener("paddock:raced", () => { if (!isUp) moved(null); });
+
+  // --- the stream ----------------------------------------------------------------------------------------------------
+  let send = null;
+  let followed = "";
+  let mine = "";
+
+  function hear(message) {
+    if (message.is === "up") { isUp = true; spread = message.spread ?? spread; }
+    else if (message.is === "down") isUp = false;
+    // "me" is written by the server with the reader's number
+    else if (message.is === "moved") moved(message.of && message.of.map((topic) => (topic === mine ? "me" : topic)));
+    else document.dispatchEvent(new CustomEvent(`paddock:${message.is}`, { detail: message }));
+  }
+
+  function connect() {
+    const address = body.dataset.stream;
+    if (typeof SharedWorker !== "undefined") {
+      const worker = new SharedWorker(address, { name: `paddock ${body.dataset.streamAs || ""}` });
+      worker.port.onmessage = ({ data }) => hear(data);
+      return (message) => worker.port.postMessage(message);
+    }
+    const kept = [];
+    const script = document.createElement("script");
+    script.src = address;
+    script.onload = () => kept.splice(0).forEach((each) => window.paddockStream(hear, each));
+    document.head.append(script);
+    return (message) => (window.paddockStream ? window.paddockStream(hear, message) : kept.push(message));
+  }
+
+  function follow() {
+    const of = [...new Set(partsOf().flatMap(topicsOf))].sort();
+    if (of.join(" ") === followed || document.hidden || !body.dataset.stream) return;
+    if (!of.length && !send) return;
+    send ??= connect();
+    const at = followed ? null : Number(body.dataset.streamAt || NaN);
+    followed = of.join(" ");
+    send({ is: "follow", of, at: Number.isNaN(at) ? null : at });
+  }
+
+  function leave() {
+    if (send) send({ is: "leave" });
+    followed = "";
+    isUp = false;
+  }
+
+  mine = body.dataset.streamAs ? `racer:${body.dataset.streamAs}` : "";
+  window.paddockMoves.follow = follow;
+  follow();
+  let hidden = 0;
+  document.addEventListener("visibilitychange", () => {
+    clearTimeout(hidden);
+    if (document.hidden) { hidden = setTimeout(leave, HIDDEN_MS); return; }
+    const left = !followed;
+    follow();
+    if (left || missed) moved(null);
+    missed = false;
+  });
+  addEventListener("pagehide", leave);
+  addEventListener("pageshow", ({ persisted }) => { if (persisted) { follow(); moved(null); } });
+  setInterval(() => { if (send && followed) send({ is: "here" }); }, 20000);
+
+  // --- without the stream, and what is in no table -------------------------------------------------------------------
+  const turns = new WeakMap();
+  setInterval(() => {
+    if (document.hidden) return;
+    const now = performance.now();
+    partsOf().forEach((part) => {
+      const own = Number(part.dataset.poll || 0);
+      const pause = isUp ? own * RARELY : own || POLL_MS;
+      if (!turns.has(part)) turns.set(part, now + (own ? 0 : Math.random() * 2000));
+      if (!pause || now - turns.get(part) < pause) return;
+      turns.set(part, now);
+      if (part.hasAttribute("hx-get")) nudge(part);
+      else if (part.id) soon(addressOf(part));
+    });
+  }, 250);
+})();

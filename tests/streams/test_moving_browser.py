@@ -1,0 +1,160 @@
+"""Pages that move by themselves, in real browsers on a site with its stream process."""
+
+from __future__ import annotations
+
+import os
+import signal
+import subprocess
+import sys
+from collections.abc import Callable, Iterator
+from itertools import pairwise
+
+import pytest
+
+from races.events import record_board
+from races.models import Visibility
+from races.services import accept_invitation, remove_entry, submit_model
+from tests.evaluation.processes import wait_for
+from tests.factories import a_model, a_race, a_racer, drive, laps, start
+from tests.pages.browsing import IN_A_BROWSER, chromium, visitor
+from tests.shared import CHECKOUT
+from tests.streams.process import Streams, served
+
+pytestmark = [*IN_A_BROWSER, pytest.mark.django_db(transaction=True)]
+MESSAGES = """addEventListener("DOMContentLoaded", () => {
+  window.messages = [];
+  new MutationObserver((changes) => changes.forEach(({ target }) => {
+    const region = target.closest && target.closest("[data-live-said]");
+    if (region) window.messages.push([performance.now(), region.textContent]);
+  })).observe(document, { subtree: true, childList: true });
+});"""
+FIRST = "() => document.querySelector('table.board tr.linked a.name')?.textContent === 'bob'"
+
+
+@pytest.fixture(scope="module")
+def browser() -> Iterator:
+    with pytest.MonkeyPatch.context() as patch, chromium() as opened:
+        patch.setitem(os.environ, "DJANGO_ALLOW_ASYNC_UNSAFE", "true")  # Playwright's loop runs in this thread
+        yield opened
+
+
+@pytest.fixture(scope="module")
+def site(browser, process: Streams) -> Iterator[str]:
+    """The address of a web server beside the stream process."""
+    command = [sys.executable, "manage.py", "collectstatic", "--no-input", "--verbosity", "0"]
+    subprocess.run(command, cwd=CHECKOUT, env=process.environment, check=True)
+    with served(process) as port:
+        yield f"http://127.0.0.1:{port}"
+
+
+@pytest.fixture
+def looks_at(browser, site: str, streams: Streams) -> Iterator[Callable]:
+    """Open a page as somebody, in a browser of their own; its stream is there."""
+    contexts = []
+
+    def look(path: str, racer=None, **options):
+        before = streams.figures()["streams"]
+        contexts.append(visitor(browser, site, racer, **options))
+        page = contexts[-1].new_page()
+        page.add_init_script(MESSAGES)
+        page.problems = []
+        page.on("console", lambda said: page.problems.append(said.text) if said.type == "error" else None)
+        page.on("pageerror", lambda error: page.problems.append(str(error)))
+        page.goto(path)
+        wait_for(lambda: streams.figures()["streams"] == before + 1, 20, streams.log)
+        return page
+
+    yield look
+    for context in contexts:
+        context.close()
+    wait_for(lambda: not (streams.figures() or {}).get("streams"), 20, streams.log)
+
+
+def aliases(page) -> list[str]:
+    return page.locator("table.board tr.linked a.name").all_text_contents()
+
+
+def test_a_result_moves_the_boards_of_guests_and_racers(looks_at, now) -> None:
+    race, ann, bob = a_race(now), a_racer("ann"), a_racer("bob")
+    drive(race, ann, laps(9_000, 9_100, 9_200), now)
+    at = race.get_absolute_url()
+    guest, racer = looks_at(at), looks_at(at, ann)
+    guest.locator("table.board tr.linked a.name").focus()
+    guest.evaluate(
+        """() => {
+          window.focused = document.activeElement;
+          window.slid = 0;
+          document.querySelector("tr.linked").animate = () => { window.slid += 1; };
+        }"""
+    )
+    drive(race, bob, laps(8_000, 8_100, 8_200), now)
+    for page in (guest, racer):
+        page.wait_for_function(FIRST)
+        assert aliases(page) == ["bob", "ann"]
+    assert guest.evaluate("document.activeElement === window.focused && window.focused.textContent") == "ann"
+    guest.wait_for_function("() => window.messages.some(([, text]) => text.includes('bob: 0:08.100.'))")
+    racer.wait_for_function("() => document.querySelector('#race-facts').textContent.includes('2 of 2')")
+    assert racer.locator("tr.linked.me a.name").text_content() == "ann"
+    assert all(later - earlier >= 1_950 for earlier, later in pairwise(guest.evaluate("messages.map(([at]) => at)")))
+    assert guest.evaluate("window.slid") >= 1, "its row went down"
+    assert guest.problems == racer.problems == []
+
+
+def test_nothing_slides_where_motion_is_unwelcome(looks_at, now) -> None:
+    race, ann = a_race(now), a_racer("ann")
+    drive(race, ann, laps(9_000, 9_100, 9_200), now)
+    page = looks_at(race.get_absolute_url(), reduced_motion="reduce")
+    page.evaluate("() => { Element.prototype.animate = () => { window.slid = true; }; }")
+    drive(race, a_racer("bob"), laps(8_000, 8_100, 8_200), now)
+    page.wait_for_function(FIRST)
+    assert page.evaluate("window.slid === undefined")
+    assert page.evaluate("document.querySelector('#board').getAnimations({ subtree: true }).length") == 0
+
+
+def test_home_tells_who_is_on_track_and_who_is_next(looks_at, now) -> None:
+    race, ann, bob = a_race(now, name="Tonight"), a_racer("ann"), a_racer("bob")
+    page = looks_at("/")
+    assert page.locator("#on-track li").count() == 0
+    first = submit_model(race=race, racer=ann, model=a_model(ann), now=now)
+    submit_model(race=race, racer=bob, model=a_model(bob), now=now)
+    page.locator("#on-track ol li", has_text="bob").wait_for()
+    start(first.evaluation, now)
+    record_board(race)
+    page.locator("#on-track ul li", has_text="ann").wait_for()
+    assert page.locator("#on-track ol li").count() == 1 and page.problems == []
+
+
+def test_tabs_of_a_browser_share_a_stream_which_goes_with_the_last(looks_at, streams, now) -> None:
+    race = a_race(now)
+    page = looks_at(race.get_absolute_url())
+    others = [page.context.new_page() for _ in range(3)]
+    for other in others:
+        other.goto("/")
+    wait_for(lambda: streams.figures()["streams"] == 1, 20, streams.log)
+    drive(race, a_racer("bob"), laps(8_000, 8_100, 8_200), now)
+    for each in (page, others[0]):
+        each.get_by_text("bob").first.wait_for()
+    page.context.close()
+    wait_for(lambda: streams.figures()["streams"] == 0, 20, streams.log)
+
+
+def test_pages_ask_by_themselves_while_the_process_is_away_and_come_back(looks_at, streams, now) -> None:
+    race = a_race(now)
+    page = looks_at(race.get_absolute_url())
+    streams.end(signal.SIGKILL)
+    drive(race, a_racer("bob"), laps(8_000, 8_100, 8_200), now)
+    page.get_by_text("bob").first.wait_for()
+    streams.start()
+    wait_for(lambda: streams.figures()["streams"] == 1, 60, streams.log)
+    drive(race, a_racer("carol"), laps(8_500, 8_600, 8_700), now)
+    page.get_by_text("carol").first.wait_for()
+
+
+def test_who_is_removed_from_a_race_is_shown_it_no_more(looks_at, now) -> None:
+    owner, ann = a_racer("owner"), a_racer("ann")
+    race = a_race(now, organiser=owner, visibility=Visibility.INVITATION)
+    entry = accept_invitation(token=race.invitation, racer=ann, now=now)
+    page = looks_at(race.get_absolute_url(), ann)
+    assert page.locator("#board").count() == 1
+    remove_entry(entry=entry, by=owner, now=now)
+    page.locator("#board").wait_for(state="detached")
