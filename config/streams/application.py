@@ -44,7 +44,7 @@ Receive: TypeAlias = Callable[[], Awaitable[Any]]
 Send: TypeAlias = Callable[[Any], Awaitable[None]]
 
 
-class Refused(Exception):
+class NoStream(Exception):
     """A request that gets no stream. ``code``: a reason of :mod:`config.reasons`."""
 
     def __init__(self, status: int, code: str, retry_s: int = 0) -> None:
@@ -72,7 +72,7 @@ class Application:
                 await _answer(send, 200, self.figures())
                 return
             await self._stream(scope, headers, receive, send)
-        except Refused as refused:
+        except NoStream as refused:
             told = {"code": refused.code, "detail": REASONS[refused.code].sentence}
             await _answer(send, refused.status, told, refused.retry_s)
 
@@ -92,9 +92,9 @@ class Application:
         written, last = _asked(scope, headers)
         address = _address(scope, headers)
         if len(self.hub.readers) >= settings.STREAMS:
-            raise Refused(503, "streams_full", 30)
+            raise NoStream(503, "streams_full", 30)
         if self._of_address[address] >= settings.STREAMS_PER_ADDRESS:
-            raise Refused(429, "streams_of_address", 30)
+            raise NoStream(429, "streams_of_address", 30)
         session, racer = _session(headers), None
         self._of_address[address] += 1
         try:
@@ -102,7 +102,7 @@ class Application:
             if racer is not None:
                 if self._of_racer[racer] >= settings.STREAMS_PER_RACER:
                     racer = None
-                    raise Refused(429, "streams_of_racer", 30)
+                    raise NoStream(429, "streams_of_racer", 30)
                 self._of_racer[racer] += 1
             reader = Reader(topics, session if racer is not None else "", address, lambda: self._cut(scope["client"]))
             await self._serve(reader, last, receive, send)
@@ -115,12 +115,12 @@ class Application:
         try:
             viewers = await self._who.ask(viewers_of, [session]) if session else {}
         except Error:
-            raise Refused(503, "streams_away", 5) from None
+            raise NoStream(503, "streams_away", 5) from None
         viewer = viewers.get(session)
         try:
             return viewer and viewer.pk, frozenset(asked_for(written, viewer))
         except ValueError:
-            raise Refused(400, "stream_topics") from None
+            raise NoStream(400, "stream_topics") from None
 
     async def _serve(self, reader: Reader, last: int | None, receive: Receive, send: Send) -> None:
         gone = asyncio.create_task(_until_gone(receive))
@@ -129,7 +129,7 @@ class Application:
             try:
                 await self.hub.come(reader, last)
             except Error:
-                raise Refused(503, "streams_away", 5) from None
+                raise NoStream(503, "streams_away", 5) from None
             await send({"type": "http.response.start", "status": 200, "headers": _STREAM})
             while sent := await reader.next():
                 async with asyncio.timeout(TAKES_NOTHING_S):
@@ -156,25 +156,25 @@ async def _answer(send: Send, status: int, told: dict[str, Any], retry_s: int = 
 
 
 def _check(scope: Scope, headers: dict[str, str]) -> None:
-    """Raises Refused for what is no request of a page of ours."""
+    """Raises NoStream for what is no request of a page of ours."""
     if scope["path"] not in ("/stream/", "/stream/health"):
-        raise Refused(404, "stream_refused")
+        raise NoStream(404, "stream_refused")
     if scope["method"] != "GET":
-        raise Refused(405, "stream_refused")
+        raise NoStream(405, "stream_refused")
     host, _ = split_domain_port(headers.get("host", ""))
     if not host or not validate_host(host, settings.ALLOWED_HOSTS) or headers.get("sec-fetch-site") == "cross-site":
-        raise Refused(403, "stream_refused")
+        raise NoStream(403, "stream_refused")
 
 
 def _asked(scope: Scope, headers: dict[str, str]) -> tuple[list[str], int | None]:
-    """The topics as they were written, and the position that the reader knows. Raises Refused."""
+    """The topics as they were written, and the position that the reader knows. Raises NoStream."""
     query = scope["query_string"]
     if len(query) > LONGEST_QUERY:
-        raise Refused(400, "stream_topics")
+        raise NoStream(400, "stream_topics")
     given = parse_qsl(query.decode("latin-1"))
     written = sorted({value for name, value in given if name == "of"})
     if len(written) > TOPICS:
-        raise Refused(400, "stream_topics")
+        raise NoStream(400, "stream_topics")
     known = headers.get("last-event-id") or next((value for name, value in given if name == "last"), "")
     return written, int(known) if known.isascii() and known.isdecimal() and len(known) < 19 else None
 
