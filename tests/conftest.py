@@ -17,6 +17,7 @@ import pytest
 from django.db import connection
 from django.utils import translation
 
+from paddock.simulator.camera import compiled
 from tests import costs, database, emptied, kept, postgres
 
 PACK = 20
@@ -24,6 +25,9 @@ PACK = 20
 
 def pytest_configure(config: pytest.Config) -> None:
     config.pluginmanager.register(costs.Watch())
+    # a camera compiled of another source than the present one draws by numpy, which takes tests minutes
+    if not hasattr(config, "workerinput"):
+        compiled.main()
 
 
 def pytest_unconfigure(config: pytest.Config) -> None:

@@ -22,7 +22,7 @@ SOURCE = Path(__file__).parent / "warp.c"
 # One for each kind of processor, for a folder may be shared; whatever the Python, which it does not know.
 LIBRARY = SOURCE.with_name(f"warp-{sys.platform}-{platform.machine()}.so")
 
-_FLAGS = ["-O3", "-fwrapv", "-ffreestanding", "-fPIC", "-shared"]
+_FLAGS = ["-O3", "-fwrapv", "-ffp-contract=off", "-ffreestanding", "-fPIC", "-shared"]
 if sys.platform == "linux":
     _FLAGS.append("-nostdlib")
 if platform.machine() in ("x86_64", "AMD64"):

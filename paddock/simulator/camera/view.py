@@ -95,14 +95,10 @@ class Camera:
 
     def __init__(self, scene: Scene, optics: Optics = FRONT_CAMERA, warp: type[Warp] | None = None) -> None:
         bands = _bands(scene, optics)
-        self._warp = (warp or best_warp())([band.strip for band in bands], optics.columns, scene.theme.wall)
-        # (4 numbers of a line, lines) for each of the four terms; a place moves the starts alone
+        # (4 numbers of a line, lines) for each of the four terms
         terms = np.concatenate([band.terms(optics) for band in bands]).transpose(2, 1, 0)
-        self._by_cos, self._by_sin = terms[0].copy(), terms[1].copy()
-        self._by_place, self._fixed = terms[2, :2].copy(), terms[3, :2].copy()
-        self._place = np.empty((2, 1))
-        self._sums, self._products, self._moved = (np.empty(part.shape) for part in (terms[0], terms[1], terms[2, :2]))
-        self._starts = self._sums[:2]
+        strips = [band.strip for band in bands]
+        self._warp = (warp or best_warp())(strips, optics.columns, scene.theme.wall, terms)
         self._painter = BlockPainter(scene.theme, optics)
 
     def render(self, pose: Pose, solids: Sequence[Solid] = ()) -> np.ndarray:
@@ -113,27 +109,13 @@ class Camera:
         x, y, yaw = pose.x, pose.y, pose.yaw  # of anything that has them, as pictures of sensors do
         if not math.isfinite(x + y + yaw):
             raise ValueError(f"nothing is seen from ({x}, {y}, {yaw})")
-        self._look(x, y, yaw)
+        x_m, y_m = min(max(x, -_FARTHEST_M), _FARTHEST_M), min(max(y, -_FARTHEST_M), _FARTHEST_M)
+        self._warp.aim(math.cos(yaw), math.sin(yaw), x_m, y_m)
         self._warp.draw()
         frame = self._warp.frame.copy()
         if solids:
             self._painter.paint(frame, x, y, yaw, solids)
         return frame
-
-    def _look(self, x: float, y: float, yaw: float) -> None:
-        """Write down the warp's lines. Product by product and sum by sum: what multiplies and adds in one step, as
-        matrix products do on some processors, rounds otherwise."""
-        sums, products, moved, starts, place = self._sums, self._products, self._moved, self._starts, self._place
-        place[0, 0] = min(max(x, -_FARTHEST_M), _FARTHEST_M)
-        place[1, 0] = min(max(y, -_FARTHEST_M), _FARTHEST_M)
-        np.multiply(self._by_cos, math.cos(yaw), sums)
-        np.multiply(self._by_sin, math.sin(yaw), products)
-        np.add(sums, products, sums)
-        np.multiply(self._by_place, place, moved)
-        np.add(moved, self._fixed, moved)
-        np.add(starts, moved, starts)
-        np.rint(sums, sums)
-        self._warp.lines[:] = sums
 
 
 def _bands(scene: Scene, optics: Optics) -> list[_Band]:

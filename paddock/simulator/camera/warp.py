@@ -44,14 +44,15 @@ class Strip:
 
 
 class Warp(ABC):
-    """Draws ``strips``, which together are all rows of a frame. Write :attr:`lines`, call :meth:`draw`, read
-    :attr:`frame` (uint8 (rows, columns)).
+    """Draws ``strips``, which together are all rows of a frame. Write :attr:`lines` or :meth:`aim`, call :meth:`draw`,
+    read :attr:`frame` (uint8 (rows, columns)).
 
     ``lines``: int64 (4, lines of all strips): column and row of the picture where a line's first pixel looks, plus
     ``HALF_WEIGHT``, and the steps in both. No place on a line may be farther off than 2^29 pixels.
     """
 
-    def __init__(self, strips: Sequence[Strip], columns: int, wall: int) -> None:
+    def __init__(self, strips: Sequence[Strip], columns: int, wall: int, terms: np.ndarray | None = None) -> None:
+        """``terms``: float64 (4, 4, lines of all strips), what :meth:`aim` makes lines of."""
         self.strips = [
             Strip(np.ascontiguousarray(strip.pixels, np.uint8), strip.first, strip.last, strip.doublings)
             for strip in strips
@@ -59,6 +60,15 @@ class Warp(ABC):
         self.wall = wall
         self.lines = np.zeros((4, sum(strip.lines for strip in strips)), np.int64)
         self.frame = np.zeros((sum(strip.last - strip.first for strip in strips), columns), np.uint8)
+        shape = (4, *self.lines.shape)
+        self.terms = np.zeros(shape) if terms is None else np.ascontiguousarray(terms, np.float64).reshape(shape)
+
+    @abstractmethod
+    def aim(self, cos: float, sin: float, x: float, y: float) -> None:
+        """Write down the lines of a camera at a place and heading: ``cos`` times the first of the terms and ``sin``
+        times the second, added; to the starts alone the sum of the third times ``x`` (columns) or ``y`` (rows) and
+        the fourth; rounded to whole numbers. Product by product and sum by sum: what multiplies and adds in one step,
+        as matrix products do on some processors, rounds otherwise."""
 
     @abstractmethod
     def draw(self) -> None:
@@ -67,6 +77,12 @@ class Warp(ABC):
 
 class NumpyWarp(Warp):
     """The one that needs nothing but numpy, and that the other is held against."""
+
+    def aim(self, cos: float, sin: float, x: float, y: float) -> None:
+        by_cos, by_sin, by_place, fixed = self.terms
+        sums = by_cos * cos + by_sin * sin
+        sums[:2] += by_place[:2] * np.array(((x,), (y,))) + fixed[:2]
+        self.lines[:] = np.rint(sums)
 
     def draw(self) -> None:
         along = np.arange(self.frame.shape[1])
@@ -100,17 +116,21 @@ class CompiledWarp(Warp):
 
     library: ClassVar[ctypes.CDLL | None] = compiled.load()
 
-    def __init__(self, strips: Sequence[Strip], columns: int, wall: int) -> None:
-        super().__init__(strips, columns, wall)
+    def __init__(self, strips: Sequence[Strip], columns: int, wall: int, terms: np.ndarray | None = None) -> None:
+        super().__init__(strips, columns, wall, terms)
         assert self.library is not None
-        self._function = self.library.paddock_warp
         pair = (ctypes.c_void_p, ctypes.c_int64)
-        self._function.argtypes = (*pair, *pair, *pair, ctypes.c_int64)
-        self._function.restype = None
+        self._warp, self._aim = self.library.paddock_warp, self.library.paddock_aim
+        self._warp.argtypes = (*pair, *pair, *pair, ctypes.c_int64)
+        self._aim.argtypes = (ctypes.c_void_p, *pair, *[ctypes.c_double] * 4)
+        self._warp.restype = self._aim.restype = None
         # struct strip of warp.c; the arrays stay where they are as long as this object has them
         self._table = np.array(
             [
-                (strip.pixels.ctypes.data, *strip.pixels.shape[::-1], strip.first, strip.last, strip.doublings)
+                (
+                    *(strip.pixels.ctypes.data, *strip.pixels.shape[::-1]),
+                    *(strip.first, strip.last, strip.doublings, _only_grey(strip.pixels)),
+                )
                 for strip in self.strips
             ],
             np.int64,
@@ -120,9 +140,19 @@ class CompiledWarp(Warp):
             *(self.lines.ctypes.data, self.lines.shape[1]),
             *(self.frame.ctypes.data, columns, wall),
         )
+        self._aimed = (self.terms.ctypes.data, self.lines.ctypes.data, self.lines.shape[1])
+
+    def aim(self, cos: float, sin: float, x: float, y: float) -> None:
+        self._aim(*self._aimed, cos, sin, x, y)
 
     def draw(self) -> None:
-        self._function(*self._arguments)
+        self._warp(*self._arguments)
+
+
+def _only_grey(pixels: np.ndarray) -> int:
+    """The grey of a picture that has no other, such as the sky's; -1 of any other picture."""
+    low, high = int(pixels.min()), int(pixels.max())
+    return low if low == high else -1
 
 
 def best_warp() -> type[Warp]:

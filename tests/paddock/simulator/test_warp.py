@@ -110,6 +110,8 @@ def test_numpy_and_c_agree_bit_for_bit_on_any_lines(in_c, columns):
         pixels = rng.integers(0, 256, (height, width), np.uint8)
         strips = [Strip(pixels, 0, 30, 0), Strip(pixels[:, ::-1], 30, 38, 2), Strip(pixels, 38, 38, 1)]
         strips.append(Strip(pixels, 38, 44, 1))
+        flat = np.full((height, width), 200, np.uint8)  # which the compiled way fills in where it sees nothing else
+        strips += [Strip(flat, 44, 74, 0), Strip(flat, 74, 78, 1)]
         count = sum(strip.lines for strip in strips)
         starts = rng.uniform(-1.0, 1.0, (2, count)) * rng.choice([3.0, width + 2.0, 1e3, 1e8], count)
         steps = rng.uniform(-1.0, 1.0, (2, count)) * rng.choice([0.0, 1e-9, 0.3, 3.0, 1e5], count)
@@ -120,7 +122,30 @@ def test_numpy_and_c_agree_bit_for_bit_on_any_lines(in_c, columns):
             lines[:, 6 + row] = (width - 1) * ONE + place, (height - 1) * ONE, 0, 0
             lines[:, 12 + row] = width * ONE + place, 0, -ONE // 7, 0
             lines[:, 18 + row] = 0, (height - 1) * ONE + place, ONE // 5, 0
+            lines[:, -38 + row] = (width - 1) * ONE + place - (columns - 1) * 9, 0, 9, 0
+            lines[:, -32 + row] = 0, -place, 0, (height - 1) * ONE // columns
         assert np.array_equal(drawn(NumpyWarp, strips, columns, lines), drawn(in_c, strips, columns, lines))
+
+
+@needs_compiler
+def test_numpy_and_c_aim_the_same_lines(scene, in_c):
+    cameras = [Camera(scene, FRONT_CAMERA, way) for way in (in_c, NumpyWarp)]
+    for pose in poses(scene, 200, seed=3):
+        for camera in cameras:
+            camera.render(pose)
+        fast, slow = (camera._warp.lines for camera in cameras)
+        assert np.array_equal(fast, slow), pose
+
+
+@needs_compiler
+def test_halves_are_rounded_to_the_even_number_by_both(in_c):
+    rows = [Strip(np.zeros((2, 2), np.uint8), 0, 5, 0)]
+    terms = np.zeros((4, 4, 5))
+    terms[3, :2] = 0.5, 1.5, -0.5, -2.5, 2.0**60 + 256
+    for way in (in_c, NumpyWarp):
+        warp = way(rows, 1, 14, terms)
+        warp.aim(1.0, 0.0, 3.0, 4.0)
+        assert warp.lines[:2].tolist() == [[0, 2, 0, -2, 2**60 + 256]] * 2
 
 
 @needs_compiler
