@@ -84,7 +84,9 @@ class ActionSpace:
         0.01 degrees and 0.001 m/s, far finer than a servo. Raises UserFault("non_finite_action"), which names ``step``;
         ValueError for a wrong size.
         """
-        values = np.asarray(output).reshape(-1).tolist()  # so few numbers are looked at faster without numpy
+        if not (isinstance(output, np.ndarray) and output.ndim == 1):
+            output = np.asarray(output).reshape(-1)
+        values: list[float] = output.tolist()  # so few numbers are looked at faster without numpy
         if len(values) != self.size:
             raise ValueError(f"the network answered {len(values)} values, the action space has {self.size}")
         if not all(map(math.isfinite, values)):

@@ -16,6 +16,7 @@ from .solids import Solid
 from .trace import LAP_COMPLETE, PAUSE, PREPARE, Row, Trace
 
 _NO_ACTION = Action(0.0, 0.0, None)
+_row = tuple.__new__  # of a class and its values, without a call through Python
 
 
 class Competitor:
@@ -117,26 +118,29 @@ class Competitor:
         x, y = referee.nose
         seconds = referee.step * STEP_MS / 1000.0
         self.rows.append(
-            Row(
-                referee.laps[-1].number - 1,
-                float(self.lap_steps),
-                x,
-                y,
-                math.degrees(referee.pose[2]),
-                steering_deg,
-                speed_mps,
-                -1 if index is None else index,
-                self.reward,
-                status == LAP_COMPLETE or referee.end_reason is not None,
-                referee.all_wheels_on_track,
-                referee.percent,
-                self._closest_waypoint(distance, segment),
-                referee.track.length,
-                seconds,
-                status,
-                referee.pause_steps * STEP_MS / 1000.0 if status == PAUSE else 0.0,
-                referee.crashes,
-                seconds,
+            _row(
+                Row,
+                (
+                    referee.laps[-1].number - 1,
+                    float(self.lap_steps),
+                    x,
+                    y,
+                    math.degrees(referee.pose[2]),
+                    steering_deg,
+                    speed_mps,
+                    -1 if index is None else index,
+                    self.reward,
+                    status == LAP_COMPLETE or referee.end_reason is not None,
+                    referee.all_wheels_on_track,
+                    referee.percent,
+                    self._closest_waypoint(distance, segment),
+                    referee.track.length,
+                    seconds,
+                    status,
+                    referee.pause_steps * STEP_MS / 1000.0 if status == PAUSE else 0.0,
+                    referee.crashes,
+                    seconds,
+                ),
             )
         )
 

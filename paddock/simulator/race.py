@@ -251,6 +251,9 @@ class _Race:
 
     def step(self) -> None:
         """One control step of all cars."""
+        if len(self.cars) == 1:
+            self._step_alone()
+            return
         actions: list[Action | None] = []
         failed: list[Competitor] = []
         for number, car in enumerate(self.cars):
@@ -261,8 +264,6 @@ class _Race:
                     if (speeds := self._speeds.get(number)) is not None:
                         action = speeds(action, car.referee.time_ms)
                 except UserFault as fault:
-                    if len(self.cars) == 1:
-                        raise
                     self.retired[number] = {"code": fault.code, "params": fault.params}
                     failed.append(car)
             actions.append(action)
@@ -274,6 +275,13 @@ class _Race:
             self._stage.step(actions)
             self.steps += 1
             self.over = self._all_done()
+
+    def _step_alone(self) -> None:
+        """The same where there is one: what it raises goes through."""
+        (car,) = self.cars
+        self._stage.step((None if car.pausing else self._ask(self._entrants[0], car),))
+        self.steps += 1
+        self.over = car.done
 
     def _all_done(self) -> bool:
         return all([car.done for car in self.cars])
