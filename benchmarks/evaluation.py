@@ -1,5 +1,7 @@
 """``python -m benchmarks.evaluation [--json]``: how fast a car comes from upload to lap times, where the time goes.
 
+With ``--shares`` six bounds instead, as shares of what cannot be less (:mod:`.shares`), each with met or not met.
+
 Every figure is a median of one run on this machine. Compare ratios, not seconds: machines differ, and so does what else
 they do. ``load`` says how busy this one was, and ``cpu_factor`` counts processor time in place of wall time: on an idle
 machine the two factors are the same.
@@ -7,6 +9,7 @@ machine the two factors are the same.
 
 from __future__ import annotations
 
+import argparse
 import os
 import sys
 from typing import Any
@@ -18,7 +21,7 @@ import cv2
 from paddock.geometry.catalogue import CATALOGUE
 from paddock.rules.race import HEAD_TO_HEAD, OBJECT_AVOIDANCE
 
-from . import renderers, site, traffic, whole
+from . import renderers, shares, site, traffic, whole
 from .machine import measured_on
 from .models import CONSOLE, admitted, cars
 from .report import command, report
@@ -148,7 +151,12 @@ def main(arguments: list[str] | None = None) -> int:
     parser.add_argument("--steps", type=int, default=600, help="control steps of the renderers' comparison")
     parser.add_argument("--models", nargs="+", metavar="NAME", help="only these cars")
     parser.add_argument("--no-site", action="store_true", help="leave out the running site")
+    parser.add_argument("--shares", action="store_true", help="the six bounds on shares, minutes")
+    parser.add_argument("--parts", nargs="+", default=list(shares.PARTS), choices=shares.PARTS, help="of --shares")
+    parser.add_argument("--seeds", type=int, default=shares.SEEDS, help="of the trainings of --shares")
     options = parser.parse_args(arguments)
+    if options.shares:
+        return _shares(options)
     figures = run(
         track=options.track,
         laps=options.laps,
@@ -158,6 +166,20 @@ def main(arguments: list[str] | None = None) -> int:
         names=options.models,
     )
     return report(figures, as_json=options.json, table=table)
+
+
+def _shares(options: argparse.Namespace) -> int:
+    geometry = next(entry for entry in CATALOGUE if entry.slug == options.track).geometry()
+    names = options.models or [CONSOLE, "brisk"]
+    figures = shares.measure(
+        [admitted(car) for car in cars() if car.name in names],
+        geometry,
+        laps=options.laps,
+        runs=options.runs,
+        seeds=options.seeds,
+        parts=tuple(options.parts),
+    )
+    return report(figures, as_json=options.json, table=shares.table, missed=shares.misses(figures))
 
 
 if __name__ == "__main__":

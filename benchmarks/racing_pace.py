@@ -114,15 +114,17 @@ def to_pace(
     *,
     speed_limit: float = SPEED_LIMIT_MPS,
     by_cpu: bool = False,
+    near: float = NEAR,
+    budget_s: float = BUDGET_S,
 ) -> dict[str, Any]:
-    """One training until its car is near the line or the budget is spent. ``make``: the wizard's training by
-    ``(slug, seed, **changes)``. ``by_cpu``: the budget is processor time."""
+    """One training until its car's lap is at most ``near`` times the line's or the budget is spent. ``make``: the
+    wizard's training by ``(slug, seed, **changes)``. ``by_cpu``: the budget is processor time."""
     line_s = line_of(slug).lap_s(speed_limit)
     actions = discrete_actions(30.0, 5, speed_limit, 3)
     spec = make(slug, seed, stop_clean_laps=None, best_metric=LAP_TIME, reward_code=example(REWARD).code)
     metadata = {**spec.metadata, "action_space_type": "discrete", "action_space": actions}
-    spec = TrainerSpec(**{**spec.to_dict(), "metadata": metadata, "stop_seconds": BUDGET_S * (20.0 if by_cpu else 1.0)})
-    notes = _Pace(slug, metadata, NEAR * line_s, BUDGET_S, by_cpu)
+    spec = TrainerSpec(**{**spec.to_dict(), "metadata": metadata, "stop_seconds": budget_s * (20.0 if by_cpu else 1.0)})
+    notes = _Pace(slug, metadata, near * line_s, budget_s, by_cpu)
     train(spec, notes, asked_to_stop=notes.stop)
     notes.clock.close()
     spent = {"wall_s": notes.wall_s, "cpu_s": notes.clock.seconds, "steps": None}
@@ -144,9 +146,14 @@ def measure(
     *,
     speed_limit: float = SPEED_LIMIT_MPS,
     by_cpu: bool = False,
+    near: float = NEAR,
+    budget_s: float = BUDGET_S,
 ) -> dict[str, Any]:
     """All seeds on one track, and medians. A run that did not get there counts as one that never will."""
-    runs = [to_pace(slug, make, seed, speed_limit=speed_limit, by_cpu=by_cpu) for seed in range(seeds)]
+    runs = [
+        to_pace(slug, make, seed, speed_limit=speed_limit, by_cpu=by_cpu, near=near, budget_s=budget_s)
+        for seed in range(seeds)
+    ]
     line = line_of(slug)
 
     def middle(name: str) -> float | None:
@@ -157,8 +164,8 @@ def measure(
         "speed_limit_mps": speed_limit,
         "line_m": line.length,
         "line_lap_s": line.lap_s(speed_limit),
-        "wanted_lap_s": NEAR * line.lap_s(speed_limit),
-        "budget_s": BUDGET_S,
+        "wanted_lap_s": near * line.lap_s(speed_limit),
+        "budget_s": budget_s,
         "budget_in": "processor time" if by_cpu else "wall time",
         **{name: middle(name) for name in ("wall_s", "cpu_s", "steps", "lap_s", "of_line")},
         "reached": sum(run["reached"] for run in runs),
