@@ -125,7 +125,7 @@ class Training:
         state = torch.load(io.BytesIO(blob), weights_only=True) if start == "checkpoint" else None
         # A training that goes on draws other starts than the one before it.
         seed = self.spec.seed if state is None else self.spec.seed + 1_000_003 * int(state["number"])
-        rewards = reward_functions(self.spec.reward_code, CARS + self.spec.trials)
+        rewards = reward_functions(self.spec.reward_code, CARS + self.spec.trials_driven)
         self._cars = TrainingCars(self.spec, self._track, rewards[:CARS], self._senses, seed)
         self._judge = Judge(self.spec, self._track, rewards[CARS:], self._senses, self._pulse)
         self._learner = Learner(self.spec, self.layout, self._cars, _Watch(self._may_go_on), self._hurry)
