@@ -87,14 +87,25 @@ def fault_rules(race: Race) -> list[str]:
             *_physical_faults(race),
         ]
     resets = race.max_resets
+    standing = (
+        [
+            _(
+                "Laps are not driven in a row: after each one the car is put back to the start, and the next begins "
+                "from rest."
+            )
+        ]
+        if race.standing_laps
+        else []
+    )
     if not resets:
-        return [_("There are no resets: the first fault ends the run.")]
+        return [*standing, _("There are no resets: the first fault ends the run.")]
     rules = [
+        *standing,
         _(
             "A car that is off track or drives backwards is put back on the nearer lane and stands still for "
             "%(seconds)s s. The clock goes on."
         )
-        % {"seconds": f"{race.off_track_penalty_ms / 1000:g}"}
+        % {"seconds": f"{race.off_track_penalty_ms / 1000:g}"},
     ]
     if resets != RULES["max_resets"].unlimited:
         allowed = ngettext(
@@ -199,7 +210,10 @@ def _bot_rules(race: Race) -> list[str]:
         race.bots,
     ) % {"count": race.bots, "speed": f"{race.bot_speed_mps:g}"}
     if race.bot_lane_changes:
-        lanes = _("Bots change lanes every few seconds, at moments drawn from the seed: the same for every car.")
+        lanes = _("Bots change lanes every %(least)s to %(most)s s, drawn from the seed: the same for every car.") % {
+            "least": f"{race.bot_lane_change_least_ms / 1000:g}",
+            "most": f"{race.bot_lane_change_most_ms / 1000:g}",
+        }
         if race.bot_lane_change_m != RaceRules.bot_lane_change_m:
             lanes += " " + _("A change takes %(metres)s m.") % {"metres": f"{race.bot_lane_change_m:g}"}
     else:

@@ -64,8 +64,6 @@ def _rules(given: list[str]) -> RaceRules:
                 values[name] = value
         if "boxes" in values:
             values["boxes"] = tuple(BoxPlace(float(share), str(lane)) for share, lane in values["boxes"])
-        if "bot_lane_change_ms" in values:
-            values["bot_lane_change_ms"] = tuple(values["bot_lane_change_ms"])
         if "speed_commands" in values:
             values["speed_commands"] = tuple(SpeedCommand(*command) for command in values["speed_commands"])
         return RaceRules(**values)

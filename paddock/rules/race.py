@@ -67,6 +67,12 @@ class RaceRules:
     laps: int = rule(
         3, place=2, label=_("Laps driven"), least=1, most=20, beyond=True, episode=1, stage=True, column=True
     )
+    standing_laps: bool = rule(
+        False,
+        place=8,
+        label=_("Every lap from a standing start"),
+        help=_("After each lap the car is put back to the start; otherwise laps are driven without a stop."),
+    )
     off_track_penalty_ms: int = rule(
         2000,
         place=4,
@@ -224,6 +230,7 @@ class RaceRules:
         most=5.0,
         race_types=(HEAD_TO_HEAD,),
         layout=True,
+        added=True,
         option="lane-change-distance",
     )
     duel_gap_m: float = rule(
@@ -237,11 +244,30 @@ class RaceRules:
         layout=True,
         option="start-gap",
     )
-    bot_lane_change_ms: tuple[int, int] = rule(
-        (3000, 5000),
-        label="Between two lane changes of a bot, least and most",
+    bot_lane_change_least_ms: int = rule(
+        3000,
+        label=_("Between two lane changes at least"),
+        help=_("Each bot draws its moments between the two from the seed."),
+        unit="ms",
+        least=500,
+        most=60_000,
+        beyond=True,
         race_types=(HEAD_TO_HEAD,),
-        run_only=True,
+        layout=True,
+        added=True,
+        option="lane-change-least",
+    )
+    bot_lane_change_most_ms: int = rule(
+        5000,
+        label=_("Between two lane changes at most"),
+        unit="ms",
+        least=500,
+        most=60_000,
+        beyond=True,
+        race_types=(HEAD_TO_HEAD,),
+        layout=True,
+        added=True,
+        option="lane-change-most",
     )
     bot_pause_ms: int = rule(
         2000, label="So long a bot stands after a crash", least=0, race_types=(HEAD_TO_HEAD,), run_only=True
@@ -267,9 +293,9 @@ class RaceRules:
             raise ValueError("only head-to-head has bots")
         if self.bots > MAX_BOTS:
             raise ValueError(f"bots must be at most {MAX_BOTS}, not {self.bots}")
-        least, most = self.bot_lane_change_ms
+        least, most = self.bot_lane_change_least_ms, self.bot_lane_change_most_ms
         if not 0 < least <= most:
-            raise ValueError(f"bot_lane_change_ms must be (least, most) milliseconds, not {self.bot_lane_change_ms!r}")
+            raise ValueError(f"bot_lane_change_least_ms must be above 0 and at most {most}, not {least}")
         check_log(self.speed_commands)
 
     @classmethod
@@ -281,6 +307,8 @@ class RaceRules:
         """Plain JSON values. What came later (:data:`SINCE_THE_FIRST`) is not named where it is as it always was: while
         a site is upgraded, a worker of before does not know it."""
         told = dataclasses.asdict(self)
+        # under the one name that they had before organisers could set them
+        told[_CHANGE_TIMES_TOLD] = tuple(told.pop(name) for name in _CHANGE_TIMES)
         for name in SINCE_THE_FIRST:
             if told[name] == RUN_RULES[name].default:
                 del told[name]
@@ -293,8 +321,8 @@ class RaceRules:
         values = dict(data)
         if "boxes" in values:
             values["boxes"] = tuple(BoxPlace(**box) for box in values["boxes"])
-        if "bot_lane_change_ms" in values:
-            values["bot_lane_change_ms"] = tuple(values["bot_lane_change_ms"])
+        if _CHANGE_TIMES_TOLD in values:
+            values |= zip(_CHANGE_TIMES, values.pop(_CHANGE_TIMES_TOLD), strict=True)
         if "speed_commands" in values:
             values["speed_commands"] = tuple(SpeedCommand(**command) for command in values["speed_commands"])
         return cls(**values)
@@ -363,7 +391,8 @@ class BoardRules:
 
 
 RUN_RULES = rules_in(RaceRules)
-SINCE_THE_FIRST = ("start_m", "bot_lane_change_m", "duel_gap_m", "speed_commands")
+SINCE_THE_FIRST = ("start_m", "standing_laps", "bot_lane_change_m", "duel_gap_m", "speed_commands")
+_CHANGE_TIMES, _CHANGE_TIMES_TOLD = ("bot_lane_change_least_ms", "bot_lane_change_most_ms"), "bot_lane_change_ms"
 # All that an organiser sets of a race, by name.
 RULES: Mapping[str, Rule] = {
     **{name: one for name, one in RUN_RULES.items() if not one.run_only},

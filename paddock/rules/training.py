@@ -40,6 +40,10 @@ class TrainingSettings:
     bots: int = RaceRules.bots
     bot_speed_mps: float = RaceRules.bot_speed_mps
     bot_lane_changes: bool = RaceRules.bot_lane_changes
+    bot_lane_change_m: float = RaceRules.bot_lane_change_m
+    bot_lane_change_least_ms: int = RaceRules.bot_lane_change_least_ms
+    bot_lane_change_most_ms: int = RaceRules.bot_lane_change_most_ms
+    standing_laps: bool = RaceRules.standing_laps
     algorithm: str = PPO
     hyperparameters: Mapping[str, Any] = dataclasses.field(default_factory=dict)
     reward_signature: str = PARAMS

@@ -136,7 +136,8 @@ class Bots:
         self._paths = paths
         self._stride = rules.bot_speed_mps / control_hz
         self._change_m = rules.bot_lane_change_m
-        self._change_ms = rules.bot_lane_change_ms if rules.bot_lane_changes else None
+        times = rules.bot_lane_change_least_ms, rules.bot_lane_change_most_ms
+        self._change_ms = times if rules.bot_lane_changes else None
         self._control_hz = control_hz
         self._pause_steps = penalty_steps(rules.bot_pause_ms, control_hz)
         lane = LANES[int(2 * random.Random(f"bots {rules.seed}").random())]

@@ -260,9 +260,7 @@ class _Race:
             action = None
             if not (car.done or car.pausing):
                 try:
-                    action = self._ask(self._entrants[number], car)
-                    if (speeds := self._speeds.get(number)) is not None:
-                        action = speeds(action, car.referee.time_ms)
+                    action = self._ask(number, car)
                 except UserFault as fault:
                     self.retired[number] = {"code": fault.code, "params": fault.params}
                     failed.append(car)
@@ -279,14 +277,16 @@ class _Race:
     def _step_alone(self) -> None:
         """The same where there is one: what it raises goes through."""
         (car,) = self.cars
-        self._stage.step((None if car.pausing else self._ask(self._entrants[0], car),))
+        self._stage.step((None if car.pausing else self._ask(0, car),))
         self.steps += 1
         self.over = car.done
 
     def _all_done(self) -> bool:
         return all([car.done for car in self.cars])
 
-    def _ask(self, entrant: Entrant, car: Competitor) -> Action:
+    def _ask(self, number: int, car: Competitor) -> Action:
+        """What a car is told to do, by its network and by who commands its speed."""
+        entrant = self._entrants[number]
         looked = perf_counter()
         readings = car.observe()
         if self._disturbance is not None:
@@ -296,7 +296,10 @@ class _Race:
         self.camera_s += asked - looked
         self.policy_s += perf_counter() - asked
         action = entrant.action_space.decode(output, car.referee.step + 1)
-        return action if self._disturbance is None else self._disturbance.act(action)
+        if self._disturbance is not None:
+            action = self._disturbance.act(action)
+        speeds = self._speeds.get(number) if self._speeds else None
+        return action if speeds is None else speeds(action, car.referee.time_ms)
 
     def order(self) -> list[int]:
         """The cars from the winner on: those that did all laps by their times, the others by the distance they drove,

@@ -176,7 +176,7 @@ class Referee:
         self.status = IN_PROGRESS if self.pause_steps <= 0 else PAUSE
         if self.step >= self._last_step:
             self._end(TIME_UP, TIME_UP)
-        elif self.laps[-1].end_ms is not None:  # back at the start of an open track
+        elif self.laps[-1].end_ms is not None:  # back at the start
             self._next_lap(milliseconds(self.step))
         return self.status
 
@@ -236,7 +236,7 @@ class Referee:
                 return None
             self.status = LAP_COMPLETE
             self._owed = rammed  # judged in the lap that begins: by then the two may be apart
-            return self._back_to_start() if self.track.is_open else None
+            return self._back_to_start() if self.track.is_open or self.rules.standing_laps else None
         if self.boxes.hit(self.pose):
             # From where it is now: it stands on the road that it drove.
             return self._put_back(self.odometer.metres) if self._fault(CRASHED) else None
@@ -265,9 +265,14 @@ class Referee:
         return lap
 
     def _back_to_start(self) -> PutBack:
-        """The road is at its end: the next lap begins from rest at the start, a control step later. No reset."""
+        """The road is at its end, or laps are not driven without a stop: the next lap begins from rest at the start, a
+        control step later. No reset."""
         self.pause_steps = 1
-        return PutBack(Pose(*self.track.point_at(0.0)), self.lap_start_m + self.track.length)
+        metres = self.lap_start_m + self.track.length
+        start = PutBack(Pose(*self.track.point_at(self._start_m)), metres)
+        if self.track.is_open or self._is_free(start.pose):
+            return start
+        return self._free_place(metres, INNER, metres + _SEARCH_M)
 
     def _wheels(self, pose: Pose) -> list[bool]:
         """For each wheel whether its centre is on the road."""

@@ -94,6 +94,7 @@ _RANGES = {
     "bot_lane_change_m": "race_bot_lane_change",
     "duel_gap_m": "race_duel_gap",
 }
+_CHANGE_TIMES = ("bot_lane_change_least_ms", "bot_lane_change_most_ms")
 
 
 def _range_problems(race: Race) -> dict[str, ValidationError]:
@@ -104,6 +105,20 @@ def _range_problems(race: Race) -> dict[str, ValidationError]:
         least, most = RULES[name].bounds
         if isinstance(value, int | float) and not least <= value <= most:
             problems[name] = problem(code, least=f"{least:g}", most=f"{most:g}")
+    return problems | _change_time_problems(race)
+
+
+def _change_time_problems(race: Race) -> dict[str, ValidationError]:
+    """The two times between lane changes of bots: each within its bounds, the least no more than the most."""
+    problems = {}
+    for name in _CHANGE_TIMES:
+        value = getattr(race, name)
+        low, high = RULES[name].bounds
+        if isinstance(value, int | float) and not low <= value <= high:
+            problems[name] = problem("race_bot_change_time", least=f"{low / 1000:g}", most=f"{high / 1000:g}")
+    least, most = (getattr(race, name) for name in _CHANGE_TIMES)
+    if not problems and isinstance(least, int) and isinstance(most, int) and least > most:
+        problems[_CHANGE_TIMES[1]] = problem("race_bot_change_times")
     return problems
 
 

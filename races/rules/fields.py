@@ -53,7 +53,8 @@ def rule_field(rule: Rule, *, short: bool = False, strict: bool = False) -> form
         del said["required"]
         return ResetsField(unlimited=rule.unlimited, **said)
     if rule.unit == "ms":
-        return SecondsField(min_value=int(rule.least or 0) // 1000, max_value=int(rule.most or 0) // 1000, **said)
+        least, most = (round((bound or 0) / 1000, 3) for bound in (rule.least, rule.most))
+        return SecondsField(min_value=least if least % 1 else int(least), max_value=int(most), **said)
     kind = PlainNumberField if rule.type is float else forms.IntegerField
     if rule.layout and not strict:
         step = 0.1 if rule.type is float else 1

@@ -38,7 +38,7 @@ def test_the_facts_about_boxes_are_correct():
 
 
 def test_the_facts_about_bots_are_correct():
-    least, most = (ms / 1000 for ms in RULES.bot_lane_change_ms)
+    least, most = (ms / 1000 for ms in (RULES.bot_lane_change_least_ms, RULES.bot_lane_change_most_ms))
     said = words("## Bots")
     for fact in (
         f"1 to {MAX_BOTS} bot cars",

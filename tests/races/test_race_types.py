@@ -10,7 +10,8 @@ from django.test import override_settings
 
 from paddock.simulator.layout import lay_out
 from races.errors import RaceRefused
-from races.facts import layout_facts, layout_rules
+from races.facts import fault_rules, layout_facts, layout_rules
+from races.forms import RaceForm
 from races.layout import box_marks, box_rows
 from races.models import Race
 from races.services import clone_race, create_community_race, edit_race, race_rules
@@ -61,6 +62,25 @@ def test_an_open_track_carries_no_race_of_several_cars(alice, now, options):
     race = make(alice, now, track=straight, **DRAWN | {"random_boxes": 2})
     change = {"random_boxes": 0, "box_distance_m": 2.0, **options}
     assert refusal(edit_race, race=race, now=now, **change) == {"track": "track_needs_loop"}
+
+
+def test_times_of_lane_changes_and_standing_laps_reach_the_simulator(alice, now):
+    changes = {"bot_lane_changes": True, "bot_lane_change_least_ms": 1500, "bot_lane_change_most_ms": 2500}
+    race = make(alice, now, **BOTS, **changes, standing_laps=True)
+    race.refresh_from_db()
+    rules = race_rules(race)
+    assert (rules.bot_lane_change_least_ms, rules.bot_lane_change_most_ms, rules.standing_laps) == (1500, 2500, True)
+    assert "Bots change lanes every 1.5 to 2.5 s" in " ".join(layout_rules(race))
+    assert "Laps are not driven in a row" in fault_rules(race)[0]
+    assert "in a row" not in " ".join(fault_rules(make(alice, now, name="Rolling")))
+
+
+def test_the_form_asks_for_times_in_seconds(alice, now):
+    race = make(alice, now, **BOTS, bot_lane_change_most_ms=7500, standing_laps=True)
+    form = RaceForm(race=race, now=now)
+    assert form["bot_lane_change_least_ms"].value() == "3" and form["bot_lane_change_most_ms"].value() == "7.5"
+    assert form["standing_laps"].value() is True
+    assert "standing_laps" in [field.name for row in form.rows() for field in row]
 
 
 def test_boxes_are_listed_and_marked_where_the_simulator_has_them(alice, now):
@@ -114,6 +134,9 @@ def test_drawn_boxes_depend_on_the_seed(alice, now):
         (BOTS | {"bot_speed_mps": 4.5}, {"bot_speed_mps": "race_bot_speed"}),
         (BOTS | {"bot_speed_mps": 0.1}, {"bot_speed_mps": "race_bot_speed"}),
         (BOTS | {"bot_speed_mps": float("nan")}, {"bot_speed_mps": "race_bot_speed"}),
+        (BOTS | {"bot_lane_change_least_ms": 400}, {"bot_lane_change_least_ms": "race_bot_change_time"}),
+        (BOTS | {"bot_lane_change_most_ms": 60_001}, {"bot_lane_change_most_ms": "race_bot_change_time"}),
+        (BOTS | {"bot_lane_change_least_ms": 6000}, {"bot_lane_change_most_ms": "race_bot_change_times"}),
         (BOTS | {"duel_format": "bracket"}, {"duel_format": "race_bots_have_no_duels"}),
         (MODELS | {"bots": 2}, {"bots": "race_duels_have_no_bots"}),
         (MODELS | {"duel_format": ""}, {"duel_format": "race_needs_duel_format"}),
@@ -193,7 +216,7 @@ def test_the_board_shows_the_crashes_of_the_counting_run(alice, bob, now):
         (
             BOTS | {"bot_lane_changes": True},
             ["3 bots at 1 m/s", "changing lanes"],
-            "Bots change lanes every few seconds",
+            "Bots change lanes every 3 to 5 s",
         ),
         (MODELS, ["car against car", "round robin"], "each car drives the track alone"),
         (MODELS | {"duel_cars": 4}, ["4 cars at once", "round robin"], "4 at once"),

@@ -14,6 +14,7 @@ from django.db import IntegrityError, transaction
 from paddock.errors import UserFault
 from paddock.geometry.catalogue import CATALOGUE
 from paddock.rules.hyperparameters import DEFAULTS, PPO
+from paddock.rules.training import DRIVEN_BY
 from paddock.simulator.rewards import follow_centre_line
 from tests.community import community
 from tests.paddock.simulator.tracks_for_tests import stadium
@@ -26,6 +27,7 @@ from training.forms.training import INITIAL, TrainingForm
 from training.models import TrainingIteration, TrainingJob, TrainingTrack
 from training.prefill import proposals
 from training.services import clone_settings
+from training.services.create import layout_of
 from training.services.work import spec_of
 from training.trainer.judging import Judge, Judgement
 from training.trainer.messages import _episode
@@ -125,6 +127,27 @@ class TestAsked:
         assert said["more_tracks"] == [others[0]] and said["alternate_direction"] is True
         assert [said[name] for name in ("random_light", "random_start", "random_latency")] == [70, 0, 20]
 
+    def test_the_form_reads_lane_changes_and_standing_laps(self, alice, oval, now):
+        sent = {name: value for name, value in INITIAL.items() if name != "actions"}
+        sent |= {"name": "in-traffic", "reward_code": REWARD, "track": oval.slug, "algorithm": PPO}
+        sent |= {f"actions-{n}-steering": str(10 * n - 20) for n in (1, 2, 3)}
+        sent |= {f"actions-{n}-speed": "1" for n in (1, 2, 3)}
+        sent |= {"race_type": "head_to_head", "bots": "2", "standing_laps": "on", "bot_lane_changes": "on"}
+        sent |= {"bot_lane_change_least_ms": "1.5", "bot_lane_change_most_ms": "2", "bot_lane_change_m": "2"}
+        form = TrainingForm(sent, owner=alice, now=now)
+        assert form.is_valid(), form.errors
+        job = a_training(alice, oval, now, **{name: form.values()[name] for name in DRIVEN_BY if name != "boxes"})
+        assert layout_of(job) == {
+            **{"bots": 2, "bot_speed_mps": 1.0, "bot_lane_changes": True, "bot_lane_change_m": 2.0},
+            **{"bot_lane_change_least_ms": 1500, "bot_lane_change_most_ms": 2000, "standing_laps": True},
+        }
+        assert layout_of(a_training(alice, oval, now, name="alone")) == {}
+
+    def test_times_that_cannot_be_are_refused(self, alice, oval, now):
+        with pytest.raises(UserFault) as caught:
+            a_training(alice, oval, now, race_type="head_to_head", bots=1, bot_lane_change_least_ms=9000)
+        assert caught.value.code == "training_course"
+
     def test_the_form_says_how_many_tracks_there_may_be(self, alice, oval, others, now):
         sent = {"name": "all-round", "track": oval.slug, "more_tracks": [one.slug for one in others]}
         assert "more_tracks" in TrainingForm(sent, owner=alice, now=now).errors
@@ -168,6 +191,31 @@ class TestJudged:
     def test_trials_are_looked_at_as_seldom_as_they_are_many(self):
         assert (SPEC.trials_driven, SPEC.updates_a_look) == (4, 2)
         assert replace(SPEC, trials=10).updates_a_look == 1
+
+    def test_laps_in_a_row_are_driven_as_asked(self):
+        spec = replace(SPEC, stop_clean_laps=3, layout={"standing_laps": True})
+        senses = list(NetworkLayout.of(spec.metadata).senses)
+        judge = Judge(spec, SHORT, [follow_centre_line] * spec.trials_driven, senses)
+        assert all(drive._setting.rules.standing_laps and drive._setting.rules.laps == 3 for drive in judge._long)
+        judge.close()
+
+
+def test_a_training_looks_at_each_of_its_ways():
+    pytest.importorskip("torch", reason="training is not installed: make training")
+    from training.trainer.client import Listener, train
+
+    class Heard(Listener):
+        def __init__(self):
+            self.trials = []
+
+        def iteration(self, iteration):
+            self.trials = iteration.values["eval_trials"]
+
+    heard = Heard()
+    ended = train(replace(SPEC, trials=1, stop_steps=320), heard)
+    assert ended.why == "steps"
+    ways = [(one["track"], one["direction"]) for one in heard.trials]
+    assert ways == [(0, "ccw"), (0, "cw"), (1, "ccw"), (1, "cw")]
 
 
 def test_training_cars_drive_all_ways_and_say_which():

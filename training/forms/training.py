@@ -16,7 +16,7 @@ from django.utils.translation import pgettext_lazy
 
 from core.forms import add_fault
 from paddock.errors import UserFault
-from paddock.rules.race import PROPOSED_BOTS, PROPOSED_BOXES, RaceRules
+from paddock.rules.race import PROPOSED_BOTS, PROPOSED_BOXES, RULES, RaceRules
 from paddock.rules.training import DRIVEN_BY, ENDING, MOST_TRACKS, RANDOMISED, SETTINGS
 from races.fields import PlainNumberField
 from races.layout_form import DRAWN, LayoutForm
@@ -60,7 +60,7 @@ RESET_RANGES: dict[str, dict[str, tuple[float, float]]] = {
     },
     "bounds": {"steering": STEERING_DEG, "speed": SPEED_MPS},
 }
-LAYOUT = tuple(name for name in DRIVEN_BY if name not in ("direction", "race_type"))
+LAYOUT = tuple(name for name in DRIVEN_BY if RULES[name].layout)
 # The steps of the wizard by the ids of their sections, each with its fields; every other field belongs to "how".
 STEPS: dict[str, tuple[str, ...]] = {
     "what": ("name", "description", "clone"),
@@ -72,7 +72,7 @@ STEPS: dict[str, tuple[str, ...]] = {
     "actions": ("action_space_type", "actions", *RANGES),
     "vehicle": ("vehicle",),
     "reward": ("reward_code",),
-    "stop": (*ENDING, "submit_to_race", "evaluate_on"),
+    "stop": (*ENDING, "standing_laps", "submit_to_race", "evaluate_on"),
 }
 
 
@@ -108,6 +108,7 @@ class RaceSelect(forms.Select):
 
 
 _LAST = {name: rule_field(SETTINGS[name]) for name in (*ENDING, "alternate_direction")}
+_LAST["standing_laps"] = rule_field(RULES["standing_laps"])
 _LAST |= {name: strength_field(SETTINGS[name]) for name in RANDOMISED}
 _Ending = new_class("Ending", (forms.Form,), exec_body=lambda body: body.update(_LAST))
 
@@ -304,7 +305,7 @@ class TrainingForm(HyperparametersForm, LayoutForm, _Ending):  # type: ignore[mi
     def _foreign(self, cleaned: dict[str, Any]) -> Iterable[str]:
         other_boxes = "boxes" if cleaned.get("box_choice") == DRAWN else "random_boxes"
         names: dict[str | None, tuple[str, ...]] = {
-            RaceType.OBJECT_AVOIDANCE: (other_boxes, "opponents", "bots", "bot_speed_mps", "bot_lane_changes"),
+            RaceType.OBJECT_AVOIDANCE: (other_boxes, "opponents", *_BOTS),
             RaceType.HEAD_TO_HEAD: ("boxes", "random_boxes"),
         }
         return *names.get(cleaned.get("race_type"), (*LAYOUT, "opponents")), *_NEVER
@@ -390,7 +391,8 @@ PLACES = {
     "clone_actions": "clone",
     "clone_not_ours": "clone",
 }
-_NEVER = ("box_distance_m", "duel_format", "duel_cars")
+_NEVER = ("box_distance_m", "duel_format", "duel_cars", "duel_gap_m")
+_BOTS = tuple(name for name in LAYOUT if name.startswith("bot"))
 GRANULARITIES = ("steering_max", "steering_granularity", "speed_max", "speed_granularity")
 INITIAL: dict[str, Any] = {
     "track": "oval",
@@ -400,8 +402,7 @@ INITIAL: dict[str, Any] = {
     "random_boxes": PROPOSED_BOXES,
     "opponents": Opponents.BOTS,
     "bots": PROPOSED_BOTS,
-    "bot_speed_mps": RaceRules.bot_speed_mps,
-    "bot_lane_changes": RaceRules.bot_lane_changes,
+    **{name: getattr(RaceRules, name) for name in (*_BOTS, "standing_laps") if name != "bots"},
     "algorithm": Algorithm.PPO,
     "action_space_type": DISCRETE,
     "steering_max": 30.0,

@@ -186,9 +186,13 @@ def check_layout(job: TrainingJob, more_tracks: Sequence[Track] = ()) -> None:
             lay_out(track.geometry.in_direction(direction), rules)
 
 
+# Told where they are not as usual: while a site is upgraded, a trainer of before does not know them.
+_CHANGES = ("bot_lane_change_m", "bot_lane_change_least_ms", "bot_lane_change_most_ms")
+
+
 def layout_of(job: TrainingJob) -> dict[str, Any]:
-    """The rules of what stands and drives on the track, as the race type's environment takes them; nothing for a time
-    trial without any."""
+    """The rules of what stands and drives on the track and of how laps begin, as the race type's environment takes
+    them; nothing for a time trial without any."""
     layout: dict[str, Any] = {}
     if job.boxes or job.random_boxes:
         layout |= {"boxes": job.boxes, "random_boxes": job.random_boxes}
@@ -198,6 +202,9 @@ def layout_of(job: TrainingJob) -> dict[str, Any]:
             "bot_speed_mps": job.bot_speed_mps,
             "bot_lane_changes": job.bot_lane_changes,
         }
+        layout |= {name: getattr(job, name) for name in _CHANGES if getattr(job, name) != getattr(RaceRules, name)}
+    if job.standing_laps:
+        layout["standing_laps"] = True
     return layout
 
 

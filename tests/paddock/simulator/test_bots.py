@@ -106,7 +106,7 @@ def test_without_lane_changes_bots_keep_their_lanes():
 
 
 def test_bots_change_lanes_over_a_metre_at_seeded_intervals():
-    bots = bots_of(1, 1.5, bot_lane_changes=True, bot_lane_change_ms=(3000, 5000), seed=4)
+    bots = bots_of(1, 1.5, bot_lane_changes=True, bot_lane_change_least_ms=3000, bot_lane_change_most_ms=5000, seed=4)
     (bot,) = bots.bots
     begun, ended, offsets = [], [], []
     for step in range(1500):
@@ -127,7 +127,7 @@ def test_bots_change_lanes_over_a_metre_at_seeded_intervals():
 
 
 def test_the_heading_follows_the_path_of_a_lane_change():
-    bots = bots_of(1, 1.0, bot_lane_changes=True, bot_lane_change_ms=(1, 1))
+    bots = bots_of(1, 1.0, bot_lane_changes=True, bot_lane_change_least_ms=1, bot_lane_change_most_ms=1)
     (bot,) = bots.bots
     before, turned = bot.pose, 0.0
     for _ in range(30):
@@ -187,7 +187,7 @@ def test_a_bot_passes_a_car_in_the_other_lane(offset):
 
 
 def test_a_bot_does_not_change_into_an_occupied_lane():
-    bots = bots_of(1, 1.0, bot_lane_changes=True, bot_lane_change_ms=(1, 1))
+    bots = bots_of(1, 1.0, bot_lane_changes=True, bot_lane_change_least_ms=1, bot_lane_change_most_ms=1)
     (bot,) = bots.bots
     put(bot, 6.5, "inner", bots)
     for beside in (-1.4, 0.0, 1.4):
@@ -366,7 +366,14 @@ def test_the_stage_shows_bots_at_their_poses():
 
 def test_a_short_lane_change_is_over_sooner():
     def changing(metres: float) -> int:
-        bots = bots_of(1, 1.0, bot_lane_changes=True, bot_lane_change_ms=(1, 1), bot_lane_change_m=metres)
+        bots = bots_of(
+            1,
+            1.0,
+            bot_lane_changes=True,
+            bot_lane_change_least_ms=1,
+            bot_lane_change_most_ms=1,
+            bot_lane_change_m=metres,
+        )
         steps = 0
         for _ in range(90):
             bots.step(())
