@@ -10,7 +10,7 @@ from __future__ import annotations
 import os
 import subprocess
 import sys
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from gettext import GNUTranslations
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -42,9 +42,9 @@ def quoted(text: str) -> str:
     return '"' + text.replace("\\", "\\\\").replace('"', '\\"') + '"'
 
 
-def blocks() -> Iterator[tuple[Guide, int, str]]:
-    """Every block of every guide that wants words, with its line."""
-    for guide in GUIDES:
+def blocks(guides: Iterable[Guide] = GUIDES) -> Iterator[tuple[Guide, int, str]]:
+    """Every block of these guides that wants words, with its line."""
+    for guide in guides:
         for line, block in blocks_of(path_of(guide).read_text("utf-8")):
             yield guide, line, block
 
@@ -53,9 +53,7 @@ def lacking(guide: Guide) -> list[str]:
     """What of a guide is shown in English to Korean readers, as ``file:line: block``."""
     place = path_of(guide).relative_to(CHECKOUT)
     return [
-        f"{place}:{line}: {block}"
-        for one, line, block in blocks()
-        if one == guide and in_language(block, LANGUAGE) is None
+        f"{place}:{line}: {block}" for _guide, line, block in blocks([guide]) if in_language(block, LANGUAGE) is None
     ]
 
 

@@ -14,7 +14,7 @@ COMMAND = ".venv/bin/python -m tests.docs.korean_guides"
 # Who learns to race reads these, and need not read English. Those of operators and programmers may wait.
 WHOLE = ("racers", "organisers")
 needs_gettext = pytest.mark.skipif(not shutil.which("msgmerge"), reason="gettext's tools are not installed")
-pytestmark = [pytest.mark.django_db, needs_gettext]
+pytestmark = needs_gettext
 
 
 @pytest.mark.parametrize("guide", GUIDES, ids=lambda guide: guide.slug)
