@@ -19,18 +19,23 @@ _START_S = 20.0
 _HEADER_LIMIT = 16 * 1024
 _LOCKED = {"state": "locked"}
 _USERS = ("export_operator", "network_too_wide")  # what a process may say of a network
+# Exports are short, and one that is waited for is served: a page with several models asks for several at once. Whoever
+# waits holds a thread of the web server, so not for longer than this.
+_WAITING = 4
+_WAIT_S = 8.0
 _MORE = 16 << 20  # that an archive may be larger than its network: indices in place of steps, and descriptions
 
 
 def export_in_sandbox(onnx: bytes, metadata: bytes, form: str, limits: PackageLimits, *, who: int) -> bytes:
     """A canonical network as an archive of one of :data:`paddock.packages.kinds.EXPORTS`. ``who``: the racer's number.
 
-    Takes about half a second. Raises UserFault ``export_operator``, ``network_too_wide``, and PlatformFault
-    ``upload_busy``, ``export_failed`` and those of the sandbox. Leaves no file and no process behind.
+    Takes about half a second; where others are being written, up to eight more until its turn. Raises UserFault
+    ``export_operator``, ``network_too_wide``, and PlatformFault ``upload_busy``, ``export_failed`` and those of the
+    sandbox. Leaves no file and no process behind.
     """
     slots = default_directory() / "exports"  # uploads do not wait for downloads
     with (
-        upload_slot(limits.slots, limits.slot_wait_s, slots, waiting=limits.waiting, who=who),
+        upload_slot(limits.slots, min(_WAIT_S, limits.slot_wait_s), slots, waiting=_WAITING, who=who),
         launch(MODULE, limits=CONVERTER) as process,
     ):
         widen_pipe(process.stdin)

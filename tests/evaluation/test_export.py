@@ -2,8 +2,12 @@
 
 from __future__ import annotations
 
+import fcntl
 import io
 import json
+import threading
+from contextlib import ExitStack
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -14,7 +18,7 @@ from paddock.errors import PlatformFault, UserFault
 from paddock.geometry.catalogue import by_slug
 from paddock.network.session import load
 from paddock.packages.admission import admit_network
-from paddock.packages.limits import DEFAULT_LIMITS
+from paddock.packages.limits import DEFAULT_LIMITS, PackageLimits
 from paddock.packages.metadata import parse_metadata
 from paddock.packages.read import UploadPart, read_upload
 from paddock.rules.race import RaceRules
@@ -73,6 +77,46 @@ class TestPages:
         model = a_model(alice)
         answer = client.get(f"/models/{model.public_id}/uploaded/", follow=True)
         assert "There is no uploaded file of this model" in answer.content.decode()
+
+
+class TestTurns:
+    """Six at once: two are written, four wait."""
+
+    @pytest.fixture
+    def others(self, tmp_path, monkeypatch):
+        """Two are being written, and so many wait."""
+        monkeypatch.setenv("PADDOCK_DATA", str(tmp_path))
+        folder = tmp_path / "locks" / "exports"
+        folder.mkdir(parents=True)
+
+        def hold(stack: ExitStack, waiting: int) -> ExitStack:
+            for name in ("upload-0", "upload-1", *(f"waiting-{seat}" for seat in range(waiting))):
+                file = stack.enter_context((folder / name).open("w"))
+                fcntl.flock(file, fcntl.LOCK_EX)
+            return stack
+
+        return hold
+
+    @staticmethod
+    def asked(limits: PackageLimits = DEFAULT_LIMITS) -> str:
+        with pytest.raises(PlatformFault) as fault:  # what is to be written is no network
+            export_in_sandbox(b"no network", json.dumps(METADATA).encode(), "car", limits, who=1)
+        return fault.value.code
+
+    def test_one_more_waits_for_its_turn(self, others):
+        with ExitStack() as stack:
+            threading.Timer(0.3, others(stack, waiting=3).pop_all().close).start()
+            assert self.asked() == "export_failed"
+
+    def test_where_as_many_wait_as_may_the_next_is_asked_to_come_again(self, others):
+        with ExitStack() as stack:
+            others(stack, waiting=4)
+            assert self.asked() == "upload_busy"
+
+    def test_nobody_waits_longer_than_an_operator_says(self, others):
+        with ExitStack() as stack:
+            others(stack, waiting=0)
+            assert self.asked(replace(DEFAULT_LIMITS, slot_wait_s=0.1)) == "upload_busy"
 
 
 class TestProcess:
