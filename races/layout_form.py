@@ -14,6 +14,7 @@ from django.utils.translation import gettext_lazy as _
 from paddock.rules.race import LAYOUT, MAX_BOXES, RULES
 from tracks.drawing import BoxMark
 from tracks.models import Track
+from tracks.ways import say_ways
 
 from .layout import box_marks, check_layout, typed_boxes
 from .models import Opponents, Race, RaceType
@@ -48,6 +49,7 @@ class LayoutForm(_RuleFields):  # type: ignore[misc, valid-type]
         super().__init__(*args, **kwargs)
         self.fields["track"].queryset = Track.objects.exclude(length_m=None).defer("npy")
         self.fields["track"].label_from_instance = lambda track: f"{track.name} · {track.length_m:.2f} m"
+        say_ways(self)
 
     def clean(self) -> dict[str, Any]:
         """Drop what does not belong to the type of race, bad values too, and take the usual value for an empty one."""

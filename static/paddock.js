@@ -50,6 +50,20 @@
   document.addEventListener("htmx:afterSettle", () => refresh());
   document.addEventListener("paddock:fresh", ({ detail }) => refresh(detail));
 
+  // --- an open track is driven from its start to its end or back, a loop by the clock ---------------------------------
+  each("select[data-forth]", (select) => {
+    const track = select.form && select.form.elements.track;
+    if (!track || !track.options) return;
+    const say = () => {
+      const open = track.selectedOptions.length ? track.selectedOptions[0].dataset.open : "";
+      for (const way of select.options) {
+        way.text = !open ? way.dataset.usual : way.value === open ? select.dataset.forth : select.dataset.back;
+      }
+    };
+    track.addEventListener("change", say);
+    say();
+  });
+
   // --- date fields: typed in the reader's time zone, which the hidden field names ------------------------------------
   const local = (moment) => new Date(moment - moment.getTimezoneOffset() * 60000).toISOString().slice(0, 16);
   each("form[data-zoned]", (form) => {

@@ -12,6 +12,7 @@ from evaluation.services import finish_evaluation
 from races.models import OwnEvaluation
 from tests.factories import a_model, a_racer, a_track, laps, outcome, start
 from tests.pages.browsing import IN_A_BROWSER, chromium, visitor
+from tests.rows import track_row
 
 pytestmark = [*IN_A_BROWSER, pytest.mark.django_db(transaction=True)]
 
@@ -86,3 +87,18 @@ def test_a_car_is_driven_from_the_page_of_a_track(browser, live_server, alice, w
         page.get_by_role("button", name="Delete").press("Enter")
         page.get_by_text("The run is deleted.").wait_for()
         assert list(OwnEvaluation.objects.filter(deleted_at=None)) == [own]
+
+
+def test_another_track_renames_the_directions(browser, live_server, alice):
+    a_model(alice)
+    a_track()
+    straight = track_row("straight-track")
+    with visitor(browser, live_server.url, alice) as context:
+        page = context.new_page()
+        page.goto("/runs/new/?track=oval")
+        said = "() => [...document.querySelector('select[name=direction]').options].map(way => way.text)"
+        assert page.evaluate(said) == ["counter-clockwise", "clockwise"]
+        page.get_by_label("Track", exact=True).select_option(straight.slug)
+        assert set(page.evaluate(said)) == {"from start to end", "from end to start"}
+        page.get_by_label("Track", exact=True).select_option("oval")
+        assert page.evaluate(said) == ["counter-clockwise", "clockwise"]

@@ -24,6 +24,7 @@ from paddock.errors import PaddockError, PlatformFault, UserFault
 from paddock.simulator.solids import box
 from races.engines import hidden_runs
 from tracks.models import Direction, Track
+from tracks.ways import say_ways
 from training.checks import one_check
 from training.rewards.examples import DEFAULT, EXAMPLES
 
@@ -65,6 +66,7 @@ class LabForm(forms.Form):
         track: Any = self.fields["track"]
         track.queryset = Track.objects.exclude(length_m=None).defer("npy")
         track.label_from_instance = lambda one: f"{one.name} · {one.length_m:.2f} m"
+        say_ways(self)
         runs = Evaluation.objects.filter(~hidden_runs(), owner=owner, state=State.FINISHED)
         runs = runs.select_related("model", "track")
         self.runs = {run.public_id: run for run in runs.order_by("-ended_at")[:RUNS_OFFERED]}
