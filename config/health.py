@@ -10,6 +10,7 @@ import logging
 import shutil
 import threading
 from collections.abc import Callable
+from contextlib import suppress
 from dataclasses import dataclass, field
 from datetime import timedelta
 from time import monotonic
@@ -34,6 +35,7 @@ from paddock.errors import PlatformFault
 
 from .cache import SteadyCache
 from .pages import are_whole
+from .streams import life
 
 log = logging.getLogger(__name__)
 
@@ -90,6 +92,11 @@ def look() -> Readiness:
         "workers": lambda: _workers(figures),
         "queue": lambda: _queue(figures),
     }
+    # no part: without it pages ask by themselves, and a site that is taken out of service for it serves nobody
+    figures["streams"] = None
+    with suppress(*FAILS):
+        living = life.told()
+        figures["streams"] = living and living["streams"]
     return Readiness({name: _holds(name, check) for name, check in checks.items()}, figures)
 
 

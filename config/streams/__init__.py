@@ -4,6 +4,7 @@
 - :mod:`.application`: what it answers.
 - :mod:`.hub`: who follows what, and what they are told. :mod:`.reader` is one of them.
 - :mod:`.feed`: where news come from: the table, and the bell.
+- :mod:`.life`: a sign of life for the health page and ``doctor``.
 - :mod:`.viewers`: who a reader is, and whether they still are.
 
 The database is asked in threads of this process; everything else is one thread and waits for nothing.

@@ -9,7 +9,6 @@ from __future__ import annotations
 
 import asyncio
 import json
-import resource
 from collections import Counter
 from collections.abc import Awaitable, Callable
 from http.cookies import CookieError, SimpleCookie
@@ -69,24 +68,12 @@ class Application:
             headers = {name.decode("latin-1"): value.decode("latin-1") for name, value in scope["headers"]}
             _check(scope, headers)
             if scope["path"] == "/stream/health":
-                await _answer(send, 200, self.figures())
+                await _answer(send, 200, self.hub.figures())
                 return
             await self._stream(scope, headers, receive, send)
         except NoStream as refused:
             told = {"code": refused.code, "detail": REASONS[refused.code].sentence}
             await _answer(send, refused.status, told, refused.retry_s)
-
-    def figures(self) -> dict[str, Any]:
-        """How this process is: streams that are open, the last position told, whether the bell is heard, memory (the
-        most so far) in MB and seconds of processor."""
-        used = resource.getrusage(resource.RUSAGE_SELF)
-        return {
-            "streams": len(self.hub.readers),
-            "position": self.hub.position,
-            "bell": self.hub.bell.is_heard,
-            "memory_mb": used.ru_maxrss // 1024,
-            "processor_s": round(used.ru_utime + used.ru_stime, 1),
-        }
 
     async def _stream(self, scope: Scope, headers: dict[str, str], receive: Receive, send: Send) -> None:
         written, last = _asked(scope, headers)

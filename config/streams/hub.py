@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import asyncio
 import logging
+import resource
 from collections import defaultdict
 from collections.abc import AsyncIterator, Iterable
 from contextlib import aclosing, suppress
@@ -19,6 +20,7 @@ from django.db import Error
 from core.streams import TOPICS
 from core.streams.reading import AT_ONCE, Moved, after, between, newest
 
+from . import life
 from .feed import Bell, Desk
 from .reader import NUMBERS_TOLD, Reader, message
 from .viewers import allowed, viewers_of
@@ -50,7 +52,7 @@ class Hub:
         self._asides: set[asyncio.Task[Any]] = set()
 
     def start(self) -> None:
-        work = (self.bell.listen(), self._follow(), self._beat(), self._check())
+        work = (self.bell.listen(), self._follow(), self._beat(), self._check(), self._live())
         self._tasks = [asyncio.create_task(each) for each in work]
 
     async def close(self) -> None:
@@ -238,6 +240,24 @@ class Hub:
                     if reader.position not in sent:
                         sent[reader.position] = message(spread, event="beat", position=reader.position)
                     reader.tell(sent[reader.position])
+
+    def figures(self) -> dict[str, Any]:
+        """How this process is: streams that are open, the last position told, whether the bell is heard, memory (the
+        most so far) in MB and seconds of processor."""
+        used = resource.getrusage(resource.RUSAGE_SELF)
+        return {
+            "streams": len(self.readers),
+            "position": self.position,
+            "bell": self.bell.is_heard,
+            "memory_mb": used.ru_maxrss // 1024,
+            "processor_s": round(used.ru_utime + used.ru_stime, 1),
+        }
+
+    async def _live(self) -> None:
+        """Leave a sign of life now and then."""
+        while True:
+            await self._people.ask(life.tell, self.figures())
+            await asyncio.sleep(life.TOLD_EVERY_S)
 
     async def _check(self) -> None:
         """End the streams of sessions that are over."""

@@ -61,7 +61,7 @@ def test_a_healthy_site_is_live_and_ready(client) -> None:
     assert client.get("/health/live").content == b"ok\n"
     ready = client.get("/health/ready")
     found = ready.json()
-    assert found.pop("figures").keys() == {"disk_free_mb", "workers", "oldest_waits_s"}
+    assert found.pop("figures").keys() == {"disk_free_mb", "workers", "oldest_waits_s", "streams"}
     assert (ready.status_code, found) == (200, dict.fromkeys(PARTS, True))
 
 

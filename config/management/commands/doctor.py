@@ -25,6 +25,7 @@ from django.utils.crypto import get_random_string
 from config.backup.databases import damage
 from config.cache import SteadyCache
 from config.management import JsonCommand
+from config.streams import life
 from core.clock import database_now
 from core.jobs.kinds import all_kinds
 from evaluation.models import StoredFile, WorkerNode
@@ -221,6 +222,13 @@ def services() -> Iterator[Finding]:
             yield Finding(area, name, WARN, f"{address} does not answer{hint} ({error})")
         else:
             yield Finding(area, name, OK, f"{address} answers")
+    living = life.told()
+    if living is None:
+        yield Finding(
+            area, "streams", WARN, "no process holds streams, so pages ask by themselves; manage.py run starts it"
+        )
+    else:
+        yield Finding(area, "streams", OK, f"{living['streams']} pages are open, {living['memory_mb']} MB")
 
 
 def queues() -> Iterator[Finding]:

@@ -1,0 +1,104 @@
+"""Topics with messages of their own, and what a hub in this process tells its readers."""
+
+from __future__ import annotations
+
+import asyncio
+from collections.abc import AsyncIterator
+
+import pytest
+
+from config.streams.hub import BEAT_S, Hub
+from config.streams.reader import HELD_BYTES, Reader, message
+from core.events import KINDS, Event
+from core.streams import TOPICS, Topic, register_topic, topics_of
+from core.streams.topics import asked_for
+from tests.factories import a_race, a_racer
+
+pytestmark = pytest.mark.django_db(transaction=True)
+
+
+@pytest.fixture
+def poses():
+    """A topic of a run that is shown: its source counts how often it began and ended."""
+    log: list[str] = []
+
+    async def source(key: str) -> AsyncIterator[dict]:
+        log.append(f"{key} begins")
+        try:
+            for number in range(1_000):
+                yield {"pose": number}
+                await asyncio.sleep(0.01)
+        finally:
+            log.append(f"{key} ends")
+
+    register_topic(Topic("shown", lambda viewer, key: key == "open", lambda key: {"late": True}, source))
+    yield log
+    del TOPICS["shown"]
+
+
+def a_reader(*topics: str) -> Reader:
+    return Reader(frozenset(topics), "", "127.0.0.1", lambda: None)
+
+
+def test_a_source_runs_once_while_somebody_follows_it(poses):
+    async def look() -> tuple[bytes, bytes, bytes]:
+        hub = Hub()
+        first, second, refused = a_reader("shown:open"), a_reader("shown:open"), a_reader("shown:secret")
+        for reader in (first, second, refused):
+            await hub.come(reader, None)
+        await asyncio.sleep(0.2)
+        seen = [await reader.next() for reader in (first, second, refused)]
+        hub.leave(first)
+        await asyncio.sleep(0.05)
+        assert poses == ["open begins"], "the second still follows it"
+        hub.leave(second)
+        await asyncio.sleep(0.05)
+        await hub.close()
+        return tuple(seen)
+
+    first, second, refused = asyncio.run(look())
+    assert poses == ["open begins", "open ends"]
+    for seen in (first, second):
+        assert b'event: said\ndata: {"to":"shown:open","data":{"late":true}}' in seen
+        assert b'{"to":"shown:open","data":{"pose":3}}' in seen
+    assert b"shown" not in refused
+
+
+def test_a_stream_that_rests_is_sent_little():
+    sent = len(message({"spread": 3000}, event="beat", position=10**12))
+    assert sent * 60 / BEAT_S < 2_000 / 5, "with what TCP adds"
+
+
+def test_a_reader_who_lets_much_wait_is_cut():
+    cut: list[bool] = []
+    reader = Reader(frozenset(("races",)), "", "", lambda: cut.append(True))
+    reader.tell_past([])
+    while not reader.is_over:
+        reader.tell(b"x" * 1_000)
+    assert cut == [True] and HELD_BYTES == 65_536
+    assert asyncio.run(reader.next()) == b""
+
+
+def test_what_is_new_waits_until_the_past_is_told():
+    reader = a_reader("races")
+    reader.tell_moves([7], ["races"], 7)
+    reader.tell_past([b"past;"])
+    assert asyncio.run(reader.next()) == b'past;id: 7\ndata: {"of":["races"],"at":[7]}\n\n'
+
+
+def test_only_what_is_a_topic_may_be_asked_for():
+    ann = a_racer("ann")
+    assert asked_for(["me", "race:7"], ann) == {f"racer:{ann.pk}", "race:7"}
+    assert asked_for(["me"], None) == set()
+    for nonsense in ("", "race:", "Race:7", "race:7\n", "race:a b", "race:" + "x" * 65):
+        with pytest.raises(ValueError, match="is not a topic"):
+            asked_for([nonsense], None)
+
+
+def test_every_kind_of_event_moves_something(now):
+    """A kind that moves nothing would leave a page standing still."""
+    race, ann = a_race(now), a_racer("ann")
+    for kind in KINDS.values():
+        names = {"racer": ann.pk if "racer" in kind.names else None, "race": race.pk if "race" in kind.names else None}
+        event = Event(pk=1, kind=kind.name, at=now, racer_id=names["racer"], race=names["race"], subject="x")
+        assert topics_of([event])[1], kind.name
