@@ -25,6 +25,7 @@ PACK = 20
 
 def pytest_configure(config: pytest.Config) -> None:
     config.pluginmanager.register(costs.Watch())
+    gc.set_threshold(50_000, 20, 50)  # collecting makes much that stays
     # a camera compiled of another source than the present one draws by numpy, which takes tests minutes
     if not hasattr(config, "workerinput"):
         compiled.main()
@@ -76,7 +77,6 @@ def pytest_collection_finish(session: pytest.Session) -> None:
         write_down(session.items)
     gc.collect()
     gc.freeze()
-    gc.set_threshold(50_000, 20, 50)
 
 
 def pytest_runtest_teardown(item: pytest.Item) -> None:

@@ -22,7 +22,7 @@ from config.carry_over import MADE_ANEW, TABLES
 from tests.postgres import MIGRATED, is_installed, migrated, postgres
 from tests.upgrade.test_upgrade import HERE, SITES, differences, run
 
-pytestmark = [pytest.mark.slow, pytest.mark.postgres]
+pytestmark = [pytest.mark.soak, pytest.mark.postgres]  # on SQLite: test_upgrade.py
 
 # SQLite's declared type: Django's on PostgreSQL, and what a value is there
 TYPES: dict[str, tuple[str, Callable[[Any], Any]]] = {
@@ -82,11 +82,7 @@ def next_ids(database: psycopg.Connection) -> dict[str, tuple[int, int]]:
 
 
 @pytest.mark.skipif(not is_installed(), reason="no PostgreSQL server is installed")
-@pytest.mark.parametrize("pages", [False, pytest.param(True, marks=pytest.mark.soak)], ids=["rows", "rows and pages"])
-def test_a_site_on_postgresql_is_carried_over(
-    pages: bool, tmp_path: Path, postgresql: Path, monkeypatch: pytest.MonkeyPatch
-):
-    """``pages``: all that its pages tell, too, of which those on SQLite are looked at in any case (test_upgrade.py)."""
+def test_a_site_on_postgresql_is_carried_over(tmp_path: Path, postgresql: Path, monkeypatch: pytest.MonkeyPatch):
     site, data = SITES[-1], tmp_path / "data"
     data.mkdir(mode=0o700)
     with tarfile.open(HERE / f"{site}.tar.xz") as archive:
@@ -113,8 +109,6 @@ def test_a_site_on_postgresql_is_carried_over(
             assert counted[1] > counted[0] > 0
             assert {table: ids for table, ids in following.items() if ids[1] != ids[0] + 1} == {}
             assert following["accounts_racer"][0] >= 2
-        if not pages:
-            return
         record = HERE / f"{site}.json"
         told = json.loads(run(data, "-m", "tests.upgrade.told", str(record)))
         assert differences(json.loads(record.read_text()), told) == []
