@@ -22,7 +22,7 @@ from django.utils.translation import gettext_lazy as _
 from django.utils.translation import ngettext
 
 from .avatars.keeping import remove_picture
-from .models import GroupMember, Racer, RacerGroup, RacerQuota, SignUpInvitation, Team, TeamMember
+from .models import Classroom, GroupMember, Racer, RacerGroup, RacerQuota, SignUpInvitation, Team, TeamMember
 from .templatetags.accounts import avatar
 from .who import racer_of
 
@@ -207,6 +207,15 @@ class RacerGroupAdmin(admin.ModelAdmin):
     autocomplete_fields = ("leader",)
     prepopulated_fields = {"slug": ("name",)}
     inlines = (MemberInline,)
+
+    def get_readonly_fields(self, request: HttpRequest, obj: RacerGroup | None = None) -> tuple[str, ...]:
+        """A class is never listed, and stays with its teacher."""
+        is_class = obj is not None and Classroom.objects.filter(group=obj).exists()
+        return ("is_listed", "leader") if is_class else ()
+
+    def has_delete_permission(self, request: HttpRequest, obj: RacerGroup | None = None) -> bool:
+        is_class = obj is not None and Classroom.objects.filter(group=obj).exists()
+        return super().has_delete_permission(request, obj) and not is_class
 
     def get_changeform_initial_data(self, request: HttpRequest) -> dict[str, Any]:
         return {"made_at": timezone.now()} | super().get_changeform_initial_data(request)

@@ -13,7 +13,7 @@ from django.utils.translation import gettext_lazy as _
 from django.utils.translation import ngettext
 
 from .countries import country_choices
-from .models import Racer
+from .models import ClassLearner, Racer
 from .scopes import LABELS, SCOPES
 
 DAYS = (1, 7, 30, 90, 366)
@@ -76,6 +76,8 @@ class ResetPasswordForm(allauth_forms.ResetPasswordForm):
         verified = EmailAddress.objects.filter(email=email.lower(), verified=True).values_list("user_id", flat=True)
         theirs = set(verified)
         self.users: list[Racer] = [racer for racer in self.users if racer.email == email.lower() or racer.pk in theirs]
+        learners = set(ClassLearner.objects.filter(racer__in=self.users).values_list("racer", flat=True))
+        self.users = [racer for racer in self.users if racer.pk not in learners]
         return email
 
 

@@ -10,7 +10,15 @@ register(
         "sign_up_invitation": _(
             "The last place of this invitation was just taken, or its time is over. Ask whoever sent it for another."
         ),
+        "class_names": _("Write one name a line, of at most %(limit)s characters each. Nobody was added."),
+        "class_no_teacher": _("An account of a class has no classes of its own."),
+        "class_not_yours": _("Only the teacher of the class may do this."),
+        "class_too_many": _("You may have %(limit)s learners in all your classes. Ask an operator for more."),
+        "class_too_many_codes": _("There were too many wrong codes from here. Wait five minutes."),
         "group_has_races": _("Races are held for this group alone. Hold them for everybody, or delete them first."),
+        "group_is_a_class": _(
+            "This group is a class: it stays with its teacher, who deletes it on the page of the class."
+        ),
         "group_limit": _("You lead %(limit)s groups already, which is the most that one racer may."),
         "group_link_unknown": _("This link belongs to no group: it was replaced, or the group is gone."),
         "group_not_a_member": _("Only who is in the group can lead it."),

@@ -114,6 +114,7 @@ MIDDLEWARE = [
     "django_htmx.middleware.HtmxMiddleware",
     "config.back_to_the_form.BackToTheForm",
     "allauth.account.middleware.AccountMiddleware",
+    "config.learners.NoMailForLearners",
     "config.staff_factor.SecondFactorOfStaff",
     "config.our_faults.OurFaults",
 ]
@@ -261,6 +262,7 @@ POLICY_SECONDS = env_int("PADDOCK_POLICY_SECONDS", 120, minimum=10)
 MODELS_PER_RACER = env_int("PADDOCK_MODELS_PER_RACER", 100, minimum=1)
 STORAGE_PER_RACER_MB = env_int("PADDOCK_STORAGE_PER_RACER_MB", 10240, minimum=1)
 RACES_PER_RACER = env_int("PADDOCK_RACES_PER_RACER", 20, minimum=1)
+LEARNERS_PER_TEACHER = env_int("PADDOCK_LEARNERS_PER_TEACHER", 120, minimum=0)
 INVITATIONS_A_DAY = env_int("PADDOCK_INVITATIONS_A_DAY", 100, minimum=0)
 OWN_RUNS_AT_ONCE = env_int("PADDOCK_OWN_RUNS_AT_ONCE", 10, minimum=0)
 OWN_RUNS_A_DAY = env_int("PADDOCK_OWN_RUNS_A_DAY", 300, minimum=0)

@@ -10,6 +10,7 @@ register(
         "garage_full": _(
             "Your garage holds %(limit)s models, which is the most it can. Delete one that you no longer race."
         ),
+        "learner_shares_nothing": _("An account of a class shares no models."),
         "storage_full": _(
             "What you have stored takes up %(limit_mb)s MB, which is the most that one racer may. Your usage page says "
             "what it is. Delete models and trainings that you need no more (networks that never raced are removed "

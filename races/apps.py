@@ -18,10 +18,11 @@ class RacesConfig(AppConfig):
         from .events import register_audiences
         from .quotas import OWN_RUNS_A_DAY, OWN_RUNS_AT_ONCE, RACES
         from .receivers import take_ended_evaluation
-        from .restricted import check_group, check_team
+        from .restricted import check_group, check_learner, check_team
 
         check_races(check_group)
         check_races(check_team)
+        check_races(check_learner)
         for quota in (RACES, OWN_RUNS_AT_ONCE, OWN_RUNS_A_DAY):
             register(quota)
         video_words.register()

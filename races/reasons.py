@@ -39,6 +39,7 @@ register(
         ),
         "race_group_not_yours": _("You can hold races for listed groups and for those that you lead."),
         "race_group_only": _("This race is for members of %(group)s alone."),
+        "race_not_of_class": _("An account of a class races in the races of its class alone."),
         "race_needs_team": _("This race is for teams. Found one or join one first."),
         "race_team_has_entry": _("A team has one car in this race, and %(racer)s drives for yours."),
         "race_needs_division": _("A league race belongs to a division. Choose open or pro."),

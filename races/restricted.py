@@ -7,7 +7,7 @@ from datetime import datetime
 from django.db import connection
 
 from accounts.groups.selectors import is_in
-from accounts.models import Racer
+from accounts.models import ClassLearner, Racer
 from accounts.teams.services import team_of
 from core.locks import hold
 from paddock.errors import UserFault
@@ -19,6 +19,14 @@ def check_group(race: Race, racer: Racer, now: datetime) -> None:
     """Refuse a race of a group to whoever is not a confirmed member. Raises UserFault("race_group_only")."""
     if race.group is not None and not is_in(racer, race.group):
         raise UserFault("race_group_only", group=race.group.name)
+
+
+def check_learner(race: Race, racer: Racer, now: datetime) -> None:
+    """An account of a class races in races of its class alone, so that all of it can be deleted with the class. Raises
+    UserFault("race_not_of_class")."""
+    learner = ClassLearner.objects.filter(racer=racer).select_related("classroom").first()
+    if learner is not None and (race.group_id is None or race.group_id != learner.classroom.group_id):
+        raise UserFault("race_not_of_class")
 
 
 def check_team(race: Race, racer: Racer, now: datetime) -> None:

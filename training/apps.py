@@ -32,6 +32,8 @@ class TrainingConfig(AppConfig):
         proof.register(_prove)
         register_slots(
             {
+                "account.log_in": "training/parts/card_log_in.html",
+                "menu.account": "training/parts/menu_classes.html",
                 "ways_to_a_car": "training/parts/ways_to_a_car.html",
                 "garage.tabs": "training/parts/garage_tabs.html",
                 "model.crumb": "training/parts/shared_crumb.html",

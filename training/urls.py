@@ -2,7 +2,7 @@
 
 from django.urls import path
 
-from .views import files, lab, learn, shared, trainings, vehicles, wizard
+from .views import classes, files, lab, learn, shared, trainings, vehicles, wizard
 
 urlpatterns = [
     path("train/", trainings.trainings, name="trainings"),
@@ -25,6 +25,10 @@ urlpatterns = [
     path("vehicles/new/", vehicles.vehicle_new, name="vehicle_new"),
     path("vehicles/<str:public_id>/", vehicles.vehicle_edit, name="vehicle_edit"),
     path("vehicles/<str:public_id>/delete/", vehicles.vehicle_delete, name="vehicle_delete"),
+    path("classes/", classes.classrooms, name="classrooms"),
+    path("classes/<slug:slug>/", classes.classroom, name="classroom"),
+    path("class/", classes.class_log_in, name="class_log_in"),
+    path("class/<str:code>/", classes.class_log_in, name="class_code"),
     path("learn/", learn.learn, name="learn"),
     path("learn/laboratory/", lab.reward_lab, name="reward_lab"),
     path("learn/real-car/", learn.real_car, name="real_car"),

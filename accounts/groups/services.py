@@ -12,7 +12,7 @@ from django.utils.text import slugify
 from core.locks import hold
 from paddock.errors import UserFault
 
-from ..models import GroupMember, Racer, RacerGroup
+from ..models import Classroom, GroupMember, Racer, RacerGroup
 from ..models.access import new_code
 from .selectors import can_lead
 
@@ -73,8 +73,11 @@ def remove_member(*, member: GroupMember, by: Racer) -> None:
 
 
 def hand_over_group(*, group: RacerGroup, to: Racer, by: Racer) -> RacerGroup:
-    """Let a confirmed member lead. Raises UserFault("group_not_yours" | "group_not_a_member")."""
+    """Let a confirmed member lead. Raises UserFault("group_not_yours" | "group_not_a_member" |
+    "group_is_a_class")."""
     _require_lead(group, by)
+    if Classroom.objects.filter(group=group).exists():
+        raise UserFault("group_is_a_class")
     if not GroupMember.objects.filter(group=group, racer=to, confirmed_at__isnull=False).exists():
         raise UserFault("group_not_a_member")
     group.leader = to
@@ -93,6 +96,8 @@ def new_group_link(*, group: RacerGroup, by: Racer) -> RacerGroup:
 def delete_group(*, group: RacerGroup, by: Racer) -> None:
     """Raises UserFault("group_not_yours"), and UserFault("group_has_races") where races are held for it alone."""
     _require_lead(group, by)
+    if Classroom.objects.filter(group=group).exists():
+        raise UserFault("group_is_a_class")
     try:
         group.delete()
     except ProtectedError:

@@ -2,6 +2,7 @@
 from, and what their tokens may do."""
 
 from .access import MOST, KnownAddress, RacerQuota, SignUpInvitation, TokenGrant
+from .classroom import ClassLearner, Classroom
 from .group import GroupMember, RacerGroup
 from .racer import ALIAS_PATTERN, ALIAS_VALIDATORS, Racer, RacerManager
 from .team import Team, TeamInvitation, TeamMember
@@ -10,6 +11,8 @@ __all__ = [
     "ALIAS_PATTERN",
     "ALIAS_VALIDATORS",
     "MOST",
+    "ClassLearner",
+    "Classroom",
     "GroupMember",
     "KnownAddress",
     "Racer",

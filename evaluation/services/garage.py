@@ -17,6 +17,7 @@ from django.db import IntegrityError, transaction
 from django.db.models import ProtectedError, QuerySet
 from django.utils import timezone
 
+from accounts.classes import is_learner
 from accounts.quotas import limit_of, used_by
 from core.columns import length_of
 from core.locks import hold
@@ -156,8 +157,11 @@ def describe_model(
 def share_model(*, model: TrainedModel, now: datetime) -> None:
     """Let every racer look at a model, download it and train on from its weights. Sharing it again changes nothing.
 
-    Raises UserFault ``model_deleted_not_shared`` for one that has left the garage.
+    Raises UserFault ``model_deleted_not_shared`` for one that has left the garage, ``learner_shares_nothing`` for one
+    of an account of a class.
     """
+    if is_learner(model.owner):
+        raise UserFault("learner_shares_nothing")
     TrainedModel.objects.filter(pk=model.pk, deleted_at=None, shared_at=None).update(shared_at=now)
     model.refresh_from_db(fields=["shared_at", "deleted_at"])
     if model.shared_at is None:

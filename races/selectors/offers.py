@@ -8,6 +8,8 @@ from typing import TYPE_CHECKING, Protocol
 
 from django.db.models import Case, Exists, F, OuterRef, Q, QuerySet, Value, When
 
+from accounts.classes import is_learner
+from accounts.models import ClassLearner
 from evaluation.models import TrainedModel
 from paddock.rules.race import EASIER_FIRST
 
@@ -91,6 +93,7 @@ def beginners_races(*, racer: Racer, track_slug: str, direction: str, race_type:
     house_first = Case(When(organiser__is_house=True, then=Value(0)), default=Value(1))
     races = racing_now(now, racer).filter(
         ~Exists(gone),
+        ~Exists(ClassLearner.objects.filter(racer=racer.pk)),
         track__slug=track_slug,
         direction=direction,
         race_type=race_type,
@@ -112,6 +115,8 @@ def enterable_now(now: datetime, racer: Racer) -> QuerySet[Race]:
         .filter(~Exists(Entry.objects.filter(race=OuterRef("pk"), racer_id=racer.pk, removed_at__isnull=False)))
     )
     limited = races.filter(Q(kind=RaceKind.LEAGUE) | Q(group__isnull=False) | ~Q(team_entries=""))
+    if is_learner(racer):
+        limited = races
     closed = [race.pk for race in limited if refusal(race, racer, now) is not None]
     return races.exclude(pk__in=closed)
 

@@ -19,7 +19,7 @@ from races import services
 from races.audit import log_if_admin
 from races.forms import RaceForm, ReasonForm, locked_fields
 from races.layout_form import LayoutForm, preview
-from races.models import Entry, Race, RaceKind, RaceState
+from races.models import Entry, Race, RaceKind, RaceState, Visibility
 from races.selectors.cars import shared_cars
 from races.selectors.counting import cars_waiting
 from races.selectors.terms import with_accepted_terms
@@ -36,10 +36,13 @@ RACERS_PER_PAGE = 100
 def race_new(request: HttpRequest) -> HttpResponse:
     """Make a community race."""
     now = timezone.now()
-    initial = {}
+    initial: dict[str, object] = {}
     if Track.objects.filter(slug=request.GET.get("track", "")).exists():
         initial["track"] = request.GET["track"]
-    form = RaceForm(request.POST or None, now=now, initial=initial, groups=groups_to_hold_for(racer_of(request)))
+    groups = groups_to_hold_for(racer_of(request))
+    if wanted := groups.filter(slug=request.GET.get("group", "")).first():
+        initial |= {"group": wanted.pk} | ({} if wanted.is_listed else {"visibility": Visibility.INVITATION})
+    form = RaceForm(request.POST or None, now=now, initial=initial, groups=groups)
     if request.method == "POST" and form.is_valid():
         try:
             race = services.create_community_race(organiser=racer_of(request), now=now, **form.changes())

@@ -120,6 +120,13 @@ CASES = [
     ),
     Case("alice", "/notices/", "css=.notice-link", "css=#evaluation, #board"),
     Case("alice", "/notices/", "Mark all as read", "css=main:not(:has([action='/notices/read/']))"),
+    # classes
+    Case("newcomer", "/classes/", "Make the class", "The class is made.", {"Name": "6a"}),
+    Case("alice", "/classes/7c/", "Make accounts and cards", "css=.class-card", {"Names": "Ben Park"}),
+    Case("alice", "/classes/7c/", "css=#plan button", "Saved."),
+    Case("alice", "/classes/7c/", "css=#learners [value=codes]", "css=.class-card"),
+    Case("alice", "/classes/7c/", "Delete everything", "The class is deleted", {"Its name, to be sure": "7c"}),
+    Case("guest", "/class/", "css=main button", "There is no such code.", {"Code on your card": "ABCD"}),
     # teams
     Case("admin", "/teams/new/", "Found the team", "The team is founded.", {"Name": "Kites"}),
     Case("alice", "/teams/comets/", "Ask to join", "Saved.", {"Alias": "slowpoke"}),

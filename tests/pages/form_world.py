@@ -12,6 +12,7 @@ from allauth.account.models import EmailAddress, EmailConfirmationHMAC
 from allauth.account.utils import user_pk_to_url_str
 from PIL import Image
 
+from accounts.classes import add_learners, make_class
 from accounts.groups.services import ask_to_join, confirm_member, make_group
 from accounts.models import Racer
 from accounts.teams.services import found_team, invite_to_team, join_by_link
@@ -109,6 +110,8 @@ class Cast:
         for one in (done, again):
             drive(one, now, off_the_road(39))
         self._season(world)
+        seventh = make_class(teacher=alice, name="7c", plan=["agent"], now=now)
+        add_learners(classroom=seventh, by=alice, names=["Kim Minji", "Ann Lee"], now=now)
         comets = found_team(by=alice, name="Comets", now=now)
         for racer in (a_racer("comet-1"), a_racer("comet-2")):
             join_by_link(code=comets.code, racer=racer, now=now)
@@ -205,6 +208,8 @@ class Cast:
             "train/<str:public_id>/": [{"public_id": said["job"]}, {"public_id": said["ended"]}],
             "vehicles/<str:public_id>/": [{"public_id": said["vehicle"]}],
             "cups/": [],  # a page without a form; the form of the list has a case
+            "classes/<": [{"slug": "7c"}],
+            "class/<": [{"code": "ABCDEFGHJKMN"}],
             "teams/<": [{"slug": "comets"}],
             "teams/join/<": [{"code": said["team_code"]}],
             "laps/<": [{"claim": self.mia.claim}],

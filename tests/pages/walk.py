@@ -11,6 +11,7 @@ from allauth.mfa.totp.internal.auth import TOTP
 from django.conf import settings
 from django.urls import URLPattern, get_resolver, resolve
 
+from accounts.classes import add_learners, make_class
 from accounts.groups.services import ask_to_join, confirm_member, make_group
 from accounts.models import RacerGroup, Team
 from accounts.teams.services import found_team, invite_to_team
@@ -122,7 +123,9 @@ def make_site() -> Site:
         asked = ask_to_join(code=owls.code, racer=racer, now=now)
         if racer == world.bob:
             confirm_member(member=asked, by=world.alice, now=now)
-    RacerGroup.objects.update(is_listed=True)
+    RacerGroup.objects.filter(pk=owls.pk).update(is_listed=True)
+    seventh = make_class(teacher=world.alice, name="7c", plan=["agent"], now=now)
+    add_learners(classroom=seventh, by=world.alice, names=["Kim Minji", "Ann Lee"], now=now)
     comets = found_team(by=world.alice, name="Comets", now=now)
     invite_to_team(team=comets, alias="bob", by=world.alice, now=now)
     type(world.race).objects.filter(pk=world.race.pk).update(team_entries="several")
@@ -179,9 +182,10 @@ def _paths(world, season, trained, training, driven, vehicle, token) -> dict[str
             *("/races/open-race/racers/", "/races/open-race/racers/bob/remove/", "/races/open-race/cancel/"),
             "/races/open-race/close/",
             *("/races/open-race/invited/", f"/invitations/stop/{stop_token('a@example.org')}/"),
+            *("/classes/", "/classes/7c/", "/class/", "/class/ABCDEFGHJKMN/"),
             *("/teams/", "/teams/new/", "/teams/comets/", f"/teams/join/{Team.objects.get().code}/"),
             *("/races/open-race/?by=teams",),
-            *("/groups/", "/groups/new/", "/groups/owls/", f"/groups/join/{RacerGroup.objects.get().code}/"),
+            *("/groups/", "/groups/new/", "/groups/owls/", f"/groups/join/{RacerGroup.objects.get(name='Owls').code}/"),
             *("/races/open-race/withdraw/", "/races/waiting-race/", "/races/fault-race/", "/races/next-race/"),
             *("/races/old-race/", "/races/no-race/", "/races/secret-race/", "/races/robin/", "/races/robin/duels/"),
             *(f"/evaluations/{runs[name]}/" for name in ("queued", "failed", "finished")),

@@ -7,9 +7,12 @@ from pathlib import Path
 from django.conf import settings
 from django.http import FileResponse, Http404, HttpRequest, HttpResponse
 from django.shortcuts import render
+from django.utils import timezone
 from django.utils.translation import get_language
 from django.views.decorators.http import require_safe
 
+from accounts.classes import note_lesson
+from accounts.who import racer_of
 from training.lessons import BY_SLUG, LESSONS
 
 from .common import closed_because
@@ -32,6 +35,8 @@ def lesson(request: HttpRequest, slug: str) -> HttpResponse:
     """One lesson in the reader's language."""
     if slug not in BY_SLUG:
         raise Http404
+    if request.user.is_authenticated:
+        note_lesson(racer=racer_of(request), slug=slug, now=timezone.now())
     index = LESSONS.index(BY_SLUG[slug])
     context = {
         "lesson": LESSONS[index],

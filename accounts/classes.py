@@ -1,0 +1,207 @@
+"""Classes: making accounts from a list of names, codes that log in, and who sees whom."""
+
+from __future__ import annotations
+
+import secrets
+from collections.abc import Collection, Iterable, Mapping
+from dataclasses import dataclass
+from datetime import datetime
+from typing import TYPE_CHECKING
+
+from allauth.core.internal import ratelimit
+from django.core.exceptions import PermissionDenied
+from django.db import transaction
+from django.db.models import Count, QuerySet
+from django.http import HttpRequest
+from django.utils.crypto import salted_hmac
+from django.utils.translation import gettext_lazy as _
+
+from core.locks import hold
+from paddock.errors import UserFault
+
+from .aliases import is_reserved
+from .groups.services import free_slug
+from .models import ClassLearner, Classroom, GroupMember, Racer, RacerGroup
+from .quotas import Quota, limit_of, used_by
+
+if TYPE_CHECKING:
+    from django.contrib.auth.models import AnonymousUser
+
+MOST_NAME = 80
+# Without what looks like something else: 31 of them to the power of 12 are 59 bits.
+LETTERS = "ABCDEFGHJKLMNPQRSTUVWXYZ23456789".replace("L", "")
+LENGTH = 12
+RATES = {"class_code": "60/5m/key,500/d/key"}  # wrong codes from one address; a whole class sits behind one
+_FIRST = (
+    "amber brave bright calm clever cosmic eager fast gentle golden happy keen lucky merry nimble quick quiet royal "
+)
+_FIRST += "silver sunny swift tidy vivid witty"
+_SECOND = "badger beaver falcon fox gecko hare heron kestrel koala lemur lynx marten mole otter owl panda puffin raven "
+_SECOND += "robin seal sparrow swan tiger weasel wren"
+
+
+@dataclass(frozen=True)
+class Card:
+    """What a learner gets on paper, shown this once."""
+
+    learner: ClassLearner
+    code: str
+
+
+def can_teach(viewer: Racer | AnonymousUser | None, classroom: Classroom) -> bool:
+    """Whether the viewer sees a class with the names of its learners: its teacher, and nobody else, admins neither.
+    Twin of :func:`classes_taught_by`."""
+    return isinstance(viewer, Racer) and classroom.group.leader_id == viewer.pk
+
+
+def classes_taught_by(viewer: Racer | AnonymousUser | None) -> QuerySet[Classroom]:
+    """Twin of :func:`can_teach`."""
+    found = Classroom.objects.select_related("group")
+    return found.filter(group__leader=viewer) if isinstance(viewer, Racer) else found.none()
+
+
+def is_learner(racer: object) -> bool:
+    """Whether it is an account of a class."""
+    return isinstance(racer, Racer) and ClassLearner.objects.filter(racer=racer).exists()
+
+
+def _learners(racers: Collection[int] | None, now: datetime) -> Mapping[int, float]:
+    found = ClassLearner.objects.filter(classroom__group__leader__isnull=False).order_by()
+    if racers is not None:
+        found = found.filter(classroom__group__leader__in=racers)
+    return dict(found.values_list("classroom__group__leader").annotate(Count("pk")))
+
+
+LEARNERS = Quota(12, "learners", "LEARNERS_PER_TEACHER", _("Learners in your classes"), _learners)
+
+
+@transaction.atomic
+def make_class(*, teacher: Racer, name: str, plan: Iterable[str], now: datetime) -> Classroom:
+    """A class without learners, whose teacher may drive with them. Raises UserFault("class_no_teacher") for a learner,
+    ValidationError for no name."""
+    if is_learner(teacher):
+        raise UserFault("class_no_teacher")
+    group = RacerGroup(leader=teacher, name=name.strip(), made_at=now, slug=free_slug(name))
+    group.full_clean()
+    group.save()
+    GroupMember.objects.create(group=group, racer=teacher, asked_at=now, confirmed_at=now, confirmed_by=teacher)
+    return Classroom.objects.create(group=group, plan=list(plan), made_at=now)
+
+
+def names_in(text: str) -> list[str]:
+    """Names of learners, one a line; raises UserFault("class_names") for none, or one that is too long."""
+    names = [" ".join(line.replace("\t", " ").split()) for line in text.splitlines()]
+    names = [name for name in names if name]
+    if not names or any(len(name) > MOST_NAME or not name.isprintable() for name in names):
+        raise UserFault("class_names", limit=MOST_NAME)
+    return names
+
+
+@transaction.atomic
+def add_learners(*, classroom: Classroom, by: Racer, names: Iterable[str], now: datetime) -> list[Card]:
+    """An account for each name, with an alias that says nothing of it, and a code. All or none.
+
+    Raises UserFault("class_not_yours" | "class_too_many").
+    """
+    _require_teacher(classroom, by)
+    hold(by)
+    names = list(names)
+    limit = limit_of(by, LEARNERS.name)
+    if used_by(by, LEARNERS.name, now) + len(names) > limit:
+        raise UserFault("class_too_many", limit=limit)
+    cards = []
+    for name in names:
+        racer = Racer.objects.create_user(*_free_alias(), None)
+        code = _new_code()
+        learner = ClassLearner(racer=racer, classroom=classroom, real_name=name, code_digest=digest_of(code))
+        learner.save(force_insert=True)
+        GroupMember.objects.create(group=classroom.group, racer=racer, asked_at=now, confirmed_at=now, confirmed_by=by)
+        cards.append(Card(learner, code))
+    return cards
+
+
+@transaction.atomic
+def new_codes(*, classroom: Classroom, by: Racer, learners: Collection[int] | None = None) -> list[Card]:
+    """Another code for these learners (racers' ids), or all: those before log nobody in, and who is logged in is so no
+    more. Raises UserFault("class_not_yours")."""
+    _require_teacher(classroom, by)
+    found = classroom.learners.select_related("racer")
+    if learners is not None:
+        found = found.filter(racer__in=learners)
+    cards = []
+    for learner in found:
+        code = _new_code()
+        learner.code_digest = digest_of(code)
+        learner.save(update_fields=["code_digest"])
+        learner.racer.set_unusable_password()  # another one, with which sessions of before end
+        learner.racer.save(update_fields=["password"])
+        cards.append(Card(learner, code))
+    return cards
+
+
+def learner_with(request: HttpRequest, code: str) -> Racer | None:
+    """Whose code it is; None for nobody's. Counts wrong ones by address. Raises UserFault("class_too_many_codes")."""
+    try:
+        address = ratelimit.get_ip(request)
+    except PermissionDenied:
+        address = ""
+    usage = ratelimit.consume(request, app="accounts", action="class_code", config=RATES, key=address, limit_get=True)
+    if usage is None:
+        raise UserFault("class_too_many_codes")
+    plain = plain_code(code)
+    learner = None
+    if len(plain) == LENGTH:
+        found = ClassLearner.objects.filter(code_digest=digest_of(plain), racer__is_active=True)
+        learner = found.select_related("racer").first()
+    if learner is None:
+        return None
+    usage.rollback()
+    return learner.racer
+
+
+def plain_code(text: str) -> str:
+    """A code as it was made, however it was typed."""
+    return "".join(letter for letter in text.upper() if letter.isalnum())[: LENGTH + 1]
+
+
+def shown_code(code: str) -> str:
+    """In groups of four, as it stands on cards."""
+    return "-".join(code[at : at + 4] for at in range(0, len(code), 4))
+
+
+def digest_of(code: str) -> str:
+    """What is kept of a code: nobody reads it out of the database, nor guesses it without the site's secret."""
+    return salted_hmac("accounts.classes", code, algorithm="sha256").hexdigest()
+
+
+def note_lesson(*, racer: Racer, slug: str, now: datetime) -> None:
+    """A learner has opened a lesson, for the first time."""
+    with transaction.atomic():
+        learner = ClassLearner.objects.select_for_update().filter(racer=racer).first()
+        if learner is not None and slug not in learner.lessons:
+            learner.lessons = {**learner.lessons, slug: now.isoformat(timespec="seconds")}
+            learner.save(update_fields=["lessons"])
+
+
+def change_plan(*, classroom: Classroom, by: Racer, plan: Iterable[str]) -> None:
+    """Raises UserFault("class_not_yours")."""
+    _require_teacher(classroom, by)
+    classroom.plan = list(plan)
+    classroom.save(update_fields=["plan"])
+
+
+def _new_code() -> str:
+    return "".join(secrets.choice(LETTERS) for _ in range(LENGTH))
+
+
+def _free_alias() -> tuple[str, str]:
+    while True:
+        words = secrets.choice(_FIRST.split()), secrets.choice(_SECOND.split()), str(secrets.randbelow(900) + 100)
+        alias = "-".join(words)
+        if not is_reserved(alias) and not Racer.objects.filter(alias__iexact=alias).exists():
+            return alias, f"{alias}@learner.invalid"
+
+
+def _require_teacher(classroom: Classroom, by: Racer) -> None:
+    if not can_teach(by, classroom):
+        raise UserFault("class_not_yours")

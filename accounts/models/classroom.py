@@ -1,0 +1,51 @@
+"""Classes: a teacher's learners, who have accounts without e-mail address and password."""
+
+from __future__ import annotations
+
+from django.conf import settings
+from django.db import models
+from django.urls import reverse
+from django.utils.translation import gettext_lazy as _
+
+from core.validators import ONE_LINE
+
+from .group import RacerGroup
+
+
+class Classroom(models.Model):
+    """A class: a group that is never listed, whose leader is the teacher. ``plan``: slugs of lessons, in order."""
+
+    group = models.OneToOneField(RacerGroup, models.PROTECT, related_name="classroom", verbose_name=_("group"))
+    plan = models.JSONField(_("lesson plan"), default=list, blank=True)
+    made_at = models.DateTimeField(_("made"))
+
+    class Meta:
+        verbose_name = _("class")
+        verbose_name_plural = _("classes")
+        ordering = ["-made_at", "-pk"]
+
+    def __str__(self) -> str:
+        return str(self.group)
+
+    def get_absolute_url(self) -> str:
+        return reverse("classroom", args=[self.group.slug])
+
+
+class ClassLearner(models.Model):
+    """An account in a class. The real name is the teacher's to see; of the code that logs in only a digest is kept."""
+
+    racer = models.OneToOneField(
+        settings.AUTH_USER_MODEL, models.CASCADE, primary_key=True, related_name="learner", verbose_name=_("racer")
+    )
+    classroom = models.ForeignKey(Classroom, models.CASCADE, related_name="learners", verbose_name=_("class"))
+    real_name = models.CharField(_("name"), max_length=80, validators=[ONE_LINE])
+    code_digest = models.CharField(max_length=64, unique=True, null=True, editable=False)
+    lessons = models.JSONField(_("lessons seen"), default=dict, blank=True)
+
+    class Meta:
+        verbose_name = _("learner")
+        verbose_name_plural = _("learners")
+        ordering = ["real_name", "pk"]
+
+    def __str__(self) -> str:
+        return str(self.racer_id)

@@ -1,0 +1,205 @@
+"""Classes: accounts from a list of names, cards, what learners may not do, progress, and deleting it all."""
+
+from __future__ import annotations
+
+import re
+
+import pytest
+from django.core import mail
+from django.core.cache import cache
+from django.core.files.storage import default_storage
+from django.test import Client
+from django.utils import timezone
+
+from accounts import classes
+from accounts.classes import (
+    add_learners,
+    can_teach,
+    classes_taught_by,
+    make_class,
+    names_in,
+    new_codes,
+    note_lesson,
+    shown_code,
+)
+from accounts.groups.services import delete_group, hand_over_group
+from accounts.models import ClassLearner, Classroom, Racer, RacerGroup, RacerQuota
+from evaluation.models import Evaluation, TrainedModel
+from evaluation.services import share_model
+from paddock.errors import UserFault
+from races.models import Race, Visibility
+from races.selectors import can_see_race
+from races.selectors.offers import enterable_now
+from races.services import enter_race
+from tests.factories import a_model, a_race, a_racer, a_track, drive, laps
+from tests.training.jobs import a_training
+from training.classes.deleting import delete_class
+from training.classes.progress import progress_of
+from training.models import TrainingJob
+
+pytestmark = pytest.mark.django_db
+
+
+def code(call) -> str:
+    with pytest.raises(UserFault) as refused:
+        call()
+    return refused.value.code
+
+
+@pytest.fixture(autouse=True)
+def _fresh(wakes, trainings_taken_on) -> None:
+    cache.clear()
+
+
+@pytest.fixture
+def made(alice, now):
+    """Alice's class with two learners, and their cards."""
+    room = make_class(teacher=alice, name="6a", plan=["agent", "three-ways"], now=now)
+    return room, add_learners(classroom=room, by=alice, names=["Kim Minji", "Ann Lee"], now=now)
+
+
+def logged_in(racer: Racer) -> Client:
+    client = Client()
+    client.force_login(racer, backend="django.contrib.auth.backends.ModelBackend")
+    return client
+
+
+def test_only_the_teacher_sees_a_class(made, alice, bob):
+    room, cards = made
+    staff, learner = a_racer(is_staff=True), cards[0].learner.racer
+    for viewer, sees in ((None, False), (bob, False), (learner, False), (staff, False), (alice, True)):
+        assert can_teach(viewer, room) is sees
+        assert classes_taught_by(viewer).filter(pk=room.pk).exists() is sees
+        if viewer is not None:
+            answer = logged_in(viewer).get(room.get_absolute_url())
+            assert (answer.status_code == 200) is sees
+    for act in (
+        lambda: add_learners(classroom=room, by=bob, names=["x"], now=timezone.now()),
+        lambda: new_codes(classroom=room, by=bob),
+        lambda: delete_class(classroom=room, by=bob),
+    ):
+        assert code(act) == "class_not_yours"
+
+
+def test_real_names_are_seen_by_nobody_else(made, alice, bob):
+    room, cards = made
+    racer = cards[0].learner.racer
+    assert "Kim Minji" in logged_in(alice).get(room.get_absolute_url()).content.decode()
+    for client in (Client(), logged_in(bob), logged_in(cards[1].learner.racer), logged_in(a_racer(is_staff=True))):
+        for path in (f"/racers/{racer.alias}/", "/groups/", room.group.get_absolute_url(), "/class/"):
+            assert "Minji" not in client.get(path).content.decode()
+    assert "minji" not in racer.alias.lower() and not racer.has_usable_password()
+
+
+def test_a_code_is_long_kept_as_a_digest_and_replaced(made, alice):
+    room, (card, other) = made
+    assert re.fullmatch(r"[A-HJKMNP-Z2-9]{12}", card.code) and card.code not in str(ClassLearner.objects.values())
+    browser = Client()
+    assert browser.get(f"/class/{card.code}/").wsgi_request.user.is_anonymous, "a link that is fetched logs nobody in"
+    page = browser.post("/class/", {"code": shown_code(card.code).lower()}, follow=True).content.decode()
+    assert card.learner.racer.alias in page and "Lesson plan" in page
+    (new,) = new_codes(classroom=room, by=alice, learners=[card.learner.racer_id])
+    assert browser.get("/class/").wsgi_request.user.is_anonymous, "who was logged in is so no more"
+    assert Client().post("/class/", {"code": card.code}).status_code == 422
+    assert Client().post("/class/", {"code": new.code}).status_code == 302
+    assert Client().post("/class/", {"code": other.code}).status_code == 302
+
+
+def test_guesses_are_limited_and_right_codes_are_not_counted(made, monkeypatch):
+    _room, (card, _other) = made
+    monkeypatch.setattr(classes, "RATES", {"class_code": "3/5m/key"})
+    for _ in range(5):
+        assert Client().post("/class/", {"code": card.code}).status_code == 302
+    for number in range(3):
+        assert "no such code" in Client().post("/class/", {"code": f"AAAABBBBCCC{number}"}).content.decode()
+    assert "too many wrong codes" in Client().post("/class/", {"code": card.code}).content.decode()
+
+
+@pytest.mark.parametrize("text", ["", " \n ", "x" * 81, "a\x07b"])
+def test_what_is_no_list_of_names_is_refused(text):
+    assert code(lambda: names_in(text)) == "class_names"
+
+
+def test_a_teacher_has_so_many_learners_and_a_learner_has_none(made, alice, now):
+    room, cards = made
+    RacerQuota.objects.create(racer=alice, name="learners", limit=3)
+    before = Racer.objects.count()
+    assert code(lambda: add_learners(classroom=room, by=alice, names=["a", "b"], now=now)) == "class_too_many"
+    assert Racer.objects.count() == before
+    pupil = cards[0].learner.racer
+    assert code(lambda: make_class(teacher=pupil, name="x", plan=[], now=now)) == "class_no_teacher"
+    assert code(lambda: hand_over_group(group=room.group, to=pupil, by=alice)) == "group_is_a_class"
+    assert code(lambda: delete_group(group=room.group, by=alice)) == "group_is_a_class"
+
+
+def test_a_learner_does_nothing_that_needs_mail(made):
+    racer = made[1][0].learner.racer
+    pupil = logged_in(racer)
+    for path in ("/accounts/email/", "/accounts/password/set/", "/accounts/2fa/", "/settings/tokens/"):
+        assert pupil.get(path)["Location"] == "/class/"
+    Client().post("/accounts/password/reset/", {"email": racer.email})
+    assert not [one for one in mail.outbox if "reset" in one.body and racer.alias in one.body]
+
+
+def test_a_learner_races_in_the_class_alone_and_shares_nothing(made, alice, now):
+    room, cards = made
+    racer = cards[0].learner.racer
+    public, own = a_race(now), a_race(now, organiser=alice, group=room.group, visibility=Visibility.INVITATION)
+    assert code(lambda: enter_race(race=public, racer=racer, now=now)) == "race_not_of_class"
+    assert can_see_race(racer, own) and [*enterable_now(now, racer)] == [own]
+    enter_race(race=own, racer=racer, now=now)
+    assert code(lambda: share_model(model=a_model(racer), now=now)) == "learner_shares_nothing"
+
+
+def test_the_teacher_sees_how_far_each_is(made, alice, now):
+    room, cards = made
+    racer = cards[0].learner.racer
+    for slug in ("agent", "agent", "reward"):
+        note_lesson(racer=racer, slug=slug, now=now)
+    note_lesson(racer=alice, slug="agent", now=now)
+    race = a_race(now, organiser=alice, group=room.group, visibility=Visibility.INVITATION)
+    drive(race, racer, laps(10_000, 9_900, 10_100), now)
+    a_training(racer, a_track(), now)
+    found = {row.learner.real_name: (row.lessons, row.trainings, row.best_lap_ms) for row in progress_of(room)}
+    assert found == {"Ann Lee": (0, 0, None), "Kim Minji": (1, 1, 9_900)}
+
+
+def test_a_class_is_deleted_with_everything(made, alice, bob, now, django_capture_on_commit_callbacks):
+    room, cards = made
+    race = a_race(now, organiser=alice, group=room.group, visibility=Visibility.INVITATION)
+    elsewhere = drive(a_race(now), bob, laps(9_000, 9_000, 9_000), now)
+    for card in cards:
+        drive(race, card.learner.racer, laps(10_000, 9_900, 10_100), now)
+        a_training(card.learner.racer, a_track(), now)
+    drive(race, alice, laps(10_400, 9_950, 10_100), now)
+    trace = Evaluation.objects.get(owner=cards[0].learner.racer).result.trace.name
+    learners = [card.learner.racer_id for card in cards]
+    with django_capture_on_commit_callbacks(execute=True):
+        assert delete_class(classroom=room, by=alice) == 2
+    assert not Racer.objects.filter(pk__in=learners).exists() and not ClassLearner.objects.exists()
+    assert not Classroom.objects.exists() and not RacerGroup.objects.exists()
+    assert not Race.objects.filter(pk=race.pk).exists() and not TrainingJob.objects.exists()
+    for model in (Evaluation, TrainedModel):
+        assert set(model.objects.values_list("owner", flat=True)) == {bob.pk, alice.pk}, "the teacher's car stays"
+    assert not default_storage.exists(trace)
+    assert elsewhere.entry.race.entries.count() == 1
+
+
+def test_the_pages(alice):
+    teacher = logged_in(alice)
+    where = teacher.post("/classes/", {"name": "6a", "plan": ["agent"]})["Location"]
+    cards = teacher.post(where, {"do": "add", "names": "Kim Minji\nAnn Lee\n"})
+    page = cards.content.decode()
+    assert page.count("<svg") >= 2 and "Kim Minji" in page and cards["Cache-Control"].find("no-store") >= 0
+    assert "one name a line" in teacher.post(where, {"do": "add", "names": "x" * 90}).content.decode()
+    page = teacher.post(where, {"do": "codes", "learner": [ClassLearner.objects.first().pk]}).content.decode()
+    assert page.count('class="class-card"') == 1
+    teacher.post(where, {"do": "plan", "plan": ["agent", "nonsense"]})
+    assert Classroom.objects.get().plan == ["agent"]
+    form = teacher.get(f"/races/new/?group={Classroom.objects.get().group.slug}").content.decode()
+    assert re.search(r"<option value=.\d+. selected>6a", form)
+    assert "Write the name" in teacher.post(where, {"do": "delete", "confirm": "6b"}, follow=True).content.decode()
+    assert (
+        "The class is deleted" in teacher.post(where, {"do": "delete", "confirm": "6a"}, follow=True).content.decode()
+    )
+    assert not Racer.objects.filter(email__endswith="@learner.invalid").exists()

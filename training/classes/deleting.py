@@ -1,0 +1,85 @@
+"""Deleting a class in one act: accounts, cars, runs, trainings, races, files.
+
+Learners race in races of their class alone and share no models, so that nothing of anybody else hangs on theirs.
+"""
+
+from __future__ import annotations
+
+import logging
+from collections.abc import Iterable
+from functools import partial
+
+from django.core.files.storage import default_storage
+from django.db import transaction
+from django.db.models import Q
+
+from accounts.classes import can_teach
+from accounts.models import Classroom, Racer
+from core.storage_faults import storage_at_work
+from evaluation.models import Evaluation, Result, RivalResult, TrainedModel
+from paddock.errors import PlatformFault, UserFault
+from races.models import Duel, OwnEvaluation, Race, Redrive, Submission
+
+from ..models import TrainingJob
+from ..quotas import files_of
+
+logger = logging.getLogger(__name__)
+
+
+@transaction.atomic
+def delete_class(*, classroom: Classroom, by: Racer) -> int:
+    """Delete a class with all that its learners have left. How many accounts. Networks that nobody has any more go with
+    the next purge, within a day. Whatever drives or trains at that moment ends without a result.
+
+    Raises UserFault("class_not_yours").
+    """
+    if not can_teach(by, classroom):
+        raise UserFault("class_not_yours")
+    learners = list(classroom.learners.values_list("racer", flat=True))
+    races = list(Race.objects.filter(group=classroom.group_id).values_list("pk", flat=True))
+    duels = Duel.objects.filter(race__in=races)
+    submissions = Submission.objects.filter(Q(entry__race__in=races) | Q(entry__racer__in=learners))
+    runs = set(duels.exclude(evaluation=None).values_list("evaluation", flat=True))
+    runs |= set(submissions.filter(entry__racer__in=learners).values_list("evaluation", flat=True))
+    runs |= set(Evaluation.objects.filter(owner__in=learners).values_list("pk", flat=True))
+    files = _files(runs)
+    for job in TrainingJob.objects.filter(owner__in=learners):
+        files += files_of(job)
+    Redrive.objects.filter(Q(submission__in=submissions) | Q(evaluation__in=runs) | Q(replaced__in=runs)).delete()
+    _delete_live(races, runs)
+    duels.delete()
+    TrainingJob.objects.filter(owner__in=learners).delete()
+    OwnEvaluation.objects.filter(owner__in=learners).delete()
+    submissions.delete()
+    Evaluation.objects.filter(pk__in=runs).delete()
+    Race.objects.filter(pk__in=races).delete()
+    TrainedModel.objects.filter(owner__in=learners).delete()
+    group = classroom.group
+    Racer.objects.filter(pk__in=learners).delete()
+    classroom.delete()
+    group.delete()
+    transaction.on_commit(partial(_delete_files, files))
+    return len(learners)
+
+
+def _delete_live(races: Iterable[int], runs: Iterable[int]) -> None:
+    from races.models import LiveSlot
+
+    LiveSlot.objects.filter(Q(evaluation__in=runs) | Q(submission__entry__race__in=races)).delete()
+
+
+def _files(runs: Iterable[int]) -> list[str]:
+    runs = list(runs)
+    names = [*Result.objects.filter(evaluation__in=runs).values_list("trace", flat=True)]
+    names += Result.objects.filter(evaluation__in=runs).values_list("bots", flat=True)
+    names += RivalResult.objects.filter(result__evaluation__in=runs).values_list("trace", flat=True)
+    return [name for name in names if name]
+
+
+def _delete_files(names: Iterable[str]) -> None:
+    for name in names:
+        try:
+            with storage_at_work():
+                default_storage.delete(name)
+        except PlatformFault as fault:
+            logger.warning("A file of a deleted class stays: %s: %s", name, fault)

@@ -1,0 +1,161 @@
+"""Classes: the teacher's pages, cards to print, and the log-in by code."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import segno
+from django import forms
+from django.contrib import messages
+from django.contrib.auth import login
+from django.contrib.auth.decorators import login_required
+from django.core.exceptions import ValidationError
+from django.http import HttpRequest, HttpResponse
+from django.shortcuts import get_object_or_404, redirect, render
+from django.urls import reverse
+from django.utils import timezone
+from django.utils.safestring import mark_safe
+from django.utils.translation import gettext as _
+from django.utils.translation import gettext_lazy
+from django.views.decorators.cache import never_cache
+from django.views.decorators.debug import sensitive_post_parameters
+from django.views.decorators.http import require_http_methods
+
+from accounts import classes as services
+from accounts.models import ClassLearner
+from accounts.quotas import usage_of
+from accounts.who import racer_of
+from core.addresses import origin_of
+from core.forms import add_fault, explain
+from paddock.errors import UserFault
+from races.selectors import races_visible_to
+from training.classes.deleting import delete_class
+from training.classes.progress import progress_of
+from training.lessons import BY_SLUG, LESSONS
+
+
+class ClassForm(forms.Form):
+    """A class and what it works through."""
+
+    name = forms.CharField(label=gettext_lazy("Name"), max_length=64)
+    plan = forms.MultipleChoiceField(
+        label=gettext_lazy("Lesson plan"), required=False, widget=forms.CheckboxSelectMultiple
+    )
+
+    def __init__(self, *args: Any, **kwargs: Any) -> None:
+        super().__init__(*args, **kwargs)
+        plan = self.fields["plan"]
+        assert isinstance(plan, forms.MultipleChoiceField)
+        plan.choices = [(lesson.slug, lesson.title) for lesson in LESSONS]
+        plan.initial = [lesson.slug for lesson in LESSONS]
+
+
+class NamesForm(forms.Form):
+    """Learners, one a line."""
+
+    names = forms.CharField(
+        label=gettext_lazy("Names"),
+        widget=forms.Textarea(attrs={"rows": 6, "autocomplete": "off"}),
+        max_length=20_000,
+        help_text=gettext_lazy("One a line. Only you see them: everybody else sees an alias that is drawn."),
+    )
+
+
+@login_required
+@require_http_methods(["GET", "HEAD", "POST"])
+def classrooms(request: HttpRequest) -> HttpResponse:
+    """The reader's classes, and a form for another."""
+    form = ClassForm(request.POST or None)
+    if request.method == "POST" and form.is_valid():
+        try:
+            made = services.make_class(teacher=racer_of(request), now=timezone.now(), **form.cleaned_data)
+        except UserFault as fault:
+            add_fault(form, fault)
+        except ValidationError as error:
+            form.add_error(None, error.messages)
+        else:
+            messages.success(request, _("The class is made. Add its learners."))
+            return redirect(made)
+    taught = services.classes_taught_by(request.user)
+    context = {"classes": taught, "form": form}
+    return render(request, "training/classes/list.html", context, status=422 if form.errors else 200)
+
+
+@login_required
+@never_cache
+@require_http_methods(["GET", "HEAD", "POST"])
+def classroom(request: HttpRequest, slug: str) -> HttpResponse:
+    """A class for its teacher: progress of each learner. A POST adds learners, makes codes or changes the plan; what
+    has codes answers with the cards to print, which are shown this once."""
+    shown = get_object_or_404(services.classes_taught_by(request.user), group__slug=slug)
+    by, do = racer_of(request), request.POST.get("do", "")
+    names = NamesForm(request.POST if do == "add" else None)
+    try:
+        if do == "add" and names.is_valid():
+            wanted = services.names_in(names.cleaned_data["names"])
+            cards = services.add_learners(classroom=shown, by=by, names=wanted, now=timezone.now())
+            return _cards(request, shown, cards)
+        if do == "codes":
+            only = [int(pk) for pk in request.POST.getlist("learner") if pk.isdecimal() and len(pk) < 18]
+            return _cards(request, shown, services.new_codes(classroom=shown, by=by, learners=only or None))
+        if do == "plan":
+            plan = [lesson.slug for lesson in LESSONS if lesson.slug in request.POST.getlist("plan")]
+            services.change_plan(classroom=shown, by=by, plan=plan)
+            messages.success(request, _("Saved."))
+            return redirect(shown)
+        if do == "delete":
+            if request.POST.get("confirm") != shown.group.name:
+                messages.error(request, _("Write the name of the class to delete it."))
+                return redirect(shown)
+            delete_class(classroom=shown, by=by)
+            messages.success(request, _("The class is deleted, with all that was made in it."))
+            return redirect("classrooms")
+    except UserFault as fault:
+        add_fault(names, fault) if names.is_bound else messages.error(request, explain(fault))
+    context = {
+        "classroom": shown,
+        "rows": progress_of(shown),
+        "races": races_visible_to(request.user).filter(group=shown.group),
+        "form": names,
+        "plan": ClassForm(initial={"name": shown.group.name, "plan": shown.plan}),
+        "usage": usage_of(by, timezone.now(), only=[services.LEARNERS.name]),
+    }
+    return render(request, "training/classes/class.html", context, status=422 if names.errors else 200)
+
+
+def _cards(request: HttpRequest, shown: Any, cards: list[services.Card]) -> HttpResponse:
+    origin = origin_of(request)
+    rows = []
+    for card in cards:
+        link = f"{origin}{reverse('class_code', args=[card.code])}"
+        drawn = segno.make(link, error="m").svg_inline(scale=3, border=2, omitsize=True, svgclass="qr", lineclass="")
+        rows.append((card.learner, services.shown_code(card.code), mark_safe(drawn)))
+    context = {"classroom": shown, "cards": rows, "address": f"{origin}{reverse('class_log_in')}"}
+    return render(request, "training/classes/cards.html", context)
+
+
+@sensitive_post_parameters("code")
+@never_cache
+@require_http_methods(["GET", "HEAD", "POST"])
+def class_log_in(request: HttpRequest, code: str = "") -> HttpResponse:
+    """A learner logs in by the code on their card; the link of its picture fills it in. Who is in a class already sees
+    what it works through."""
+    problem = ""
+    if request.method == "POST":
+        try:
+            racer = services.learner_with(request, request.POST.get("code", ""))
+        except UserFault as fault:
+            problem = explain(fault)
+        else:
+            if racer is not None:
+                login(request, racer, backend="django.contrib.auth.backends.ModelBackend")
+                return redirect("class_log_in")
+            problem = _("There is no such code. Look at it again, or ask your teacher for a new one.")
+    mine = None
+    if request.user.is_authenticated and not code:
+        mine = ClassLearner.objects.filter(racer=request.user).select_related("classroom__group").first()
+    context: dict[str, Any] = {"code": code, "problem": problem, "mine": mine}
+    if mine is not None:
+        context["plan"] = [(BY_SLUG[slug], slug in mine.lessons) for slug in mine.classroom.plan if slug in BY_SLUG]
+        context["races"] = races_visible_to(request.user).filter(group=mine.classroom.group)
+    return render(request, "training/classes/log_in.html", context, status=422 if problem else 200)
