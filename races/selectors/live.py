@@ -93,7 +93,7 @@ def phase_of(event: LiveEvent, now: datetime) -> str:
 def live_racers(event: LiveEvent) -> list[LiveRacer]:
     """Who takes part so far: who chose a model, said that they are here, or is in the running order."""
     racers = LiveRacer.objects.filter(event=event).select_related("entry__racer", "model__owner")
-    return list(racers.order_by("entry__entered_at", "pk"))
+    return list(racers.order_by("entry__entered_at", "entry__pk"))
 
 
 def running_order(event: LiveEvent) -> list[LiveSlot]:

@@ -9,7 +9,7 @@ import pytest
 
 AT_ONCE = {
     "evaluation": ("queue",),
-    "races": ("concurrency", "counting", "duels_concurrency"),
+    "races": ("concurrency", "counting", "duels_concurrency", "live_concurrency"),
     "videos": ("concurrency",),
     "training": ("concurrency",),
     "league": ("simultaneous",),

@@ -110,7 +110,7 @@ def take_roll(event: LiveEvent) -> list[LiveRacer]:
     LiveRacer.objects.bulk_create(LiveRacer(event=event, entry=entry) for entry in entries if entry.pk not in known)
     racers = LiveRacer.objects.filter(event=event, entry__in=entries)
     found = list(
-        racers.select_related("entry__racer", "entry__race", "model__owner").order_by("entry__entered_at", "pk")
+        racers.select_related("entry__racer", "entry__race", "model__owner").order_by("entry__entered_at", "entry__pk")
     )
     note_qualifying(found)
     return found
