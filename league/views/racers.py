@@ -12,6 +12,7 @@ from league.selectors.cups import trophies_of
 from league.selectors.honours import honours_of
 from league.selectors.racers import racer_shown
 from races.selectors import organised_by, racer_history
+from races.selectors.rivalry import head_to_head
 
 ORGANISED = 10
 SHARED = 20
@@ -25,10 +26,14 @@ def racer(request: HttpRequest, alias: str) -> HttpResponse:
         raise Http404
     if shown.alias != alias:
         return redirect(shown, permanent=True)
+    rival = None
+    if request.user.is_authenticated and request.user.pk != shown.pk and not shown.is_house:
+        rival = head_to_head(request.user, shown, request.user)
     history = racer_history(shown, request.user)
     context = {
         "racer": shown,
         "history": history,
+        "rival": rival if rival is not None and rival.met else None,
         "trophies": trophies_of(shown),
         "honours": honours_of(shown, request.user, timezone.now()),
         "shared": list(shared_models(request.user).filter(owner=shown)[:SHARED]),
