@@ -95,7 +95,7 @@ class _Guest:
         return last
 
     async def _show(self) -> None:
-        gap = max(0.0, self._last_at + 1.0 - time.monotonic())
+        gap = max(0.0, self._last_at + max(1.0, 2 * self._spread) - time.monotonic())
         await asyncio.sleep(gap + random.random() * self._spread)
         while self._waits:
             waited, self._waits = self._waits, []
@@ -108,7 +108,7 @@ class _Guest:
             for number in waited:
                 self.shown.setdefault(number, time.monotonic())
             if self._waits:
-                await asyncio.sleep(1.0)
+                await asyncio.sleep(max(1.0, 2 * self._spread) + random.random() * self._spread)
 
     async def _page(self) -> None:
         incoming, outgoing = await asyncio.open_connection(self._host, self._port)

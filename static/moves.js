@@ -5,7 +5,7 @@
 
 (() => {
   const { body } = document;
-  const GAP_MS = 1000; // a page is asked for no more often
+  const GAP_MS = 1000; // a page is asked for no more often; where many look, twice the time that they spread over
   const POLL_MS = 5000; // without the stream
   const RARELY = 10; // with it, what is in no table (a progress) is asked for so many times more rarely
   const HIDDEN_MS = 60000; // a page that nobody sees for so long leaves the stream
@@ -189,7 +189,7 @@
     if (!asked.has(address)) asked.set(address, { at: -Infinity });
     const state = asked.get(address);
     if (state.timer) return;
-    const gap = Math.max(0, state.at + GAP_MS - performance.now());
+    const gap = Math.max(0, state.at + Math.max(GAP_MS, 2 * spread) - performance.now());
     state.timer = setTimeout(() => ask(address), gap + Math.random() * spread);
   }
 
