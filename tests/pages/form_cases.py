@@ -191,6 +191,9 @@ CASES = [
     Case("alice", "/races/rain-race/cancel/", "Cancel the race", "The race is cancelled.", {"Reason": "Rain"}),
     Case("alice", "/races/secret-race/close/", "Close now", "The race is closed."),
     Case("alice", "/races/duel-race/duels/", "Draw now", "The duels are drawn."),
+    Case("alice", "/races/open-race/event/plan/", "Save", "The live event is planned."),
+    Case("alice", "/races/open-race/event/console/", "Show it", "css=#console-log code", {"Message": "Welcome"}),
+    Case("alice", "/races/open-race/event/", "Drive with it", "You drive with"),
     # the garage
     Case("newcomer", "/models/upload/", "Upload", "The model is in your garage.", {"css=[type=file]": A_CAR}),
     Case("newcomer", "/tracks/import/", "Import", "The track is imported.", {"Name": "Ours", "Track file": A_TRACK}),
