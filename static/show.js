@@ -30,8 +30,11 @@
 
   // The steps of a car, as they come, and where it is at a moment.
   class Track {
-    constructor() { this.t = []; this.x = []; this.y = []; this.yaw = []; this.v = []; this.steer = []; this.lap = []; this.status = []; this.index = 0; }
-    add(columns) { for (const name of ["t", "x", "y", "yaw", "v", "steer", "lap", "status"]) this[name].push(...columns[name]); }
+    constructor() { this.t = []; this.x = []; this.y = []; this.yaw = []; this.v = []; this.steer = []; this.lap = []; this.status = []; this.laps = []; this.index = 0; }
+    add(columns) {
+      for (const name of ["t", "x", "y", "yaw", "v", "steer", "lap", "status"]) this[name].push(...columns[name]);
+      for (const lap of columns.lap) if (!this.laps.includes(lap)) this.laps.push(lap);
+    }
     at(moment) {
       const { t, x, y, yaw } = this;
       if (!t.length) return null;
@@ -44,7 +47,7 @@
       const turn = ((yaw[next] - yaw[i] + 540) % 360) - 180;
       return {
         i, x: glide ? x[i] + share * (x[next] - x[i]) : x[i], y: glide ? y[i] + share * (y[next] - y[i]) : y[i],
-        yaw: glide ? yaw[i] + share * turn : yaw[i], v: this.v[i], steer: this.steer[i], lap: this.lap[i], status: this.status[i],
+        yaw: glide ? yaw[i] + share * turn : yaw[i], v: this.v[i], steer: this.steer[i], lap: this.laps.indexOf(this.lap[i]) + 1, status: this.status[i],
       };
     }
   }
