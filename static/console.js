@@ -5,8 +5,7 @@
 (() => {
   const LOOK_MS = 2000;
   const console_ = document.querySelector("[data-console]");
-  const form = document.querySelector("[data-move]");
-  if (!console_ || !form) return;
+  if (!console_) return;
   let dragged = null;
 
   setInterval(() => {
@@ -37,9 +36,12 @@
     // dragged down, it comes behind what it was dropped on
     const down = rows.indexOf(dragged) < rows.indexOf(over);
     const before = down ? rows[rows.indexOf(over) + 1] : over;
-    form.elements.version.value = document.querySelector("#console input[name='version']").value;
-    form.elements.slot.value = dragged.dataset.slot;
-    form.elements.before.value = before ? before.dataset.slot : "";
+    const form = dragged.querySelector("form").cloneNode(true);
+    for (const [name, value] of [["action", "move"], ["before", before ? before.dataset.slot : ""]]) {
+      form.append(Object.assign(document.createElement("input"), { type: "hidden", name, value }));
+    }
+    form.hidden = true;
+    document.body.append(form);
     form.submit();
   });
   document.addEventListener("dragend", () => {

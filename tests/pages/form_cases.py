@@ -42,6 +42,14 @@ class Case:
 
 
 CHANGE = "css=[value^='change:']"
+LIVE = "/races/open-race/event/console/"
+
+
+def _logged(action: str) -> str:
+    """That an act is the latest in the log of a live event."""
+    return f"css=.console-log li:first-child code:text-is('{action}')"
+
+
 STEWARD = "#steward-actions"
 CASES = [
     # in the head of every page
@@ -192,8 +200,30 @@ CASES = [
     Case("alice", "/races/secret-race/close/", "Close now", "The race is closed."),
     Case("alice", "/races/duel-race/duels/", "Draw now", "The duels are drawn."),
     Case("alice", "/races/open-race/event/plan/", "Save", "The live event is planned."),
-    Case("alice", "/races/open-race/event/console/", "Show it", "css=#console-log code", {"Message": "Welcome"}),
-    Case("alice", "/races/open-race/event/", "Drive with it", "You drive with"),
+    Case("alice", "/races/open-race/event/", "Drive with it", "css=#live-side option[selected]"),
+    Case("alice", LIVE, "Show it", "css=#live-say[value=Welcome]", {"Message": "Welcome"}),
+    Case("alice", LIVE, "Close the choice", "css=#act-models[value=open]"),
+    Case("alice", LIVE, "Open the choice", "css=#act-models[value=close]"),
+    Case("alice", LIVE, "Let it run", "css=#act-auto[value=manual]"),
+    Case("alice", LIVE, "Go on by hand", "css=#act-auto[value=auto]"),
+    Case("alice", LIVE, "Call off", _logged("cancel")),
+    Case("alice", LIVE, "Undo", _logged("undo")),
+    Case("alice", LIVE, "Begin", "css=.console-order"),
+    Case("alice", LIVE, "css=#act-launch", "still being computed"),
+    Case("alice", LIVE, "Pause", "css=#act-resume"),
+    Case("alice", LIVE, "Go on", "css=#act-pause"),
+    Case("alice", LIVE, "css=[value=down]", _logged("move")),
+    Case("alice", LIVE, "css=[value=call]", "css=.console-slot.called"),
+    Case("alice", LIVE, "css=[value=up]", _logged("move")),
+    Case("alice", LIVE, "css=[value=hold]", "css=.console-slot.held"),
+    Case("alice", LIVE, "css=[value=release]", _logged("release")),
+    Case("alice", LIVE, "css=[value=skip]", "css=.console-slot.skipped"),
+    Case("alice", LIVE, "css=[value=again]", "attempt 2"),
+    Case("alice", LIVE, "css=[value=remove]", "css=.console-slot.removed"),
+    Case("alice", LIVE, "css=[value=add]", _logged("add")),
+    Case("alice", LIVE, "Has won", _logged("winner")),
+    Case("alice", LIVE, "Show the podium", _logged("podium")),
+    Case("alice", LIVE, "End the event", _logged("end")),
     # the garage
     Case("newcomer", "/models/upload/", "Upload", "The model is in your garage.", {"css=[type=file]": A_CAR}),
     Case("newcomer", "/tracks/import/", "Import", "The track is imported.", {"Name": "Ours", "Track file": A_TRACK}),
