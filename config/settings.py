@@ -476,6 +476,8 @@ SPECTACULAR_SETTINGS = {
         "RaceState": "races.models.RaceState",
         "TrainingState": "training.models.JobState",
         "VideoState": "races.api.videos.STATES",
+        "CupStage": "league.api.cups.STAGES",
+        "StageEnum": "league.models.Stage",
     },
     "POSTPROCESSING_HOOKS": [
         "drf_spectacular.hooks.postprocess_schema_enums",

@@ -107,7 +107,7 @@ def _announce(now: datetime) -> int:
         slug, direction = drawn_ground(day.isoformat(), list(grounds), list(recent[:TRACKS_NOT_AGAIN]))
         with transaction.atomic():
             race = create_community_race(
-                organiser=house_racer(name="paddock", display_name=ORGANISER, now=now),
+                organiser=_organiser(now),
                 now=now,
                 name=f"{NAME} · {day.isoformat()}",
                 track=grounds[slug],
@@ -130,6 +130,10 @@ def _announce(now: datetime) -> int:
 
 class _AnnouncedMeanwhile(Exception):
     """Another clock was first; the race that was made here is undone with it."""
+
+
+def _organiser(now: datetime) -> Racer:
+    return house_racer(name="paddock", display_name=ORGANISER, now=now)
 
 
 def _go_on(cup: Cup, now: datetime) -> int:
@@ -193,7 +197,7 @@ def _draw(cup: Cup, now: datetime) -> bool:
 def _open_division(cup: Cup, number: int, entries: list[Entry], now: datetime) -> None:
     qualifying = cup.race
     race = create_community_race(
-        organiser=qualifying.organiser,
+        organiser=_organiser(now),
         now=now,
         name=f"{NAME} · {cup} · division {number}",
         track=qualifying.track,
@@ -212,6 +216,7 @@ def _open_division(cup: Cup, number: int, entries: list[Entry], now: datetime) -
     CupDivision.objects.create(cup=cup, number=number, race=race)
     give_field(race=race, racers=[entry.racer_id for entry in entries], now=now, reason=NOT_DRAWN)
     for entry in entries:
+        assert entry.best is not None, "it has a rank"
         try:
             submit_model(race=race, racer=entry.racer, model=entry.best.evaluation.model, now=now)
         except UserFault as fault:  # the car has left its garage since
