@@ -261,6 +261,18 @@ register(
 )
 
 register(
+    "Comparing runs",
+    "user",
+    {
+        "compare_itself": _("This is the same run. Choose another one."),
+        "compare_unknown": _("There is no such run, or you may not see it. Paste the link of a run's page."),
+        "compare_no_result": _("Only runs that are finished can be compared."),
+        "compare_elsewhere": _("That run is on another track, or in the other direction."),
+        "compare_lap": _("There is no lap %(lap)s that can be compared: the run has %(laps)s."),
+    },
+)
+
+register(
     "Duels",
     "user",
     {

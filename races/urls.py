@@ -2,7 +2,7 @@
 
 from django.urls import path
 
-from .views import boards, duels, evaluations, live, organising, own, races, racing, timing, videos
+from .views import boards, comparing, duels, evaluations, live, organising, own, races, racing, timing, videos
 
 urlpatterns = [
     path("races/", races.races, name="races"),
@@ -57,6 +57,17 @@ urlpatterns = [
     path("evaluations/<str:public_id>/live/", evaluations.evaluation_live, name="evaluation_live"),
     path("evaluations/<str:public_id>/stop/", evaluations.evaluation_stop, name="evaluation_stop"),
     path("evaluations/<str:public_id>/replay.json", evaluations.evaluation_replay, name="evaluation_replay"),
+    path("evaluations/<str:public_id>/compare/", comparing.evaluation_compare, name="evaluation_compare"),
+    path(
+        "evaluations/<str:public_id>/compare/<str:other_id>/",
+        comparing.evaluation_compared,
+        name="evaluation_compared",
+    ),
+    path(
+        "evaluations/<str:public_id>/compare/<str:other_id>/replay.json",
+        comparing.evaluation_compared_replay,
+        name="evaluation_compared_replay",
+    ),
     path("evaluations/<str:public_id>/trace.csv", evaluations.evaluation_trace, name="evaluation_trace"),
     path("evaluations/<str:public_id>/metrics.json", evaluations.evaluation_metrics, name="evaluation_metrics"),
     path("evaluations/<str:public_id>/logs.zip", evaluations.evaluation_logs, name="evaluation_logs"),

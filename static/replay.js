@@ -156,7 +156,7 @@
       }
       this.tail.setAttribute("points", points.join(" "));
       this.seek.value = this.now;
-      const number = [...this.laps.keys()].indexOf(lap[i]) + 1;
+      const number = [...this.laps.keys()].indexOf(lap[i]) + 1 + (this.run.before ?? 0);
       const inLap = clock(Math.max(0, Math.min(this.now, t[t.length - 1]) - this.laps.get(lap[i])));
       const text = `${this.out.dataset.lap} ${number} · ${inLap} · ${v[i].toFixed(1)} m/s · ${steer[i].toFixed(0)}°`;
       this.out.textContent = text;

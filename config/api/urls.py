@@ -8,7 +8,7 @@ from drf_spectacular.views import SpectacularJSONAPIView
 from evaluation import api as models
 from evaluation.reports import api as reports
 from league.api import cups, notices, organising, seasons, webhooks
-from races.api import boards, duels, entries, evaluations, live, own, races, specifications, timing, videos
+from races.api import boards, comparing, duels, entries, evaluations, live, own, races, specifications, timing, videos
 from tracks import api as tracks
 
 from . import reference, views
@@ -86,6 +86,11 @@ version_1: list[URLPattern | URLResolver] = [
     ),
     path("evaluations/<slug:public_id>/stop/", evaluations.StopView.as_view(), name="api-evaluation-stop"),
     path("evaluations/<slug:public_id>/metrics/", evaluations.MetricsView.as_view(), name="api-metrics"),
+    path(
+        "evaluations/<slug:public_id>/compare/<slug:other_id>/",
+        comparing.CompareView.as_view(),
+        name="api-evaluation-compare",
+    ),
     path("evaluations/<slug:public_id>/layout/", evaluations.LayoutView.as_view(), name="api-layout"),
     path("evaluations/<slug:public_id>/logs/", evaluations.LogsView.as_view(), name="api-evaluation-logs"),
     path("evaluations/<slug:public_id>/trace/", evaluations.TraceView.as_view(), name="api-trace"),

@@ -26,6 +26,7 @@ SECTIONS = (
     "Track files",
     "Recorded drives",
     "Races",
+    "Comparing runs",
     "Own runs",
     "Reports",
     "The league",

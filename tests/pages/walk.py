@@ -42,7 +42,7 @@ from videos.services import ask_for_video, run_next_video
 NO_PAGES = {
     *("api_token_revoke", "board_atom", "board_badge", "board_csv", "board_json", "elsewhere_file", "enter"),
     *("evaluation_live", "evaluation_logs", "evaluation_metrics", "evaluation_replay", "evaluation_stop"),
-    "evaluation_trace",
+    *("evaluation_compared_replay", "evaluation_trace"),
     *("evaluation_video", "favicon", "health_live", "health_ready", "model_export"),
     *("model_package", "model_sensors", "model_share", "model_uploaded"),
     *("notice_open", "notices_read", "race_layout", "race_draw", "race_invitation_reset", "race_live"),
@@ -105,7 +105,8 @@ def make_site() -> Site:
         drive(opened.race, racer, laps(*[20_000 + 300 * number] * 3), before)
     close_due_rounds(now=now)
     drive(under_way.race, world.bob, laps(21_000, 20_500, 20_400), now)
-    driven = a_driven_run(a_race(now, slug="video-race", name="Video race"), world.alice, now)
+    filmed = a_race(now, slug="video-race", name="Video race")
+    driven, chased = a_driven_run(filmed, world.alice, now), a_driven_run(filmed, world.bob, now, lap_ms=1_100)
     ask_for_video(evaluation=driven, by=world.alice, language="en", now=now)
     run_next_video(worker="w")
     ask_for_video(evaluation=driven, by=world.bob, part="whole", language="en", now=now)
@@ -132,7 +133,8 @@ def make_site() -> Site:
     addresses = ["ann@example.org", "ben@example.org"]
     invite_by_mail(race=world.race, by=world.alice, addresses=addresses, language="en", now=now)
     token = stopping_token(world.alice.pk, "opens")
-    return Site(world, season, trained, training, _paths(world, season, trained, training, driven, vehicle, token))
+    pair = driven, chased
+    return Site(world, season, trained, training, _paths(world, season, trained, training, pair, vehicle, token))
 
 
 def _own(world: World) -> list[OwnEvaluation]:
@@ -158,8 +160,9 @@ def _a_cup(world: World) -> None:
     CupPlace.objects.create(cup=cup, division=1, racer=world.alice, place=1, qualified=1)
 
 
-def _paths(world, season, trained, training, driven, vehicle, token) -> dict[str, list[str]]:
+def _paths(world, season, trained, training, pair, vehicle, token) -> dict[str, list[str]]:
     runs = {name: world.evaluation(name).public_id for name in ("queued", "running", "failed", "finished")}
+    driven, chased = pair
     own = [run.evaluation.public_id for run in _own(world)]
     real, mia = a_timed_race(world.now, world.alice, world.bob, beside=world.race)
     timed_lap = real.timed_sessions.get(entry__racer=world.bob).laps.get(number=1)
@@ -190,6 +193,8 @@ def _paths(world, season, trained, training, driven, vehicle, token) -> dict[str
             *("/races/old-race/", "/races/no-race/", "/races/secret-race/", "/races/robin/", "/races/robin/duels/"),
             *(f"/evaluations/{runs[name]}/" for name in ("queued", "failed", "finished")),
             *(f"/evaluations/{driven.public_id}/", f"/evaluations/{driven.public_id}/?colour=lap&lap=2"),
+            f"/evaluations/{driven.public_id}/compare/",
+            f"/evaluations/{driven.public_id}/compare/{chased.public_id}/",
             *(
                 "/runs/",
                 "/runs/new/",

@@ -1,0 +1,167 @@
+"""Two laps against each other: what the gap says, who may ask, and what is refused."""
+
+from __future__ import annotations
+
+import pytest
+from django.contrib.auth.models import AnonymousUser
+from django.test import Client
+from django.urls import reverse
+from django.utils import timezone
+
+from evaluation.models import Evaluation
+from paddock.errors import UserFault
+from races.comparing import best_lap, compare, lap_line
+from races.models import Visibility
+from races.selectors import can_see_evaluation
+from races.selectors.comparable import Why, comparable_with, offers_to_compare, refuse_incomparable
+from races.services import accept_invitation, submit_model
+from tests.drawn_runs import a_driven_run
+from tests.evaluation.stubs import HEADER
+from tests.factories import a_model, a_race, a_racer, lap
+
+pytestmark = pytest.mark.django_db
+
+
+@pytest.fixture
+def now():
+    return timezone.now()
+
+
+def trace(*steps: tuple[int, float, float, float]) -> bytes:
+    """Of (episode, percent, seconds, m/s)."""
+    rows = [f"{e},1,0,0,0,0,{v},1,0,False,True,{p},1,18,{t},in_progress,0,0,{t}" for e, p, t, v in steps]
+    return "\n".join([HEADER, *rows, ""]).encode()
+
+
+def test_the_gap_is_how_much_later_the_other_was_there():
+    even = lap_line(trace((0, 0, 0, 1.0), (0, 50, 5, 1.0), (0, 100, 10, 1.0)), [lap(1, 10_000)], 1)
+    # as fast for half a lap, then it loses two seconds
+    later = lap_line(trace((0, 0, 0, 1.0), (0, 50, 5, 2.0), (0, 100, 12, 2.0)), [lap(1, 12_000)], 1)
+    found = compare(even, later, 20.0)
+    assert len(found.metres) == 201 and found.metres[:3] == [0.0, 0.1, 0.2] and found.metres[-1] == 20.0
+    assert found.gap_ms[0] == found.gap_ms[100] == 0 and found.gap_ms[150] == 1000 and found.last_gap_ms == 2000
+    assert compare(later, even, 20.0).gap_ms == [-gap for gap in found.gap_ms]
+    assert found.stretch(gained=True) == (10.0, 12.0, 400) and found.stretch(gained=False)[2] == 0
+    assert (found.speed[120], found.other_speed[120]) == (1.0, 2.0)
+
+
+def test_the_second_lap_has_its_own_clock_and_a_reset_counts_behind_its_place():
+    run = [lap(1, 4_000), {**lap(2, 9_000), "start_ms": 4_000}]
+    rows = [(0, 0, 0, 1.0), (0, 100, 4.01, 1.0)]
+    rows += [(1, 1, 4.1, 1.0), (1, 50, 6, 1.0), (1, 40, 10, 1.0), (1, 60, 11, 1.0), (1, 100, 13.05, 1.0)]
+    line = lap_line(trace(*rows), run, 2)
+    assert line.percent.tolist() == [0, 1, 50, 60, 100]
+    assert line.ms.tolist() == pytest.approx([0, 100, 2000, 7000, 9000])
+    assert best_lap(run) == 1
+
+
+def test_an_unfinished_lap_is_compared_as_far_as_it_came():
+    whole = lap_line(trace((0, 0, 0, 1.0), (0, 100, 10, 1.0)), [lap(1, 10_000)], 1)
+    half = lap_line(trace((0, 0, 0, 1.0), (0, 40, 3, 1.0)), [lap(1, 3_500, complete=False, percentage=40)], 1)
+    found = compare(whole, half, 10.0)
+    assert found.metres[-1] == pytest.approx(4.0) and not found.is_whole and found.last_gap_ms == -1000
+
+
+@pytest.mark.parametrize("number", [0, 2, 99])
+def test_a_lap_that_is_not_there_is_refused(number):
+    with pytest.raises(UserFault) as refused:
+        lap_line(trace((0, 0, 0, 1.0), (0, 100, 10, 1.0)), [lap(1, 10_000)], number)
+    assert refused.value.code == "compare_lap"
+
+
+@pytest.fixture
+def runs(now):
+    """Of an open race, of a secret one, and of one in the other direction, all driven by Bob but the first."""
+    alice, bob, house = a_racer("alice"), a_racer("bob"), a_racer("house", is_house=True)
+    public = a_race(now, slug="public", organiser=alice)
+    secret = a_race(now, slug="secret", organiser=alice, visibility=Visibility.INVITATION)
+    accept_invitation(token=secret.invitation, racer=bob, now=now)
+    found = {
+        "alice": a_driven_run(public, alice, now, lap_ms=1_200),
+        "bob": a_driven_run(public, bob, now, lap_ms=1_000),
+        "secret": a_driven_run(secret, bob, now, lap_ms=1_100),
+        "house": a_driven_run(public, house, now, lap_ms=1_500),
+        "reverse": a_driven_run(a_race(now, slug="reverse", direction="cw"), bob, now),
+    }
+    waiting = submit_model(race=a_race(now, slug="waits"), racer=bob, model=a_model(bob), now=now)
+    return found | {"waiting": waiting.evaluation}
+
+
+def test_the_list_and_the_check_say_the_same_for_the_whole_cast(runs):
+    cast = [Evaluation.objects.get(pk=run.pk).owner for run in (runs["alice"], runs["bob"])]
+    cast += [a_racer("charlie"), a_racer("stella", is_staff=True), AnonymousUser()]
+    for reader in cast:
+        listed = set(comparable_with(runs["alice"], reader))
+        allowed = set()
+        for run in runs.values():
+            try:
+                refuse_incomparable(runs["alice"], run)
+            except UserFault:
+                continue
+            if can_see_evaluation(reader, run):
+                allowed.add(run)
+        assert listed == allowed
+        assert runs["bob"] in listed and runs["reverse"] not in listed
+    assert set(comparable_with(runs["alice"], AnonymousUser())) == {runs["bob"], runs["house"]}
+
+
+def test_a_sealed_run_is_with_nothing_compared(runs, now):
+    Evaluation.with_sealed.filter(pk=runs["bob"].pk).update(sealed=True)
+    stella = a_racer("stella", is_staff=True)
+    assert runs["bob"] not in comparable_with(runs["alice"], stella)
+    client = Client()
+    client.force_login(stella)
+    for part in ("", "replay.json"):
+        address = reverse("evaluation_compared", args=[runs["alice"].public_id, runs["bob"].public_id]) + part
+        assert client.get(address).status_code == 404
+    assert client.get(f"/api/v1{address.removesuffix('replay.json')}").status_code == 404
+
+
+def test_what_is_offered_begins_with_the_leader(runs):
+    race = runs["alice"].submission.entry.race
+    offered = offers_to_compare(runs["alice"], runs["alice"].owner, race)
+    assert [(each.why, each.evaluation) for each in offered] == [
+        (Why.LEADER, runs["bob"]),
+        (Why.HOUSE, runs["house"]),
+        (Why.FAST, runs["secret"]),
+    ]
+    assert offered[0].gap_ms == 999 - 1_199
+    assert [each.why for each in offers_to_compare(runs["alice"], runs["bob"].owner, None)][:2] == [Why.MINE, Why.MINE]
+
+
+def refusal(client, address):
+    shown = client.get(address, follow=True)
+    return shown.content.decode().partition('data-code="')[2].partition('"')[0]
+
+
+def test_the_pages_and_the_api_refuse_with_a_reason(runs, client):
+    client.force_login(runs["bob"].owner)
+    at = reverse("evaluation_compare", args=[runs["alice"].public_id])
+    for other, code in {
+        runs["alice"].public_id: "compare_itself",
+        "nothing-there": "compare_unknown",
+        runs["waiting"].public_id: "compare_no_result",
+        runs["reverse"].public_id: "compare_elsewhere",
+    }.items():
+        assert refusal(client, f"{at}?with={other}") == code
+        answer = client.get(f"/api/v1/evaluations/{runs['alice'].public_id}/compare/{other}/")
+        assert answer.status_code == (404 if code == "compare_unknown" else 400)
+        assert code == "compare_unknown" or answer.json()["code"] == code
+    link = "https://example.org" + runs["bob"].get_absolute_url()
+    assert client.get(at, {"with": link}).url == f"{at}{runs['bob'].public_id}/"
+    assert refusal(client, f"{at}{runs['bob'].public_id}/?lap=77") == "compare_lap"
+
+
+def test_page_and_api_show_the_same_gap(runs, client):
+    address = f"/api/v1/evaluations/{runs['alice'].public_id}/compare/{runs['bob'].public_id}/"
+    told = client.get(address).json()
+    assert (told["lap"], told["other_lap"], told["gap_ms"][-1]) == (2, 2, 999 - 1_199)
+    assert len(told["gap_ms"]) == len(told["metres"]) == len(told["speed"]) == len(told["other_speed"]) == 201
+    for wrong in ("0", "4", "x", "-1", "1e1", "٣"):
+        assert client.get(address, {"lap": wrong}).json()["code"] == "compare_lap"
+    page = client.get(reverse("evaluation_compared", args=[runs["alice"].public_id, runs["bob"].public_id]))
+    assert "bob is 0.200 s ahead at the line." in page.content.decode()
+    replay = client.get(page.context["replay"]).json()
+    ghost = replay["rivals"][0]
+    assert (replay["t"][0], ghost["t"][0], replay["before"]) == (0, 0, 1)
+    assert max(ghost["t"]) < max(replay["t"]) < 1_200 and ghost["number"] == 1
