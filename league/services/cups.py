@@ -81,7 +81,7 @@ def start_no_more(*, racer: Racer) -> None:
 
 def check_cup(race: Race, racer: Racer, now: datetime) -> None:
     """Refuse the knock-out of a cup to whoever was not drawn into it. Raises UserFault("cup_not_drawn")."""
-    if not CupDivision.objects.filter(race=race).exists():
+    if race.opponents != Opponents.MODELS or not CupDivision.objects.filter(race=race).exists():
         return
     if not Entry.objects.filter(race=race, racer=racer).exists():
         raise UserFault("cup_not_drawn")

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 from collections.abc import Callable
 from datetime import timedelta
 
@@ -19,10 +20,13 @@ from core.bodies import MAX_NAME, MAX_NAMED
 from league.models import Notice, NoticeKind
 from league.services import create_season
 from league.services.webhooks import add_webhook
-from races.models import Race, RaceState, Visibility
+from races.models import MeasuredLap, Race, RaceState, TimingSensor, Visibility
 from races.services import accept_invitation
+from races.services.timing import make_sensor
 from tests.api.schema import SCHEMA
+from tests.evaluation.reports import a_report
 from tests.factories import a_model, a_race, a_racer, a_track, drive, laps
+from tests.races.timing import a_timed_race
 from tests.training.jobs import a_training
 from training.vehicles import save_vehicle
 from videos.models import Video
@@ -61,10 +65,19 @@ def places(alice, trainings_taken_on) -> Callable[[str], str]:
     notice = Notice.objects.create(racer=alice, kind=NoticeKind.OPENS, about="x", params={"race": "Tried"}, at=now)
     numbers = {"notices": notice.pk, "webhooks": add_webhook(owner=alice, url="https://example.org/hook").pk}
     vehicle = save_vehicle(owner=alice, name="Van", sensors=["STEREO_CAMERAS"])
+    real, _ = a_timed_race(now, alice, a_racer("fast"))
+    report = a_report(alice, now)
 
     def fill(path: str) -> str:
         owned = {"models": evaluation.model, "evaluations": evaluation, "trainings": training, "videos": video}
-        owned["vehicles"] = vehicle
+        owned |= {"vehicles": vehicle, "reports": report}
+        if re.search("/(timing|sessions|laps|sensors|timekeepers)/", path):
+            of_it = {
+                "slug": real.slug,
+                "alias": "fast",
+                "id": MeasuredLap.objects.filter(session__race=real).first().pk,
+            }
+            return path.format(**names | of_it, number=TimingSensor.objects.get(race=real).pk)
         room = path.removeprefix("/api/v1/").split("/")[0]
         return path.format(**names, public_id=getattr(owned.get(room), "public_id", ""), number=numbers.get(room))
 
@@ -87,6 +100,9 @@ def test_every_write_refuses_an_unknown_field(method, path, places, alice, as_ra
     taken = body_of(method, path)
     kind = "multipart" if taken and taken[0] == "multipart/form-data" else "json"
     client, address = as_racer(alice), places(path)
+    if path == "/api/v1/timing/crossings/":  # a sensor's own token
+        _, token = make_sensor(race=Race.objects.get(slug="real-race"), name="Line", by=alice, now=timezone.now())
+        client.credentials(HTTP_AUTHORIZATION=f"Bearer {token}")
     if path.startswith("/api/v1/seasons/"):  # admins alone write these
         Racer.objects.filter(pk=alice.pk).update(is_staff=True, is_superuser=True)
     with CaptureQueriesContext(connection) as queries:
