@@ -5,6 +5,7 @@ from __future__ import annotations
 from datetime import datetime
 from typing import Any
 
+from .live_screens import screens_document
 from .models import PLAYED_BEHIND, LiveEvent, LiveRacer, LiveSlot, LiveState
 from .poses import CHUNK_MS
 from .ranking import Standing
@@ -47,6 +48,7 @@ def live_document(event: LiveEvent, now: datetime) -> dict[str, Any]:
         "standings": [_row(row) for row in standings],
         "winner": None if event.winner is None else event.winner.racer.alias,
         "podium": _podium(event, standings),
+        **screens_document(event),
     }
 
 

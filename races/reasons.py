@@ -317,6 +317,9 @@ register(
         "live_called": _("Your run is called or on track. Choose another model once it is over."),
         "live_lobby_closed": _("The lobby is not open yet. It opens an hour before the start."),
         "live_undo_nothing": _("There is nothing to undo."),
+        "live_reaction_unknown": _("There is no such reaction. Those that are: %(known)s."),
+        "live_reactions_closed": _("Nobody reacts now: from the lobby until ten minutes after the end."),
+        "live_reactions_too_many": _("That were many reactions. Wait ten seconds."),
         "live_undo_late": _("That can no longer be undone: two minutes have passed, or it has gone on since."),
     },
 )

@@ -2,7 +2,20 @@
 
 from django.urls import path
 
-from .views import boards, comparing, duels, evaluations, live, organising, own, races, racing, timing, videos
+from .views import (
+    boards,
+    comparing,
+    duels,
+    evaluations,
+    live,
+    live_screens,
+    organising,
+    own,
+    races,
+    racing,
+    timing,
+    videos,
+)
 
 urlpatterns = [
     path("races/", races.races, name="races"),
@@ -15,6 +28,11 @@ urlpatterns = [
     path("races/<slug:slug>/duels/draw/", duels.race_draw, name="race_draw"),
     path("races/<slug:slug>/runs/", races.race_runs, name="race_runs"),
     path("races/<slug:slug>/live/", races.race_live, name="race_live"),
+    path("races/<slug:slug>/live/screen/", live_screens.live_screen, name="live_screen"),
+    path("races/<slug:slug>/live/overlay/<str:piece>/", live_screens.live_overlay, name="live_overlay"),
+    path("races/<slug:slug>/live/commentary/", live_screens.live_commentary, name="live_commentary"),
+    path("races/<slug:slug>/live/phone/", live_screens.live_phone, name="live_phone"),
+    path("races/<slug:slug>/live/react/", live_screens.live_react, name="live_react"),
     path("races/<slug:slug>/event/", live.live_event, name="live_event"),
     path("races/<slug:slug>/event/state.json", live.live_state, name="live_state"),
     path("races/<slug:slug>/event/poses.json", live.live_poses, name="live_poses"),

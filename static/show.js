@@ -11,6 +11,8 @@
   const SAMPLES = 8;
   const JUMP_M = 0.6; // a reset moves a car at once: nothing to glide over
   const TAIL_MS = 1500;
+  const STILL_MS = 1000;
+  const still = () => matchMedia("(prefers-reduced-motion: reduce)").matches;
 
   const clock = (ms) => {
     const whole = Math.max(0, Math.floor(ms));
@@ -56,8 +58,11 @@
     constructor(root) {
       this.root = root;
       this.clock = new ServerClock();
-      this.part = (name) => root.querySelector(`[data-${name}]`);
-      const box = root.querySelector("svg.overlay").viewBox.baseVal;
+      const none = document.createElement("i"); // a screen shows some of it
+      this.part = (name) => root.querySelector(`[data-${name}]`) || none;
+      this.Track = Track;
+      const map = root.querySelector("svg.overlay");
+      const box = map ? map.viewBox.baseVal : { width: 1, height: 1 };
       this.size = 0.025 * Math.max(box.width, box.height);
       this.forget();
       this.look();
@@ -94,8 +99,8 @@
       this.looking = true;
       try {
         const state = await this.ask(this.root.dataset.show);
-        const seen = JSON.stringify({ ...state, now: 0 });
-        if (this.seen !== undefined && this.seen !== seen) htmx.trigger(document.body, "paddock:show");
+        const seen = JSON.stringify({ ...state, now: 0, reactions: 0 });
+        if (this.seen !== undefined && this.seen !== seen && window.htmx) htmx.trigger(document.body, "paddock:show");
         this.seen = seen;
         this.state = state;
         this.take(state.current);
@@ -140,7 +145,8 @@
     draw() {
       requestAnimationFrame(() => this.draw());
       if (!this.slot || !this.state) return;
-      const moment = this.clock.now() - this.slot.starts_at - this.state.behind_ms;
+      let moment = this.clock.now() - this.slot.starts_at - this.state.behind_ms;
+      if (still()) moment = Math.floor(moment / STILL_MS) * STILL_MS; // from place to place, without gliding
       const soon = this.slot.starts_at - this.clock.now();
       if (soon > 0) {
         this.part("clock").textContent = this.root.dataset.soon.replace("%s", String(Math.ceil(soon / 1000)));

@@ -69,6 +69,16 @@ class LiveStandingSerializer(LiveRacerSerializer):
     sectors = serializers.ListField(child=serializers.IntegerField(), help_text="Of the best lap, in ms.")
 
 
+class LiveLeaderSerializer(serializers.Serializer):
+    """Whose run leads, to be driven beside as a ghost."""
+
+    racer = serializers.CharField()
+    slot = serializers.IntegerField(help_text="Its poses are those of this place in the running order.")
+    whole = serializers.BooleanField(help_text="Whether the whole run counts, else its best lap.")
+    lap = serializers.IntegerField(allow_null=True, help_text="The number of its best lap.")
+    sectors = serializers.ListField(child=serializers.IntegerField(), help_text="Of that lap, in ms.")
+
+
 class LiveEventSerializer(serializers.Serializer):
     """A live event. Times in milliseconds since 1970, by the server's clock."""
 
@@ -93,6 +103,14 @@ class LiveEventSerializer(serializers.Serializer):
     standings = LiveStandingSerializer(many=True)
     winner = serializers.CharField(allow_null=True)
     podium = serializers.ListField(child=serializers.CharField(), help_text="Once it is shown; the winner first.")
+    best_sectors = serializers.ListField(
+        child=serializers.IntegerField(), help_text="The best time in each sector, in ms, of the runs that were shown."
+    )
+    own_sectors = serializers.DictField(
+        child=serializers.ListField(child=serializers.IntegerField()), help_text="The same of each racer, by alias."
+    )
+    leader = LiveLeaderSerializer(allow_null=True)
+    reactions = serializers.DictField(child=serializers.IntegerField(), help_text="How often each was sent.")
 
 
 class LivePlanSerializer(Body):

@@ -29,6 +29,7 @@ from .live import (
     SlotPhase,
     SlotState,
 )
+from .live_reaction import LiveReaction, ReactionKind
 from .own import OwnEvaluation
 from .race import Race, new_invitation
 from .redrive import Redrive, RedriveState, Retiming
@@ -70,6 +71,7 @@ __all__ = [
     "LiveLog",
     "LiveOrder",
     "LiveRacer",
+    "LiveReaction",
     "LiveSlot",
     "LiveState",
     "MeasuredLap",
@@ -82,6 +84,7 @@ __all__ = [
     "RaceTerms",
     "RaceType",
     "RankingMethod",
+    "ReactionKind",
     "Redrive",
     "RedriveState",
     "RefusedCar",

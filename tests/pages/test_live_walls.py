@@ -150,6 +150,7 @@ def everything(show: Show) -> list[str]:
         "number": ["1"],
         "form": ["openvino"],
         "name": ["evaluations", "messages"],
+        "piece": ["tower", "clock", "lower-third", "next", "bracket"],
     }
     found = ["/openapi.json"]
     for name, parameters in routes(get_resolver().url_patterns):

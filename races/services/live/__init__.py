@@ -7,6 +7,7 @@ once, the second is refused with ``live_changed`` and looks again. What the cloc
 from .clock import tick_live
 from .order import call_slot, hold_slot, move_slot, release_slot, remove_slot, run_again, skip_slot
 from .planning import cancel_live, change_live, plan_live, set_auto_run, set_submissions
+from .reacting import react
 from .roll import add_late, choose_model, say_here
 from .sealing import prepare_ahead
 from .show import begin_live, crown, end_live, launch, pause_live, resume_live, say_to_spectators, show_podium
@@ -27,6 +28,7 @@ __all__ = [
     "pause_live",
     "plan_live",
     "prepare_ahead",
+    "react",
     "release_slot",
     "remove_slot",
     "resume_live",

@@ -1,0 +1,162 @@
+"""Screens of a live event: the big one, overlays for a broadcast, the commentator's, a phone's.
+
+None of them shows anything that the event's state, its poses and its revealed runs do not tell.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import segno
+from allauth.core.internal import ratelimit
+from django.http import Http404, HttpRequest, HttpResponse, JsonResponse
+from django.shortcuts import redirect, render
+from django.urls import reverse
+from django.utils import timezone, translation
+from django.utils.safestring import mark_safe
+from django.views.decorators.csrf import ensure_csrf_cookie
+from django.views.decorators.http import require_POST, require_safe
+
+from core.forms import explain
+from paddock.errors import UserFault
+from races.live_document import live_document
+from races.live_story import story_of
+from races.models import LiveEvent, Opponents, Race, ReactionKind
+from races.replay import map_size
+from races.selectors.duels import duels_of
+from races.selectors.live import live_events_visible_to, phase_of, running_order, up_next
+from races.selectors.live_facts import facts_of, met_before
+from races.selectors.live_reactions import reactions_of, takes_reactions
+from races.services.live import react
+
+from .common import tell_fault, visible_race
+
+# The pieces of a broadcast, and the size in pixels that each is made for.
+OVERLAYS = {
+    "tower": (480, 800),
+    "clock": (640, 200),
+    "lower-third": (1200, 220),
+    "next": (480, 320),
+    "bracket": (1600, 900),
+}
+THEMES = ("dark", "light")
+EMOJI = {"clap": "👏", "fire": "🔥", "wow": "😮", "laugh": "😂", "heart": "💜", "flag": "🏁"}
+TOLD_MOST = 80
+
+
+@require_safe
+def live_screen(request: HttpRequest, slug: str) -> HttpResponse:
+    """The big screen: no controls, readable from the back of a room."""
+    race, event = _shown(request, slug)
+    follow = request.build_absolute_uri(reverse("live_phone" if event is not None else "race", args=[race.slug]))
+    return _screen(request, "races/live/screens/screen.html", race, event, code=qr_code(follow), follow=follow)
+
+
+@require_safe
+def live_overlay(request: HttpRequest, slug: str, piece: str) -> HttpResponse:
+    """One piece of a broadcast on a transparent ground."""
+    if piece not in OVERLAYS:
+        raise Http404
+    race, event = _shown(request, slug)
+    if event is None and piece != "bracket":
+        raise Http404
+    return _screen(request, "races/live/screens/overlay.html", race, event, piece=piece)
+
+
+@require_safe
+def live_commentary(request: HttpRequest, slug: str) -> HttpResponse:
+    """What happened in sentences, and what there is to say of each racer."""
+    race, event = _shown(request, slug)
+    if event is None:
+        raise Http404
+    now = timezone.now()
+    context = {
+        "race": race,
+        "event": event,
+        "phase": phase_of(event, now),
+        "told": story_of(event, now)[:TOLD_MOST],
+        "facts": facts_of(event),
+        "met": met_before(event, request.user, now),
+        "next": up_next(running_order(event)),
+    }
+    return _fresh(render(request, "races/live/screens/commentary.html", context))
+
+
+@require_safe
+@ensure_csrf_cookie
+def live_phone(request: HttpRequest, slug: str) -> HttpResponse:
+    """The show on a phone, with reactions."""
+    race, event = _shown(request, slug)
+    if event is None:
+        raise Http404
+    now = timezone.now()
+    sent = reactions_of(event)
+    kinds = [(kind.value, EMOJI[kind.value], kind.label, sent[kind.value]) for kind in ReactionKind]
+    context = _context(race, event) | {"kinds": kinds, "takes_reactions": takes_reactions(event, now)}
+    return _fresh(render(request, "races/live/screens/phone.html", context))
+
+
+@require_POST
+def live_react(request: HttpRequest, slug: str) -> HttpResponse:
+    """A spectator's reaction: counted, of a session no more than a person sends."""
+    _race, event = _shown(request, slug)
+    if event is None:
+        raise Http404
+    if request.session.session_key is None:
+        request.session.save()
+    by_script = request.headers.get("Accept", "").startswith("application/json")
+    try:
+        react(
+            event=event,
+            kind=request.POST.get("kind", ""),
+            session=request.session.session_key or "",
+            address=ratelimit.get_ip(request) or "",
+            now=timezone.now(),
+        )
+    except UserFault as fault:
+        if by_script:
+            status = 429 if fault.code == "live_reactions_too_many" else 422
+            return JsonResponse({"code": fault.code, "detail": str(explain(fault))}, status=status)
+        tell_fault(request, fault)
+    return JsonResponse({"reactions": reactions_of(event)}) if by_script else redirect("live_phone", slug)
+
+
+def qr_code(address: str) -> str:
+    """A QR code that leads to an address, as SVG whose colours are the page's."""
+    drawn = segno.make(address, error="m").svg_inline(border=0, omitsize=True, svgclass="qr", lineclass="qr-dark")
+    return mark_safe(drawn.replace(' stroke="#000"', ""))  # of our own address, and no text in it
+
+
+def _shown(request: HttpRequest, slug: str) -> tuple[Race, LiveEvent | None]:
+    """The race with its live event; a race of duels has none and is shown by its bracket. 404 for what is neither."""
+    race = visible_race(request, slug)
+    event = live_events_visible_to(request.user).filter(race=race).first()
+    if event is None and race.opponents != Opponents.MODELS:
+        raise Http404
+    return race, event
+
+
+def _context(race: Race, event: LiveEvent | None) -> dict[str, Any]:
+    return {
+        "race": race,
+        "event": event,
+        "phase": None if event is None else phase_of(event, timezone.now()),
+        "document": None if event is None else live_document(event, timezone.now()),
+        "map_size": map_size(race.track) if race.track.has_shape else None,
+    }
+
+
+def _screen(request: HttpRequest, template: str, race: Race, event: LiveEvent | None, **more: Any) -> HttpResponse:
+    """A page without cookies: ``?language=`` and ``?theme=`` say what a browser of a broadcast cannot be told else."""
+    language = request.GET.get("language", "")
+    language = language if translation.check_for_language(language) else translation.get_language() or "en"
+    theme = request.GET.get("theme", "")
+    with translation.override(language):
+        context = _context(race, event) | more
+        context |= {"duels": duels_of(race), "chosen_theme": theme if theme in THEMES else "", "language": language}
+        return _fresh(render(request, template, context))
+
+
+def _fresh(response: HttpResponse) -> HttpResponse:
+    response["Cache-Control"] = "private, no-store"
+    return response

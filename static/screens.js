@@ -1,0 +1,206 @@
+// What screens of a live event draw from what show.js tells: the timing tower, sectors in their colours, the ghost of the
+// leader, who is next, countdown and podium. It asks for nothing but the poses of the leader's run, once that was shown.
+"use strict";
+
+(() => {
+  const COUNT_MS = 200;
+  const BRACKET_MS = 5000;
+  const SLIDE_MS = 500;
+  const still = () => matchMedia("(prefers-reduced-motion: reduce)").matches;
+  const element = (tag, name, text = "") => {
+    const made = document.createElement(tag);
+    made.className = name;
+    made.textContent = text;
+    return made;
+  };
+  const time = (ms) => {
+    const whole = Math.round(ms);
+    const rest = `${String(Math.floor(whole / 1000) % 60).padStart(2, "0")}.${String(whole % 1000).padStart(3, "0")}`;
+    return `${Math.floor(whole / 60000)}:${rest}`;
+  };
+  const signed = (ms) => `${ms < 0 ? "−" : "+"}${(Math.abs(ms) / 1000).toFixed(3)}`;
+  // purple: nobody was as quick; green: the racer never was; yellow: neither
+  const colour = (ms, best, own) => (best == null || ms <= best ? "best" : own == null || ms <= own ? "own" : "slow");
+
+  class Screen {
+    constructor(root) {
+      this.root = root;
+      this.words = root.dataset;
+      this.all = (name) => root.querySelectorAll(`[data-${name}]`);
+      this.ghost = null;
+      this.forget();
+      root.addEventListener("show:state", ({ detail }) => this.state(detail));
+      root.addEventListener("show:frame", ({ detail }) => this.frame(detail));
+      root.addEventListener("show:event", ({ detail }) => this.event(detail));
+      setInterval(() => this.count(), COUNT_MS);
+    }
+
+    forget() {
+      this.slot = null;
+      this.lapFrom = 0;
+      this.inLap = [];
+      this.delta(null);
+      this.all("sectors").forEach((each) => each.replaceChildren());
+    }
+
+    // --- the state -------------------------------------------------------------------------------------------------
+    state(told) {
+      this.told = told;
+      const slot = told.current && told.current.slot;
+      if (slot && slot !== this.slot) { this.forget(); this.slot = slot; }
+      const shows = told.podium.length && !told.current;
+      const under = ["running", "paused", "ended"].includes(told.phase);
+      this.root.dataset.phase = told.phase === "cancelled" ? "cancelled" : shows ? "podium" : under ? "running" : "before";
+      this.all("on-track").forEach((each) => { each.hidden = !told.current && !this.root.show.slot; });
+      this.all("has-next").forEach((each) => { each.hidden = !told.next.length; });
+      this.all("stage-tower").forEach((each) => { each.hidden = !told.standings.length; });
+      this.all("has-podium").forEach((each) => { each.hidden = !told.podium.length; });
+      this.all("message").forEach((each) => { each.hidden = !told.message; if (each.textContent !== told.message) each.textContent = told.message; });
+      if (!told.current && !this.root.show.slot) this.all("who").forEach((each) => { each.textContent = this.words.nobody; });
+      this.all("tower").forEach((each) => this.tower(each));
+      this.all("next").forEach((each) => this.next(each));
+      this.all("podium").forEach((each) => this.podium(each));
+      this.count();
+      this.fetchGhost();
+    }
+
+    tower(list) {
+      const { standings, current, best_sectors: best, own_sectors: own } = this.told;
+      const rows = standings.length ? standings : this.told.racers.map((racer) => ({ ...racer, rank: null, sectors: [], score_ms: null }));
+      const shown = rows.slice(0, Number(list.dataset.most) || rows.length);
+      const drives = current && rows.find((row) => row.racer === current.racer);
+      if (drives && !shown.includes(drives)) shown[shown.length - 1] = drives;
+      const before = new Map([...list.children].map((row) => [row.dataset.racer, row.getBoundingClientRect().top]));
+      const text = JSON.stringify([shown, current && current.racer, best, own]);
+      if (text === list.was) return;
+      list.was = text;
+      list.replaceChildren(...shown.map((row) => {
+        const line = element("li", current && current.racer === row.racer ? "driving" : "");
+        line.dataset.racer = row.racer;
+        const marks = element("span", "marks");
+        (row.sectors || []).forEach((ms, at) => marks.append(element("i", colour(ms, best[at], (own[row.racer] || [])[at]))));
+        const gap = row.score_ms == null ? "–" : row.gap_ms ? signed(row.gap_ms) : time(row.score_ms);
+        line.append(element("span", "pos num", row.rank ?? "–"), element("span", "who name", row.racer), marks, element("span", "time num", gap));
+        return line;
+      }));
+      if (still()) return;
+      for (const row of list.children) {
+        const was = before.get(row.dataset.racer);
+        const by = was === undefined ? 0 : was - row.getBoundingClientRect().top;
+        if (by) row.animate([{ transform: `translateY(${by}px)` }, { transform: "none" }], { duration: SLIDE_MS, easing: "ease-out" });
+      }
+    }
+
+    next(list) {
+      list.replaceChildren(...this.told.next.map((slot) => {
+        const line = element("li", slot.state);
+        line.append(element("span", "name", slot.racer), element("small", "", this.words.round.replace("%s", slot.round)));
+        if (slot.state === "called") line.append(element("strong", "called", this.words.called));
+        return line;
+      }));
+    }
+
+    podium(list) {
+      const text = this.told.podium.join("\n");
+      if (text === list.was) return;
+      list.was = text;
+      list.replaceChildren(...this.told.podium.map((racer, at) => {
+        const line = element("li", `step-${at + 1}`);
+        const row = this.told.standings.find((one) => one.racer === racer);
+        line.append(element("span", "name", racer), element("span", "num", row && row.score_ms != null ? time(row.score_ms) : ""), element("b", "num", String(at + 1)));
+        return line;
+      }));
+    }
+
+    count() {
+      if (!this.told) return;
+      const waits = ["planned", "lobby"].includes(this.told.phase);
+      const left = Math.max(0, Math.ceil((this.told.starts_at - this.root.show.clock.now()) / 1000));
+      const [hours, minutes, seconds] = [Math.floor(left / 3600), Math.floor(left / 60) % 60, left % 60];
+      const two = (number) => String(number).padStart(2, "0");
+      this.all("countdown").forEach((each) => {
+        each.hidden = !waits;
+        each.textContent = hours ? `${hours}:${two(minutes)}:${two(seconds)}` : `${minutes}:${two(seconds)}`;
+      });
+    }
+
+    // --- what the car does -----------------------------------------------------------------------------------------
+    frame({ moment, steer }) {
+      this.all("wheel").forEach((each) => { each.style.transform = `rotate(${-steer * 2}deg)`; });
+      const shape = this.root.querySelector("[data-ghost]");
+      if (!shape) return;
+      const place = this.ghost && this.ghost.at(moment - (this.ghost.whole ? 0 : this.lapFrom));
+      shape.toggleAttribute("hidden", !place);
+      if (place) shape.setAttribute("transform", `translate(${place.x} ${place.y}) rotate(${place.yaw}) scale(${this.root.show.size})`);
+    }
+
+    event(event) {
+      if (event.car !== 0 || !this.told) return;
+      if (event.kind === "lap") { this.lapFrom = event.t; this.inLap = []; }
+      if (event.kind !== "sector") return;
+      if (event.sector === 1) { this.inLap = []; this.all("sectors").forEach((each) => each.replaceChildren()); }
+      this.inLap.push(event.ms);
+      const { best_sectors: best, own_sectors: own, current, leader } = this.told;
+      const mine = (current && own[current.racer]) || [];
+      const at = event.sector - 1;
+      this.all("sectors").forEach((each) => each.append(element("li", colour(event.ms, best[at], mine[at]), (event.ms / 1000).toFixed(3))));
+      best[at] = Math.min(best[at] ?? event.ms, event.ms);
+      if (current) { (own[current.racer] ??= [])[at] = Math.min(mine[at] ?? event.ms, event.ms); }
+      if (leader && leader.sectors.length > at) {
+        const sum = (times) => times.slice(0, event.sector).reduce((all, ms) => all + ms, 0);
+        this.delta(sum(this.inLap) - sum(leader.sectors));
+      }
+    }
+
+    delta(ms) {
+      this.all("delta").forEach((each) => {
+        each.textContent = ms === null ? "" : signed(ms);
+        each.classList.toggle("ahead", ms !== null && ms < 0);
+        each.classList.toggle("behind", ms !== null && ms >= 0);
+        if (ms !== null) each.title = (ms < 0 ? this.words.ahead : this.words.behind).replace("%s", signed(ms));
+      });
+    }
+
+    // --- the leader's run, which was shown ---------------------------------------------------------------------------
+    async fetchGhost() {
+      const { leader } = this.told;
+      const wanted = leader ? `${leader.slot}:${leader.lap}` : "";
+      if (this.fetching || wanted === this.has || !this.root.querySelector("[data-ghost]")) return;
+      this.fetching = true;
+      try {
+        if (!leader) { this.ghost = null; this.has = wanted; return; }
+        const car = new this.root.show.Track();
+        let from = 0;
+        for (let after = -1, more = true; more;) {
+          const answer = await fetch(`${this.root.dataset.poses}?slot=${leader.slot}&after=${after}`, { cache: "no-store" });
+          if (!answer.ok) throw new Error(String(answer.status));
+          const said = await answer.json();
+          for (const chunk of said.chunks) {
+            after = chunk.n;
+            if (chunk.cars[0]) car.add(chunk.cars[0]);
+            for (const event of chunk.events) if (event.car === 0 && event.kind === "lap" && event.lap === leader.lap) from = event.t - event.ms;
+          }
+          more = said.chunks.length > 0 && !said.over;
+        }
+        const end = car.t[car.t.length - 1];
+        const start = leader.whole ? 0 : from;
+        this.ghost = { whole: leader.whole, at: (moment) => (moment >= 0 && start + moment <= end ? car.at(start + moment) : null) };
+        this.has = wanted;
+      } catch { /* asked again with the next state */ } finally { this.fetching = false; }
+    }
+  }
+
+  document.querySelectorAll("[data-show]").forEach((root) => { root.screen = new Screen(root); });
+
+  // --- a bracket fills itself ------------------------------------------------------------------------------------------
+  const bracket = document.querySelector("[data-bracket-page] #bracket");
+  if (bracket) {
+    setInterval(async () => {
+      try {
+        const answer = await fetch(location.href, { cache: "no-store" });
+        const fresh = new DOMParser().parseFromString(await answer.text(), "text/html").getElementById("bracket");
+        if (answer.ok && fresh && fresh.innerHTML !== bracket.innerHTML) bracket.replaceChildren(...fresh.childNodes);
+      } catch { /* asked again soon */ }
+    }, BRACKET_MS);
+  }
+})();
