@@ -10,6 +10,7 @@ from typing import Any
 from django.utils.feedgenerator import Atom1Feed
 from django.utils.translation import gettext as _
 
+from races.exports import plain
 from races.names import named
 
 from .models import Season
@@ -60,11 +61,6 @@ def standings_csv(rows: Sequence[Mapping[str, Any]]) -> str:
         cells = [plain(row[name]) for name in COLUMNS[:-1]]
         writer.writerow([*cells, " ".join(map(_cell, row["rounds"]))])
     return file.getvalue()
-
-
-def plain(value: Any) -> Any:
-    """What a spreadsheet shows and does not work out: text that begins like a formula gets an apostrophe in front."""
-    return f"'{value}" if isinstance(value, str) and value.startswith(("=", "+", "-", "@", "\t", "\r")) else value
 
 
 def standings_feed(season: Season, rows: Sequence[Mapping[str, Any]], *, address: Callable[[str], str]) -> Atom1Feed:

@@ -92,7 +92,12 @@ def csv_lines(rows: Iterable[BoardRow]) -> Iterator[str]:
     writer = csv.writer(Echo(), lineterminator="\r\n")
     yield writer.writerow(COLUMNS)
     for row in rows:
-        yield writer.writerow(int(value) if isinstance(value, bool) else value for value in row_data(row).values())
+        yield writer.writerow(int(one) if isinstance(one, bool) else plain(one) for one in row_data(row).values())
+
+
+def plain(value: Any) -> Any:
+    """What a spreadsheet shows and does not work out: text that begins like a formula gets an apostrophe in front."""
+    return f"'{value}" if isinstance(value, str) and value.startswith(("=", "+", "-", "@", "\t", "\r")) else value
 
 
 class Echo:

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 from core.times import clock
 
-from .exports import Echo
+from .exports import Echo, plain
 from .measured import counted_ms, is_complete
 from .selectors.timing import sessions_of
 
@@ -27,7 +27,7 @@ def lap_lines(race: Race) -> Iterator[str]:
     yield writer.writerow(HEADING)
     for session in sessions_of(race):
         for lap in session.laps.all():
-            yield writer.writerow(_cells(race, session, lap))
+            yield writer.writerow([plain(cell) for cell in _cells(race, session, lap)])
 
 
 def _cells(race: Race, session: TimedSession, lap: MeasuredLap) -> tuple:

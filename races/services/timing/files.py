@@ -207,7 +207,7 @@ def _line(race: Race, heading: list[str], row: list[str], line: int) -> FileLap:
     time_ms = _whole(cells, "time_ms", least=0, most=10**10) if cells.get("time_ms") else time_of(cells.get("time", ""))
     valid = _yes(cells.get("valid", ""))
     check_time(race, number, time_ms, valid=valid)
-    racer, guest = cells.get("racer", ""), cells.get("guest", "")
+    racer, guest = cells.get("racer", "").removeprefix("'"), cells.get("guest", "")  # as an export guards "-alias"
     if not racer and not guest:
         raise UserFault("csv_who")
     started = cells.get("started_at", "")
