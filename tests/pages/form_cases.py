@@ -51,6 +51,7 @@ def _logged(action: str) -> str:
 
 
 STEWARD = "#steward-actions"
+STOP = "css=form[action$='/{report_listed}/stop/'] button"
 CASES = [
     # in the head of every page
     Case("guest", "/about/", "한국어", "css=html[lang=ko]", inside="header"),
@@ -134,15 +135,18 @@ CASES = [
     Case("alice", "/classes/7c/", "css=#plan button", "Saved."),
     Case("alice", "/classes/7c/", "css=#learners [value=codes]", "css=.class-card"),
     Case("alice", "/classes/7c/", "Delete everything", "The class is deleted", {"Its name, to be sure": "7c"}),
-    Case("guest", "/class/", "css=main button", "There is no such code.", {"Code on your card": "ABCD"}),
+    Case("guest", "/class/", "css=form button", "There is no such code.", {"Code on your card": "ABCD"}),
     # teams
     Case("admin", "/teams/new/", "Found the team", "The team is founded.", {"Name": "Kites"}),
     Case("alice", "/teams/comets/", "Ask to join", "Saved.", {"Alias": "slowpoke"}),
-    Case("alice", "/teams/comets/", "css=#invite li button", "Saved."),
-    Case("newcomer", "/teams/comets/", "Join", "Saved."),
-    Case("newcomer", "/teams/comets/", "Leave the team", "You are in no team any more."),
+    Case("alice", "/teams/comets/", "css=#invite li:has-text('slowpoke') button", "Saved."),
+    Case("newcomer", "/teams/comets/", "Turn down", "Saved."),
+    Case("newcomer", "/teams/", "css=form[action='/teams/rockets/'] [value=decline]", "Saved."),
+    Case("newcomer", "/teams/", "css=form[action='/teams/rebels/'] [value=accept]", "Saved."),
+    Case("newcomer", "/teams/rebels/", "Leave the team", "You are in no team any more."),
     Case("newcomer", "/teams/join/{team_code}/", "Join the team", "You are in the team."),
-    Case("newcomer", "/teams/", "Turn down", "Saved."),
+    Case("newcomer", "/teams/comets/", "Leave the team", "You are in no team any more."),
+    Case("newcomer", "/teams/aces/", "Join", "Saved."),
     Case("alice", "/teams/comets/", "css=#members [value=remove]", "Saved."),
     Case("alice", "/teams/comets/", "css=#members [value=hand_over]", "Saved."),
     Case("admin", "/teams/comets/", "css=.side [value=link]", "Saved."),
@@ -158,7 +162,13 @@ CASES = [
     Case("admin", "/groups/club/", "Turn down", "Saved."),
     Case("admin", "/groups/club/", "Delete the group", "The group is deleted."),
     # invitations by e-mail
-    Case("alice", "/races/secret-race/invited/", "Invite them", "1 address is invited.", {"Addresses": "b@x.org"}),
+    Case(
+        "alice",
+        "/races/secret-race/invited/",
+        "Invite them",
+        "1 address is invited.",
+        {"css=[name=addresses]": "b@x.org"},
+    ),
     Case("alice", "/races/secret-race/invited/", "css=[name=again]", "Another invitation is on its way"),
     Case("alice", "/races/secret-race/invited/", "css=[name=withdraw]", "The invitation is withdrawn."),
     Case("guest", "/races/invited/{invited}/", "Log in and join", "css=input[name=login]"),
@@ -166,7 +176,7 @@ CASES = [
     Case("newcomer", "/races/invited/{invited}/", "Join the race", "You are in."),
     Case("guest", "/invitations/stop/{invited_stop}/", "Stop them", "css=main:not(:has(form))"),
     # races
-    Case("newcomer", "/races/next-race/", "Enter", "You are in."),
+    Case("admin", "/races/next-race/", "Enter", "You are in."),
     Case("newcomer", "/races/open-race/", "Submit", "css=#live-card"),
     Case("newcomer", "/races/open-race/withdraw/", "Withdraw", "You have withdrawn."),
     Case("newcomer", "/races/new/?track=oval", "Make the race", "The race is made.", {"Name": "Lunch"}),
@@ -286,7 +296,7 @@ CASES = [
     Case("alice", "/reports/{report}/", "Compare", "css=#compare table", scripts=False),
     Case("alice", "/reports/{report}/", "Drive again", "css=#live"),
     Case("alice", "/reports/{report_waits}/", "Stop", "css=.pill.stopped"),
-    Case("alice", "/reports/", "css=form[action$='/{report_listed}/stop/'] button", "css=.pill.stopped"),
+    Case("alice", "/reports/", STOP, f"css=main:not(:has({STOP.removeprefix('css=')}))"),
     Case("alice", "/reports/", "css=form[action$='/{report}/again/'] button", "css=#live"),
     Case("alice", "/reports/{report}/delete/", "Delete", "The report is deleted."),
     Case("alice", "/evaluations/{own}/delete/", "Delete", "The run is deleted."),

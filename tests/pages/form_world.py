@@ -117,6 +117,9 @@ class Cast:
             join_by_link(code=comets.code, racer=racer, now=now)
         for alias in ("newcomer", "gone"):
             invite_to_team(team=comets, alias=alias, by=alice, now=now)
+        for captain, name in (("ace", "Aces"), ("rocket", "Rockets"), ("rebel", "Rebels")):
+            team = found_team(by=a_racer(captain), name=name, now=now)
+            invite_to_team(team=team, alias="newcomer", by=team.captain, now=now)
         self.team_code = comets.code
         then, later = now - timedelta(days=2), world.upcoming
         type(later).objects.filter(pk=later.pk).update(organiser=alice)

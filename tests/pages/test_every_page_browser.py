@@ -65,7 +65,8 @@ def look_at(page: playwright.Page, width: dict, theme: str, rules: dict) -> list
 @pytest.mark.parametrize("looks", [(), pytest.param(LOOKS, marks=pytest.mark.soak)], ids=["in turn", "all"])
 def test_every_page_is_accessible_and_logs_no_browser_errors(looks, site, browser, live_server):
     turn = cycle(LOOKS[:2])
-    assert not names_of_pages() - names_walked(site), "pages that are not in tests/pages/walk.py"
+    missing = sorted(names_of_pages() - names_walked(site))
+    assert not missing, f"pages that are not in tests/pages/walk.py: {missing}"
     wrong: dict[str, list[str]] = {}
     for viewer in site.paths:
         context = browser.new_context(base_url=live_server.url, locale="en-GB", bypass_csp=False)

@@ -86,7 +86,7 @@ class Browsing:
                 page.goto(case.at.format(**self._cast.words), wait_until="domcontentloaded")
             for label, value in case.fill.items():
                 _fill(page, label, value)
-            button = _button(page, case)
+            button = _button(page, case, case.press.format(**self._cast.words))
             button.evaluate("button => { const menu = button.closest('details'); if (menu) menu.open = true; }")
             in_head, method, action, name, value, chosen = button.evaluate(PRESSED)
             form = Form(
@@ -95,7 +95,7 @@ class Browsing:
                 name_of(action),
                 f"action={chosen}" if chosen else button_of(name, value),
             )
-            outcome = _outcome(page, case.then)
+            outcome = _outcome(page, case.then.format(**self._cast.words))
             assert not outcome.count(), f"{case.then!r} is there before anything is sent"
             button.click()
             outcome.first.wait_for(state="attached", timeout=WAIT_MS)
@@ -140,10 +140,11 @@ class Browsing:
             self.wrong.append(f"{self._doing}: {what}")
 
 
-def _button(page, case: Case):
-    if case.press.startswith("css="):
-        return page.locator(case.inside).locator(case.press).first
-    name = re.compile(rf"^{re.escape(case.press)}(?!\w)")
+def _button(page, case: Case, press: str):
+    """``press``: of the case, with the words of the world in it."""
+    if press.startswith("css="):
+        return page.locator(case.inside).locator(press).first
+    name = re.compile(rf"^{re.escape(press)}(?!\w)")
     return page.locator(case.inside).get_by_role("button", name=name, include_hidden=True).first
 
 

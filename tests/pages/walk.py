@@ -29,6 +29,7 @@ from tests.duels import drawn, end_all
 from tests.evaluation import reports
 from tests.factories import a_model, a_race, a_racer, drive, laps, outcome, start
 from tests.happened import tell_what_happened
+from tests.live_shows import a_live_race, a_show, begun
 from tests.pages.conftest import World, make_world
 from tests.pages.test_training import end, run
 from tests.races.timing import a_timed_race
@@ -60,6 +61,7 @@ NO_PAGES = {
     *("training_logs", "training_metrics", "training_sb3", "training_stop", "training_trace", "video_file"),
     *("car_choose", "guest_link", "race_laps_csv", "race_timing_worker", "sensor_revoke"),
     *("timekeeper_dismiss", "timekeeper_name"),
+    *("cup_starter", "live_act", "live_mine", "live_poses", "live_state", "notices_bell", "stream"),
     *("video_live", "video_poster", "video_stop", "webhook_remove", "webhook_secret", "webhook_test"),
     "training_first",
     "track_file",
@@ -164,6 +166,9 @@ def _paths(world, season, trained, training, pair, vehicle, token) -> dict[str, 
     runs = {name: world.evaluation(name).public_id for name in ("queued", "running", "failed", "finished")}
     driven, chased = pair
     own = [run.evaluation.public_id for run in _own(world)]
+    show = a_live_race(world.now, world.alice, slug="show-race", name="Show race")
+    begun(a_show(world.now, world.alice, ["alice", "bob"], race=show), world.alice, world.now)
+    a_show(world.now, world.alice, ["bob"], race=a_live_race(world.now, world.alice, slug="plan-race", name="Planned"))
     real, mia = a_timed_race(world.now, world.alice, world.bob, beside=world.race)
     timed_lap = real.timed_sessions.get(entry__racer=world.bob).laps.get(number=1)
     done, waits = (report.public_id for report in _reports(world))
@@ -182,6 +187,8 @@ def _paths(world, season, trained, training, pair, vehicle, token) -> dict[str, 
             *("/races/real-race/", "/races/real-race/laps/", "/races/real-race/rules/", "/races/real-race/edit/"),
             *("/races/real-race/timing/", "/races/real-race/timing/set-up/", f"/laps/{mia.claim}/"),
             f"/races/real-race/laps/{timed_lap.pk}/correct/",
+            *("/races/show-race/event/", "/races/show-race/event/console/", "/races/show-race/"),
+            *("/races/plan-race/event/", "/races/plan-race/event/console/", "/races/plan-race/event/plan/"),
             *("/races/open-race/racers/", "/races/open-race/racers/bob/remove/", "/races/open-race/cancel/"),
             "/races/open-race/close/",
             *("/races/open-race/invited/", f"/invitations/stop/{stop_token('a@example.org')}/"),
