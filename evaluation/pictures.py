@@ -62,12 +62,27 @@ def sensor_picture(
     readings = make_sensors(sensors, lambda: scene, config)
     rows = []
     for view in views(track):
-        panels = []
-        for name in sorted(readings, key=lambda name: name not in CAMERAS):
-            reading = readings[name](cast("Car", _Looker(view)), view.solids)
-            panels += _frames(reading) if name in CAMERAS else [_fan(name, reading, view, config)]
-        rows.append(_joined(panels, axis=1))
-    written, png = cv2.imencode(".png", _joined(rows, axis=0), [cv2.IMWRITE_PNG_COMPRESSION, 9])
+        shown = {name: read(cast("Car", _Looker(view)), view.solids) for name, read in readings.items()}
+        rows.append(_row(shown, view, config))
+    return _png(_joined(rows, axis=0), 9)
+
+
+def reading_picture(
+    readings: Mapping[str, np.ndarray], view: Viewpoint, lidar_config: Mapping[str, float] | None = None
+) -> bytes:
+    """One row of such a picture: what sensors read at ``view``, as a grey PNG."""
+    return _png(_row(readings, view, lidar_settings(lidar_config)), 6)
+
+
+def _row(readings: Mapping[str, np.ndarray], view: Viewpoint, config: Mapping[str, float]) -> np.ndarray:
+    panels: list[np.ndarray] = []
+    for name in sorted(readings, key=lambda name: name not in CAMERAS):
+        panels += _frames(readings[name]) if name in CAMERAS else [_fan(name, readings[name], view, config)]
+    return _joined(panels, axis=1)
+
+
+def _png(pixels: np.ndarray, compression: int) -> bytes:
+    written, png = cv2.imencode(".png", pixels, [cv2.IMWRITE_PNG_COMPRESSION, compression])
     if not written:
         raise RuntimeError("OpenCV wrote no PNG")
     return png.tobytes()

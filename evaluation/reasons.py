@@ -16,6 +16,7 @@ register(
             "what it is. Delete models and trainings that you need no more (networks that never raced are removed "
             "after a day); for more, ask an operator."
         ),
+        "seen_lap": _("There is no lap %(lap)s to look at: the run has %(laps)s."),
         "model_name_missing": _("The model needs a name with at least one visible character."),
         "model_name_too_long": _("The name is longer than %(limit)s characters. Choose a shorter one."),
         "model_name_taken": _("You already have a model named %(name)s. Choose another name."),

@@ -13,6 +13,7 @@ from .views import (
     own,
     races,
     racing,
+    seen,
     timing,
     videos,
 )
@@ -86,6 +87,8 @@ urlpatterns = [
         comparing.evaluation_compared_replay,
         name="evaluation_compared_replay",
     ),
+    path("evaluations/<str:public_id>/seen/", seen.evaluation_seen, name="evaluation_seen"),
+    path("evaluations/<str:public_id>/saw/", seen.evaluation_saw, name="evaluation_saw"),
     path("evaluations/<str:public_id>/trace.csv", evaluations.evaluation_trace, name="evaluation_trace"),
     path("evaluations/<str:public_id>/metrics.json", evaluations.evaluation_metrics, name="evaluation_metrics"),
     path("evaluations/<str:public_id>/logs.zip", evaluations.evaluation_logs, name="evaluation_logs"),

@@ -31,6 +31,8 @@
     return index;
   }
 
+  const SEEN_MS = 350; // between two frames of what the car saw
+
   class Player {
     constructor(root, run) {
       this.root = root;
@@ -44,6 +46,8 @@
         ["toggle", "seek", "rate", "out", "tail"].map(this.part);
       this.car = root.querySelector('[data-car="0"]');
       this.laps = this.lapStarts();
+      this.seen = this.part("seen");
+      this.saw = this.part("saw");
       this.seek.max = this.end;
       this.toggle.addEventListener("click", () => (this.frame ? this.pause() : this.play()));
       this.seek.addEventListener("input", () => { this.now = Number(this.seek.value); this.draw(); });
@@ -122,6 +126,22 @@
       this.watching = this.watched = false;
     }
 
+    // The frame of the moment: asked for only while the picture is in sight, a few times a second, one at a time.
+    look() {
+      if (!this.seen) return;
+      const ms = Math.round(this.now);
+      this.saw.href = `${this.saw.href.split("?")[0]}?ms=${ms}`;
+      if (this.looking) return;
+      this.looking = setTimeout(() => {
+        this.looking = 0;
+        if (Math.round(this.now) !== ms && !this.frame) { this.look(); return; }
+        const box = this.root.getBoundingClientRect();
+        if (box.bottom < 0 || box.top > innerHeight) return;
+        this.seen.hidden = false;
+        this.seen.src = `${this.seen.dataset.seen}?ms=${Math.round(this.now)}`;
+      }, SEEN_MS);
+    }
+
     pause() {
       cancelAnimationFrame(this.frame);
       this.frame = 0;
@@ -156,6 +176,7 @@
       }
       this.tail.setAttribute("points", points.join(" "));
       this.seek.value = this.now;
+      this.look();
       const number = [...this.laps.keys()].indexOf(lap[i]) + 1 + (this.run.before ?? 0);
       const inLap = clock(Math.max(0, Math.min(this.now, t[t.length - 1]) - this.laps.get(lap[i])));
       const text = `${this.out.dataset.lap} ${number} · ${inLap} · ${v[i].toFixed(1)} m/s · ${steer[i].toFixed(0)}°`;

@@ -43,7 +43,7 @@ from videos.services import ask_for_video, run_next_video
 NO_PAGES = {
     *("api_token_revoke", "board_atom", "board_badge", "board_csv", "board_json", "elsewhere_file", "enter"),
     *("evaluation_live", "evaluation_logs", "evaluation_metrics", "evaluation_replay", "evaluation_stop"),
-    *("evaluation_compared_replay", "evaluation_trace"),
+    *("evaluation_compared_replay", "evaluation_seen", "evaluation_trace"),
     *("evaluation_video", "favicon", "health_live", "health_ready", "model_export"),
     *("model_package", "model_sensors", "model_share", "model_uploaded"),
     *("notice_open", "notices_read", "race_layout", "race_draw", "race_invitation_reset", "race_live"),
@@ -200,7 +200,7 @@ def _paths(world, season, trained, training, pair, vehicle, token) -> dict[str, 
             *("/races/old-race/", "/races/no-race/", "/races/secret-race/", "/races/robin/", "/races/robin/duels/"),
             *(f"/evaluations/{runs[name]}/" for name in ("queued", "failed", "finished")),
             *(f"/evaluations/{driven.public_id}/", f"/evaluations/{driven.public_id}/?colour=lap&lap=2"),
-            f"/evaluations/{driven.public_id}/compare/",
+            *(f"/evaluations/{driven.public_id}/compare/", f"/evaluations/{driven.public_id}/saw/?lap=2&ms=400"),
             f"/evaluations/{driven.public_id}/compare/{chased.public_id}/",
             *(
                 "/runs/",

@@ -1,0 +1,175 @@
+"""What the car saw: its camera's frame at a moment of a run, and what its network answered."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from allauth.core.internal import ratelimit
+from django.core.exceptions import PermissionDenied
+from django.http import Http404, HttpRequest, HttpResponse
+from django.shortcuts import redirect, render
+from django.urls import reverse
+from django.utils.cache import get_conditional_response
+from django.utils.http import quote_etag
+from django.utils.translation import gettext as _
+from django.views.decorators.http import require_safe
+
+from accounts.who import racer_of
+from evaluation.models import Evaluation, State
+from evaluation.seeing import CAMERA, Moment, SeenRun, probabilities, seen_run
+from evaluation.selectors import can_see_model
+from paddock.errors import PaddockError, UserFault
+
+from .common import fault_text, tell_fault, visible_evaluation
+
+SEEN_FORMAT = 1
+RATES = {"seen_frame": "600/m/key", "seen_page": "60/m/key"}  # a replay asks for three frames a second
+_MOST_MS = 10**8
+_STEP_MS = 1000 / 15
+
+
+@dataclass(frozen=True)
+class Bar:
+    """One action of a discrete list, or one of the two values of a continuous space. ``share``: how long its bar is,
+    0 to 100; ``from_share``: where it begins."""
+
+    label: str
+    share: float
+    said: str
+    chosen: bool
+    from_share: float = 0.0
+
+
+@require_safe
+def evaluation_seen(request: HttpRequest, public_id: str) -> HttpResponse:
+    """The frame (PNG) at ``ms`` of the run or of its ``lap``, or at ``step``; ``car``: that of another car of it."""
+    if (late := _too_many(request, "seen_frame")) is not None:
+        return late
+    shown, number = _finished(request, public_id)
+    try:
+        run = seen_run(shown, number)
+        moment = _moment(request, run)
+    except UserFault as fault:
+        raise Http404 from fault
+    sensors = _sensors(request, shown, number)
+    etag = quote_etag(f"{run.trace_sha256[:32]}-{moment.step}-{'-'.join(sensors)}-{SEEN_FORMAT}")
+    response = get_conditional_response(request, etag=etag)
+    if response is None:
+        response = HttpResponse(run.picture(moment.step, sensors), content_type="image/png")
+    response["ETag"] = etag
+    response["Cache-Control"] = "private, max-age=600"
+    return response
+
+
+@require_safe
+def evaluation_saw(request: HttpRequest, public_id: str) -> HttpResponse:
+    """The frame with the moments before and after it, and for who may use the model what its network answered."""
+    if (late := _too_many(request, "seen_page")) is not None:
+        return late
+    shown, number = _finished(request, public_id)
+    try:
+        run = seen_run(shown, number)
+        moment = _moment(request, run)
+    except UserFault as fault:
+        tell_fault(request, fault)
+        return redirect("evaluation", public_id)
+    context = {
+        "evaluation": shown,
+        "car": number,
+        "moment": moment,
+        "frame": f"{reverse('evaluation_seen', args=[public_id])}?step={moment.step}&car={number}",
+        "in_lap_ms": max(0, moment.ms - run.start_of(moment.lap)),
+        "laps": run.laps,
+        "steps": _steps(run, moment),
+        "bars": [],
+        "fault": "",
+        "may_ask": _may_ask(request, shown, number),
+    }
+    if context["may_ask"] and moment.asked:
+        try:
+            context["bars"] = _bars(run, moment, run.answers(moment.lap, who=racer_of(request).pk).get(moment.step))
+        except PaddockError as fault:
+            context["fault"] = fault_text(fault)
+    response = render(request, "races/evaluation/saw.html", context)
+    response["Cache-Control"] = "private, no-store"
+    return response
+
+
+def _finished(request: HttpRequest, public_id: str) -> tuple[Evaluation, int]:
+    shown = visible_evaluation(request, public_id)
+    if shown.state != State.FINISHED:
+        raise Http404
+    number = request.GET.get("car", "0")
+    return shown, int(number) if number.isascii() and number.isdecimal() and len(number) < 3 else -1
+
+
+def _may_ask(request: HttpRequest, shown: Evaluation, number: int) -> bool:
+    """Whether the reader may know the sensors and the answers of the car's network: who may use it, and admins."""
+    if not request.user.is_authenticated:
+        return False
+    model = shown.model if not number else shown.rivals.select_related("model__owner").get(number=number).model
+    return request.user.is_staff or can_see_model(request.user, model)
+
+
+def _sensors(request: HttpRequest, shown: Evaluation, number: int) -> list[str]:
+    if not _may_ask(request, shown, number):
+        return list(CAMERA)
+    metadata = shown.spec["metadata"] if not number else shown.rivals.get(number=number).metadata
+    return sorted(metadata["sensor"])
+
+
+def _moment(request: HttpRequest, run: SeenRun) -> Moment:
+    def asked(name: str) -> int | None:
+        text = request.GET.get(name, "")
+        return min(int(text), _MOST_MS) if text.isascii() and text.isdecimal() and len(text) < 12 else None
+
+    step, lap = asked("step"), asked("lap")
+    return run.moment(step) if step is not None else run.at(asked("ms") or 0, lap)
+
+
+def _steps(run: SeenRun, moment: Moment) -> list[tuple[str, str, int]]:
+    """The moments that the page leads to: sign, words, step."""
+    second = round(1000 / _STEP_MS)
+    ways = (
+        ("«", _("A second before"), -second),
+        ("‹", _("A step before"), -1),
+        ("›", _("A step after"), 1),
+        ("»", _("A second after"), second),
+    )
+    return [(sign, words, run.moment(moment.step + by).step) for sign, words, by in ways]
+
+
+def _bars(run: SeenRun, moment: Moment, values: list[float] | None) -> list[Bar]:
+    if values is None:
+        return []
+    space = run.space
+    if space.kind == "discrete":
+        return [
+            Bar(f"{_signed(steering)}° · {speed:g} m/s", 100 * share, f"{100 * share:.1f} %", index == moment.index)
+            for index, ((steering, speed), share) in enumerate(zip(space.actions, probabilities(values), strict=True))
+        ]
+    chosen = ((_("Steering"), "°", moment.steering), (_("Speed"), " m/s", moment.speed))
+    bars = []
+    for (name, unit, value), mean, (low, high) in zip(chosen, values, (space.steering, space.speed), strict=True):
+        share = 100 * (min(max(value, low), high) - low) / (high - low)
+        said = f"{value:g}{unit} ({low:g} – {high:g}; {_('mean')} {mean:+.3f})"
+        bars.append(Bar(name, share, said, True))
+    return bars
+
+
+def _signed(degrees: float) -> str:
+    """Degrees with their sign, none for straight on."""
+    return f"{degrees:+g}".replace("-", "−") if degrees else "0"
+
+
+def _too_many(request: HttpRequest, action: str) -> HttpResponse | None:
+    """An answer for who asks too often: racers by their number, guests by address."""
+    try:
+        key = str(request.user.pk) if request.user.is_authenticated else ratelimit.get_ip(request)
+    except PermissionDenied:
+        key = ""
+    if ratelimit.consume(request, app="races", action=action, config=RATES, key=key, limit_get=True) is not None:
+        return None
+    response = HttpResponse(status=429)
+    response["Retry-After"] = "60"
+    return response

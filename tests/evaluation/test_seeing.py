@@ -1,0 +1,202 @@
+"""What a car saw is drawn again from its trace: the very frames, and the answers that made the very actions."""
+
+from __future__ import annotations
+
+import io
+import json
+from dataclasses import replace
+
+import numpy as np
+import onnxruntime
+import pytest
+from django.core.cache import cache
+from django.test import Client
+from django.urls import reverse
+from django.utils import timezone
+from PIL import Image
+
+from evaluation import seeing
+from evaluation.pictures import ZOOM
+from evaluation.seeing import probabilities, seen_run
+from evaluation.services import finish_evaluation, share_model
+from league.services import house_cars
+from paddock.errors import UserFault
+from paddock.geometry.catalogue import by_slug
+from paddock.rules.race import RaceRules
+from paddock.simulator.action import ActionSpace
+from paddock.simulator.race import Entrant, RaceResult, run_race
+from paddock.simulator.retracing import RunSight, TracePath, standing_boxes
+from paddock.simulator.stage import PreparedTrack
+from races.services import submit_model
+from tests.factories import a_race, a_racer, outcome, start
+from tests.rows import model_row
+
+CARS = house_cars()
+BOXES = RaceRules(race_type="object_avoidance", random_boxes=6, seed=3, laps=1)
+DUEL = RaceRules(race_type="head_to_head", laps=1)
+ALONE = RaceRules(laps=1)
+
+
+class Recorder:
+    """A house car's network; ``frames``: all that it was shown."""
+
+    def __init__(self, number: int) -> None:
+        self.metadata = json.loads(CARS[number].metadata.read_bytes())
+        self._session = onnxruntime.InferenceSession(CARS[number].onnx)
+        self.frames: list[np.ndarray] = []
+
+    def __call__(self, readings: dict[str, np.ndarray]) -> np.ndarray:
+        (frame,) = readings.values()
+        self.frames.append(frame.copy())
+        (node,) = self._session.get_inputs()
+        channels_first = node.shape[1] == frame.shape[2]
+        feed = (frame.transpose(2, 0, 1) if channels_first else frame)[None].astype(np.float32)
+        return self._session.run(None, {node.name: feed})[0].reshape(-1)
+
+    def entrant(self) -> Entrant:
+        return Entrant(ActionSpace.from_metadata(self.metadata), sorted(self.metadata["sensor"]), self)
+
+
+def driven(rules: RaceRules, cars: int) -> tuple[PreparedTrack, list[Recorder], RaceResult]:
+    ground = PreparedTrack(by_slug("oval").geometry(), rules.direction)
+    recorders = [Recorder(number) for number in range(cars)]
+    first, *rivals = [recorder.entrant() for recorder in recorders]
+    result = run_race(
+        ground.track, rules, first.action_space, first.sensors, first.policy, rivals=rivals, ground=ground
+    )
+    return ground, recorders, result
+
+
+@pytest.mark.parametrize(("rules", "cars"), [(BOXES, 1), (DUEL, 3)], ids=["boxes", "three cars"])
+def test_every_frame_of_a_run_is_found_again_to_the_bit(rules, cars):
+    ground, recorders, result = driven(rules, cars)
+    kept = json.loads(json.dumps(result.layout))["boxes"]  # places to a millimetre, as results keep them
+    paths = [TracePath.of(run.trace.to_csv()) for run in (result, *result.rivals)]
+    for number, recorder in enumerate(recorders):
+        others = [path for other, path in enumerate(paths) if other != number]
+        sight = RunSight(paths[number], standing_boxes(ground.track, rules, kept), (), others)
+        asked = [step for step, was in enumerate(paths[number].asked) if was]
+        assert len(asked) == len(recorder.frames) > 100
+        readings = ground.readings(sorted(recorder.metadata["sensor"]))
+        for step, frame in zip(asked, recorder.frames, strict=True):
+            (again,) = sight.readings(step, readings).values()
+            assert (again == frame).all(), (number, step)
+    if cars > 1:  # and somebody was in sight
+        alone = RunSight(paths[2])
+        readings = ground.readings(sorted(recorders[2].metadata["sensor"]))
+        (empty,) = alone.readings(0, readings).values()
+        assert (empty != recorders[2].frames[0]).any()
+
+
+def test_boxes_that_this_engine_would_put_elsewhere_stand_where_they_stood():
+    track = by_slug("oval").geometry()
+    recorded = [{"x": 1.0, "y": 2.0, "yaw": 0.5}]
+    assert [box[:3] for box in standing_boxes(track, BOXES, recorded)] == [(1.0, 2.0, 0.5)]
+
+
+@pytest.mark.parametrize("values", [[0.1, 0.7, 0.2], [3.0, -1.0, 0.5], [-800.0, 0.0, 900.0]])
+def test_probabilities_are_shares_of_one(values):
+    shares = probabilities(values)
+    assert sum(shares) == pytest.approx(1.0) and int(np.argmax(shares)) == int(np.argmax(values))
+    if sum(values) == pytest.approx(1.0):
+        assert shares == pytest.approx(values)
+
+
+@pytest.fixture
+def run(db, wakes, monkeypatch, tmp_path):
+    """A lap of a house car's network that Bob drove in an open race: the row, and the frames."""
+    monkeypatch.setattr(seeing, "default_directory", lambda: tmp_path)
+    cache.clear()
+    now = timezone.now()
+    _, (recorder,), result = driven(ALONE, 1)
+    bob = a_racer("bob")
+    model = model_row(bob, name="Real", onnx=CARS[0].onnx.read_bytes())
+    type(model).objects.filter(pk=model.pk).update(metadata=recorder.metadata)
+    model.refresh_from_db()
+    submission = submit_model(race=a_race(now, laps=1, minimum_laps=1), racer=bob, model=model, now=now)
+    evaluation = start(submission.evaluation, now)
+    told = outcome([lap.to_dict() for lap in result.laps])
+    told = replace(told, trace_csv=result.trace.to_csv(), trace_sha256=result.trace.sha256, layout=result.layout)
+    assert finish_evaluation(pk=evaluation.pk, lease=evaluation.lease, outcome=told, now=now)
+    evaluation.refresh_from_db()
+    return evaluation, recorder
+
+
+def test_the_network_answers_again_what_it_drove_by(run, monkeypatch):
+    evaluation, recorder = run
+    seen = seen_run(evaluation)
+    told = seen.answers(1, who=1)
+    assert len(told) == len(recorder.frames)
+    for step, values in told.items():
+        moment = seen.moment(step)
+        assert moment.asked and int(np.argmax(values)) == moment.index
+    monkeypatch.setattr(seeing, "answered", None)  # nobody is asked a second time
+    assert seen.answers(1, who=1) == told
+
+
+def as_racer(racer) -> Client:
+    client = Client()
+    if racer is not None:
+        client.force_login(racer, backend="django.contrib.auth.backends.ModelBackend")
+    return client
+
+
+def test_everybody_sees_the_frame_and_who_may_use_the_model_its_answers(run):
+    evaluation, recorder = run
+    frame, page = (reverse(name, args=[evaluation.public_id]) for name in ("evaluation_seen", "evaluation_saw"))
+    cast = {
+        "owner": evaluation.owner,
+        "staff": a_racer("stella", is_staff=True),
+        "stranger": a_racer("charlie"),
+        "guest": None,
+    }
+    for name, racer in cast.items():
+        client = as_racer(racer)
+        answer = client.get(f"{frame}?lap=1&ms=2000")
+        assert answer["Content-Type"] == "image/png" and len(answer.content) < 40_000
+        pixels = np.array(Image.open(io.BytesIO(answer.content)))[::ZOOM, ::ZOOM]
+        assert (pixels == recorder.frames[30][:, :, 0]).all()  # two seconds of fifteen steps
+        assert client.get(f"{frame}?lap=1&ms=2000", headers={"if-none-match": answer["ETag"]}).status_code == 304
+        shown = client.get(f"{page}?step=30")
+        assert len(shown.context["bars"]) == (
+            len(recorder.metadata["action_space"]) if name in ("owner", "staff") else 0
+        )
+    bars = as_racer(evaluation.owner).get(f"{page}?step=30").context["bars"]
+    assert sum(bar.share for bar in bars) == pytest.approx(100) and sum(bar.chosen for bar in bars) == 1
+    share_model(model=evaluation.model, now=timezone.now())
+    assert as_racer(cast["stranger"]).get(f"{page}?step=30").context["bars"]
+
+
+def test_a_run_that_the_reader_may_not_see_shows_nothing(run):
+    evaluation, _ = run
+    type(evaluation).with_sealed.filter(pk=evaluation.pk).update(sealed=True)
+    for name in ("evaluation_seen", "evaluation_saw"):
+        for racer in (None, evaluation.owner, a_racer(f"of-{name[-3:]}", is_staff=True)):
+            assert as_racer(racer).get(reverse(name, args=[evaluation.public_id])).status_code == 404
+
+
+def test_bad_moments_are_refused_or_cut(run):
+    evaluation, _ = run
+    seen, frame = seen_run(evaluation), reverse("evaluation_seen", args=[evaluation.public_id])
+    with pytest.raises(UserFault) as refused:
+        seen.at(0, 9)
+    assert refused.value.code == "seen_lap"
+    client = as_racer(None)
+    assert client.get(f"{frame}?lap=9").status_code == client.get(f"{frame}?car=1").status_code == 404
+    assert client.get(f"{frame}?car=x").status_code == 404
+    last = client.get(f"{frame}?ms=99999999999").content
+    assert client.get(f"{frame}?step=999999").content == last
+    for nonsense in ("ms=-1", "ms=x", "step=1e3", "ms=" + "9" * 40):
+        assert client.get(f"{frame}?{nonsense}").content == client.get(frame).content
+    assert (
+        "seen_lap"
+        in client.get(reverse("evaluation_saw", args=[evaluation.public_id]) + "?lap=9", follow=True).content.decode()
+    )
+
+
+def test_who_asks_too_often_waits(run, monkeypatch):
+    from races.views import seen
+
+    monkeypatch.setitem(seen.RATES, "seen_frame", "2/m/key")
+    frame, client = reverse("evaluation_seen", args=[run[0].public_id]), as_racer(None)
+    assert [client.get(frame).status_code for _ in range(3)] == [200, 200, 429]
