@@ -24,7 +24,7 @@ def check_group(race: Race, racer: Racer, now: datetime) -> None:
 def check_learner(race: Race, racer: Racer, now: datetime) -> None:
     """An account of a class races in races of its class alone, so that all of it can be deleted with the class. Raises
     UserFault("race_not_of_class")."""
-    learner = ClassLearner.objects.filter(racer=racer).select_related("classroom").first()
+    learner: ClassLearner | None = getattr(racer, "learner", None)  # asked once for many races
     if learner is not None and (race.group_id is None or race.group_id != learner.classroom.group_id):
         raise UserFault("race_not_of_class")
 

@@ -195,4 +195,4 @@ def test_an_experienced_racer_sees_no_first_steps_but_all_ways(now, beginners):
 @pytest.mark.parametrize("path", ["/", "/models/", "/train/", "/races/open-race/"])
 def test_the_ways_to_get_a_car_need_few_queries(world: World, path):
     sent = queries(world.client("newcomer"), path)
-    assert len(sent) <= LIMIT + 2 + (path == "/"), "\n".join(sent)
+    assert len(sent) <= LIMIT, "\n".join(sent)

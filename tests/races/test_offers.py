@@ -80,5 +80,5 @@ def test_more_races_need_no_more_queries(alice, now):
     before = asked()
     for _ in range(30):
         a_race(now)
-    assert asked() == before
+    assert asked() <= before
     assert len(offers_for(model=model, racer=alice, now=now)) == 12
