@@ -10,6 +10,7 @@ from .models import PLAYED_BEHIND, LiveEvent, LiveRacer, LiveSlot, LiveState
 from .poses import CHUNK_MS
 from .ranking import Standing
 from .selectors.live import PODIUM, LiveRow, live_racers, live_standings, on_track, phase_of, running_order, up_next
+from .selectors.live_speed import present_speed
 
 
 def milliseconds(time: datetime | None) -> int | None:
@@ -37,6 +38,7 @@ def live_document(event: LiveEvent, now: datetime) -> dict[str, Any]:
         "chunk_ms": CHUNK_MS,
         "rounds": event.rounds,
         "attempt_ms": event.attempt_ms,
+        "speed_control": event.speed_control,
         "submissions_open": event.submissions_open and not event.is_over,
         "message": event.message,
         "current": None if playing is None else slot_document(playing, now),
@@ -64,6 +66,7 @@ def slot_document(slot: LiveSlot, now: datetime) -> dict[str, Any]:
         "starts_at": milliseconds(slot.starts_at),
         "evaluation": None if submission is None else submission.evaluation.public_id,
         "reason": slot.reason_code,
+        "speed": present_speed(slot, now),
         **_racer(slot.racer),
     }
 

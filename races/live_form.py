@@ -59,6 +59,12 @@ class LiveForm(forms.Form):
         label=_("Roll call"), required=False, help_text=_("Who has not said that they are here is held back.")
     )
 
+    speed_control = forms.BooleanField(
+        label=_("Racers set their car's speed"),
+        required=False,
+        help_text=_("Before a run and while it is played; what they command is part of the result."),
+    )
+
     def __init__(self, data: Any = None, *, event: LiveEvent | None, now: datetime) -> None:
         super().__init__(data, initial=_initial(event, now))
         self.fields["time_zone"].choices = [(name, name) for name in zones()]  # type: ignore[attr-defined]
@@ -84,6 +90,6 @@ def _initial(event: LiveEvent | None, now: datetime) -> dict[str, Any]:
         zone = timezone.get_current_timezone_name()
         start = (now + timedelta(days=1)).astimezone(timezone.get_current_timezone())
         return {"time_zone": zone, "starts_at": start.replace(minute=0, second=0, microsecond=0, tzinfo=None)}
-    names = ("time_zone", "rounds", "attempt_ms", "order", "gap_s", "auto_run", "roll_call")
+    names = ("time_zone", "rounds", "attempt_ms", "order", "gap_s", "auto_run", "roll_call", "speed_control")
     start = event.starts_at.astimezone(zoneinfo.ZoneInfo(event.time_zone)).replace(tzinfo=None)
     return {"starts_at": start, **{name: getattr(event, name) for name in names}}

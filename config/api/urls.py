@@ -8,7 +8,20 @@ from drf_spectacular.views import SpectacularJSONAPIView
 from evaluation import api as models
 from evaluation.reports import api as reports
 from league.api import cups, notices, organising, seasons, webhooks
-from races.api import boards, comparing, duels, entries, evaluations, live, own, races, specifications, timing, videos
+from races.api import (
+    boards,
+    comparing,
+    duels,
+    entries,
+    evaluations,
+    live,
+    live_speed,
+    own,
+    races,
+    specifications,
+    timing,
+    videos,
+)
 from tracks import api as tracks
 
 from . import reference, views
@@ -62,6 +75,7 @@ version_1: list[URLPattern | URLResolver] = [
     path("races/<slug:slug>/live/console/", live.LiveActsView.as_view(), name="api-live-console"),
     path("races/<slug:slug>/live/mine/", live.LiveMineView.as_view(), name="api-live-mine"),
     path("races/<slug:slug>/live/poses/", live.LivePosesView.as_view(), name="api-live-poses"),
+    path("races/<slug:slug>/live/speed/", live_speed.LiveSpeedView.as_view(), name="api-live-speed"),
     path("races/<slug:slug>/entry/", entries.EntryView.as_view(), name="api-entry"),
     path("races/<slug:slug>/submissions/", entries.SubmissionsView.as_view(), name="api-submissions"),
     path("races/<slug:slug>/removals/<slug:alias>/", entries.RemovalView.as_view(), name="api-removal"),

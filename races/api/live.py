@@ -20,6 +20,7 @@ from accounts.who import racer_of
 from core.bodies import Body, read_as
 from evaluation.selectors import models_of
 from paddock.errors import UserFault
+from paddock.rules.speed import MODES
 
 from ..live_acts import ACTS, act
 from ..live_document import live_document
@@ -29,6 +30,15 @@ from ..selectors.live import console_rows, live_events_visible_to, played
 from ..services.live import change_live, choose_model, plan_live, say_here
 from ..services.live.planning import MOST_GAP_S
 from .lookup import organised_race, visible_race
+
+
+class SpeedCommandSerializer(serializers.Serializer):
+    """What was commanded of a car's speed."""
+
+    at_ms = serializers.IntegerField(help_text="From when on, in ms of the run.")
+    mode = serializers.ChoiceField(MODES)
+    value = serializers.FloatField(help_text="A factor, m/s, per cent, or m/s more or less, as the mode says.")
+    by = serializers.CharField()
 
 
 class LiveRacerSerializer(serializers.Serializer):
@@ -55,6 +65,7 @@ class LiveSlotSerializer(LiveRacerSerializer):
     starts_at = serializers.IntegerField(allow_null=True, help_text="When it starts or started, in ms since 1970.")
     evaluation = serializers.CharField(allow_null=True, help_text="The public_id of its run, once it was shown.")
     reason = serializers.CharField(allow_blank=True, help_text="A reason code, such as why it is held.")
+    speed = SpeedCommandSerializer(allow_null=True, help_text="The command that the car on track drives by now.")
 
 
 class LiveStandingSerializer(LiveRacerSerializer):
@@ -94,6 +105,7 @@ class LiveEventSerializer(serializers.Serializer):
     chunk_ms = serializers.IntegerField(help_text="How long a chunk of poses is.")
     rounds = serializers.IntegerField()
     attempt_ms = serializers.IntegerField()
+    speed_control = serializers.BooleanField(help_text="Whether racers set their car's speed.")
     submissions_open = serializers.BooleanField(help_text="Whether racers choose their models.")
     message = serializers.CharField(allow_blank=True, help_text="To spectators.")
     current = LiveSlotSerializer(allow_null=True, help_text="What counts down or is played.")
@@ -124,6 +136,7 @@ class LivePlanSerializer(Body):
     gap_s = serializers.IntegerField(required=False, min_value=0, max_value=MOST_GAP_S)
     roll_call = serializers.BooleanField(required=False, help_text="Who is not here when it begins is held back.")
     auto_run = serializers.BooleanField(required=False, help_text="It begins in time and goes on by itself.")
+    speed_control = serializers.BooleanField(required=False, help_text="Racers set their car's speed.")
 
 
 class LiveActSerializer(Body):

@@ -78,6 +78,12 @@ class LiveEvent(models.Model):
     gap_s = models.PositiveSmallIntegerField(
         _("seconds between two runs"), default=20, validators=[MaxValueValidator(600)]
     )
+    speed_control = models.BooleanField(
+        _("racers set their car's speed"),
+        default=False,
+        db_default=False,
+        help_text=_("Before a run and while it is played; what they command is part of the result."),
+    )
 
     state = models.CharField(_("state"), max_length=9, choices=LiveState.choices, default=LiveState.PLANNED)
     version = models.PositiveIntegerField(_("version"), default=1)
@@ -140,6 +146,8 @@ class LiveRacer(models.Model):
 
     ``model``: None until they choose one; then they drive what their result in the race came from.
     ``qualified_rank``, ``qualified_ms``: place and score in the race when the event began.
+    ``deputy``: who besides them commands the car's speed. ``speed``: how their runs begin, ``{"mode", "value", "by"}``;
+    None: as the model wants. ``speed_at``: when a command for the car was last taken.
     """
 
     # no index of its own: the unique one over event and entry begins with it
@@ -158,6 +166,11 @@ class LiveRacer(models.Model):
     here_at = models.DateTimeField(_("is here since"), null=True, blank=True)
     qualified_rank = models.PositiveIntegerField(_("place in qualifying"), null=True, blank=True)
     qualified_ms = models.PositiveBigIntegerField(_("score in qualifying"), null=True, blank=True)
+    deputy = models.ForeignKey(
+        settings.AUTH_USER_MODEL, models.SET_NULL, null=True, blank=True, related_name="+", verbose_name=_("deputy")
+    )
+    speed: models.JSONField[Any, Any] = models.JSONField(_("speed at the start"), null=True, blank=True)
+    speed_at = models.DateTimeField(_("speed last commanded"), null=True, blank=True)
 
     class Meta:
         verbose_name = _("racer of a live event")
@@ -196,6 +209,9 @@ class LiveSlot(models.Model):
     ``evaluation``: its run, sealed until it has been shown. ``starts_at``: when it starts for everybody, by the
     server's clock. ``ends_at``: when its last step has been played; it tells how long the car drove, so it stays here
     until then. ``submission``: the run as a result of the race, from then on.
+    ``speed_log``: the commands that ``evaluation`` was driven with, each ``{"at_ms", "mode", "value", "by"}``.
+    ``speed_next``: one that is being computed, in ``speed_run``, the same run with one command more; ``speed_wish``:
+    what is commanded after it; ``speed_reason``: why the last one expired.
     """
 
     event = models.ForeignKey(LiveEvent, models.CASCADE, related_name="slots", verbose_name=_("live event"))
@@ -229,6 +245,18 @@ class LiveSlot(models.Model):
         verbose_name=_("submission"),
     )
     reason_code = models.CharField(_("reason"), max_length=40, blank=True, default="")
+    speed_log: models.JSONField[Any, Any] = models.JSONField(_("speed commands"), null=True, blank=True)
+    speed_next: models.JSONField[Any, Any] = models.JSONField(_("next speed command"), null=True, blank=True)
+    speed_wish: models.JSONField[Any, Any] = models.JSONField(_("speed wished after it"), null=True, blank=True)
+    speed_reason = models.CharField(_("why a speed command expired"), max_length=40, null=True, blank=True)
+    speed_run = models.OneToOneField(
+        "evaluation.Evaluation",
+        models.PROTECT,
+        null=True,
+        blank=True,
+        related_name="+",
+        verbose_name=_("run with the next speed command"),
+    )
 
     class Meta:
         verbose_name = _("place in the running order")

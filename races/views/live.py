@@ -192,6 +192,7 @@ def _shown(request: HttpRequest, race: Race, event: LiveEvent) -> dict[str, Any]
         "document": document,
         "current": on_track(slots),
         "next": up_next(slots),
+        "commanded": None if document["current"] is None else document["current"]["speed"],
         "standings": standings,
         "roll": live_racers(event),
         "entry": entry,

@@ -11,6 +11,7 @@ from .reacting import react
 from .roll import add_late, choose_model, say_here
 from .sealing import prepare_ahead
 from .show import begin_live, crown, end_live, launch, pause_live, resume_live, say_to_spectators, show_podium
+from .speed import command_now, command_start, name_deputy
 from .undo import undo_last
 
 __all__ = [
@@ -20,11 +21,14 @@ __all__ = [
     "cancel_live",
     "change_live",
     "choose_model",
+    "command_now",
+    "command_start",
     "crown",
     "end_live",
     "hold_slot",
     "launch",
     "move_slot",
+    "name_deputy",
     "pause_live",
     "plan_live",
     "prepare_ahead",

@@ -22,6 +22,7 @@ from .planning import cancel_live
 from .roll import throw_away
 from .sealing import next_slots, prepare_ahead
 from .show import begin_live, end_live, launch, ready_ms, reveal, tidy_ended
+from .speed import settle_speed
 from .undo import FOR
 
 logger = logging.getLogger(__name__)
@@ -62,14 +63,15 @@ def _move_on(event: LiveEvent, now: datetime) -> int:
             cancel_live(event=event, by=None, seen=event.version, now=now)
             return 1
         return 0
+    settled = settle_speed(event=event, now=now)
     running = LiveSlot.objects.filter(event=event, state=SlotState.RUNNING).first()
     if running is not None:
         due = running.ends_at is not None and running.ends_at <= now - REVEALED_AFTER
-        return int(due and reveal(slot=running, now=now))
+        return settled + int(due and reveal(slot=running, now=now))
     if event.last_at <= now - LEFT_ALONE:
         end_live(event=event, by=None, seen=event.version, now=now)
         return 1
-    done = prepare_ahead(event=event, now=now) + _compute_again(event, now)
+    done = settled + prepare_ahead(event=event, now=now) + _compute_again(event, now)
     if event.auto_run and event.state == LiveState.RUNNING:
         done += _next_by_itself(event, now)
     return done

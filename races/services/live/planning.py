@@ -24,7 +24,17 @@ if TYPE_CHECKING:
     from accounts.models import Racer
 
 FARTHEST = timedelta(days=366)
-PLANNABLE = ("starts_at", "time_zone", "rounds", "attempt_ms", "order", "gap_s", "roll_call", "auto_run")
+PLANNABLE = (
+    "starts_at",
+    "time_zone",
+    "rounds",
+    "attempt_ms",
+    "order",
+    "gap_s",
+    "roll_call",
+    "auto_run",
+    "speed_control",
+)
 MOST_GAP_S = 600
 
 

@@ -17,6 +17,7 @@ from paddock.rules.race import RaceRules
 from ...layout import race_rules
 from ...models import LiveEvent, LiveSlot, Race, SlotState
 from ...models.live import TO_COME, UNDER_WAY
+from ...speed_log import rules_with, start_log
 from .roll import model_of, throw_away
 
 logger = logging.getLogger(__name__)
@@ -46,12 +47,13 @@ def prepare_ahead(*, event: LiveEvent, now: datetime) -> int:
         if model is None:
             LiveSlot.objects.filter(pk=slot.pk).update(reason_code="live_no_model")
             continue
+        log = start_log(event, slot.racer)
         try:
             evaluation = queue_evaluation(
                 owner=slot.racer.entry.racer,
                 model=model,
                 track=event.race.track,
-                rules=live_rules(event, event.race),
+                rules=rules_with(live_rules(event, event.race), log),
                 priority=URGENT,
                 sealed=True,
                 now=now,
@@ -59,7 +61,7 @@ def prepare_ahead(*, event: LiveEvent, now: datetime) -> int:
         except UserFault as fault:
             LiveSlot.objects.filter(pk=slot.pk).update(reason_code=fault.code)
             continue
-        LiveSlot.objects.filter(pk=slot.pk).update(evaluation=evaluation, reason_code="")
+        LiveSlot.objects.filter(pk=slot.pk).update(evaluation=evaluation, reason_code="", speed_log=log)
         queued += 1
     return queued
 

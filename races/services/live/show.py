@@ -32,6 +32,7 @@ from ..locks import lock_entry
 from .acting import acting
 from .roll import take_roll
 from .sealing import clear_up, next_slots, prepare_after_commit
+from .speed import forget_speed
 
 if TYPE_CHECKING:
     from accounts.models import Racer
@@ -142,6 +143,7 @@ def reveal(*, slot: LiveSlot, now: datetime) -> bool:
     if not due.update(state=SlotState.DONE, done_at=now):
         return False
     slot = LiveSlot.objects.select_related("racer__entry__racer", "evaluation__model").get(pk=slot.pk)
+    forget_speed(slot, now)
     assert slot.racer is not None
     assert slot.evaluation_id is not None
     evaluation = (

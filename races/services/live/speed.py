@@ -1,0 +1,261 @@
+"""Racers command their car's speed: before their runs, and while one is played.
+
+A run is computed ahead, so a command that comes while it is played has the run computed anew, sealed as before, with
+one command more. It takes effect at a marked moment: :func:`effect_ms`. Until then both runs are equal to the bit, so
+the new one takes the place of the old at any time before that moment and nobody sees a jump. If it is not there by
+then, or is not equal, the command expires with a reason and the old run stays.
+
+While one is computed the next command waits, and the last that waits wins. Whether a run was adopted is told at the
+moment of its effect and not before, and how long it takes is no part of anything: either would say how long the car
+still drives.
+"""
+
+from __future__ import annotations
+
+import logging
+from datetime import datetime, timedelta
+from typing import TYPE_CHECKING, Any
+
+from django.db import transaction
+
+from accounts.models import Racer
+from core.events import record
+from evaluation.models import Evaluation, Result, State
+from evaluation.queue_order import URGENT
+from evaluation.services import discard_sealed, queue_evaluation
+from paddock.errors import UserFault
+from paddock.rules.race import RaceRules
+from paddock.rules.speed import MODEL_SPEED, MODES, MOST_COMMANDS, VALUES, SpeedCommand
+
+from ...events import LIVE_CHANGED, of_race
+from ...models import LiveEvent, LiveRacer, LiveSlot, LiveState, SlotState
+from ...poses import CHUNK_MS, chunks_of
+from ...selectors.live_speed import commands_speed
+from ...speed_log import rules_with
+from .roll import racers_of, throw_away
+from .sealing import prepare_after_commit
+
+if TYPE_CHECKING:
+    from ...models import Entry
+
+logger = logging.getLogger(__name__)
+BETWEEN = timedelta(seconds=2)  # two commands for a car
+LEAST_LEAD_MS = 3_000
+LEAD_SHARE = 20  # of the time of an attempt, for computing it: 180 s take 9 s
+
+
+def effect_ms(event: LiveEvent, played_ms: int) -> int:
+    """When a command takes effect that is given ``played_ms`` after the start: 3 s and a twentieth of an attempt's time
+    later, on the next whole second. Nothing of the run itself is in it."""
+    due = max(0, played_ms) + LEAST_LEAD_MS + event.attempt_ms // LEAD_SHARE
+    return -(-due // 1000) * 1000
+
+
+@transaction.atomic
+def command_start(
+    *, event: LiveEvent, racer: LiveRacer, by: Racer, mode: str, value: float, now: datetime
+) -> LiveRacer:
+    """Say how the racer's runs begin that are not called yet. What was computed ahead otherwise is computed anew.
+
+    Raises UserFault as :func:`_open`, ``live_speed_called`` while a run of theirs is called.
+    """
+    event, racer = _open(event, racer, by, now)
+    command = _command(0, mode, value, by)
+    if racer.slots.filter(state=SlotState.CALLED).exists():
+        raise UserFault("live_speed_called")
+    racer.speed = None if mode == MODEL_SPEED else {key: command[key] for key in ("mode", "value", "by")}
+    racer.speed_at = now
+    racer.save(update_fields=["speed", "speed_at"])
+    slots = racer.slots.filter(evaluation__sealed=True).exclude(state=SlotState.RUNNING).select_related("evaluation")
+    for slot in slots:
+        if slot.evaluation is not None:
+            throw_away(slot, slot.evaluation, now)
+    prepare_after_commit(event, now)
+    _tell(event, now)
+    return racer
+
+
+@transaction.atomic
+def command_now(*, event: LiveEvent, racer: LiveRacer, by: Racer, mode: str, value: float, now: datetime) -> LiveSlot:
+    """Command the car that is played. Returns its slot: ``speed_next`` has when it takes effect, or ``speed_wish`` what
+    is asked for once that is over.
+
+    Raises UserFault as :func:`_open`, ``live_speed_not_driving``, ``live_speed_full`` after 200 commands.
+    """
+    event, racer = _open(event, racer, by, now)
+    slot = LiveSlot.objects.filter(racer=racer, state=SlotState.RUNNING, ends_at__gt=now).first()
+    if slot is None or slot.starts_at is None:
+        raise UserFault("live_speed_not_driving")
+    command = _command(0, mode, value, by)
+    if len(slot.speed_log or []) + (slot.speed_next is not None) >= MOST_COMMANDS:
+        raise UserFault("live_speed_full", most=MOST_COMMANDS)
+    LiveSlot.objects.filter(pk=slot.pk).update(speed_reason=None)
+    if slot.speed_next is None:
+        _compute(event, slot, command, now)
+    else:
+        slot.speed_wish = {key: command[key] for key in ("mode", "value", "by")}
+        slot.save(update_fields=["speed_wish"])
+    LiveRacer.objects.filter(pk=racer.pk).update(speed_at=now)
+    _tell(event, now)
+    return slot
+
+
+@transaction.atomic
+def name_deputy(*, event: LiveEvent, racer: Racer, alias: str, now: datetime) -> LiveRacer:
+    """Let somebody else command the speed of the racer's car as well; an empty ``alias`` takes it back.
+
+    Raises UserFault ``live_over``, ``live_speed_off``, ``live_not_in``, ``live_deputy_unknown``, ``live_deputy_self``.
+    """
+    event = _lock(event)
+    entry: Entry | None = racers_of(event.race).filter(racer=racer).first()
+    if entry is None:
+        raise UserFault("live_not_in")
+    deputy = None
+    if alias:
+        deputy = Racer.objects.filter(alias__iexact=alias, is_active=True).first()
+        if deputy is None:
+            raise UserFault("live_deputy_unknown", alias=alias[:64])
+        if deputy.pk == racer.pk:
+            raise UserFault("live_deputy_self")
+    mine, _ = LiveRacer.objects.update_or_create(event=event, entry=entry, defaults={"deputy": deputy})
+    _tell(event, now)
+    return mine
+
+
+@transaction.atomic
+def settle_speed(*, event: LiveEvent, now: datetime) -> int:
+    """Do what has become due with commands in this event: a new run takes the place of the old, or expires; what waited
+    is computed; what belongs to a run that is not played any more is thrown away. Returns how many things."""
+    waiting = LiveSlot.objects.filter(event=event, speed_next__isnull=False)
+    if not waiting.exists():
+        return 0
+    event = LiveEvent.objects.select_for_update(of=("self",)).select_related("race__track").get(pk=event.pk)
+    done = 0
+    for slot in waiting.select_related("racer__entry__racer").order_by("pk"):
+        done += _settle(event, slot, now)
+    return done
+
+
+def forget_speed(slot: LiveSlot, now: datetime) -> None:
+    """Throw away the run with a command that was not adopted, and what waited. The caller holds the event."""
+    run = None if slot.speed_run_id is None else Evaluation.with_sealed.get(pk=slot.speed_run_id)
+    slot.speed_next = slot.speed_run = slot.speed_wish = None
+    LiveSlot.objects.filter(pk=slot.pk).update(speed_next=None, speed_run=None, speed_wish=None)
+    if run is not None:
+        discard_sealed(evaluation=run, now=now)
+
+
+def _settle(event: LiveEvent, slot: LiveSlot, now: datetime) -> int:
+    if slot.state != SlotState.RUNNING or slot.starts_at is None:
+        forget_speed(slot, now)
+        return 1
+    run = Evaluation.with_sealed.filter(pk=slot.speed_run_id).first()  # None once it was adopted
+    at_ms = slot.speed_next["at_ms"]
+    due = now >= slot.starts_at + timedelta(milliseconds=at_ms)
+    adopted = slot.speed_next.get("adopted", False)
+    if not adopted and not due and now >= slot.starts_at and run is not None and run.is_final:
+        if _fits(slot, run, at_ms):
+            _adopt(slot, run, now)
+            return 1
+        return 0  # it expires at its moment, as one that is late does
+    if not due:
+        return 0
+    wish = slot.speed_wish
+    forget_speed(slot, now)
+    LiveSlot.objects.filter(pk=slot.pk).update(speed_reason=None if adopted else "live_speed_late")
+    slot.refresh_from_db()
+    if wish is not None and slot.ends_at is not None and now < slot.ends_at:
+        _compute(event, slot, wish, now)
+    _tell(event, now)
+    return 1
+
+
+def _fits(slot: LiveSlot, run: Evaluation, at_ms: int) -> bool:
+    """Whether a run is to the bit what is played until the command takes effect."""
+    if run.state != State.FINISHED:
+        return False
+    old = Result.with_sealed.filter(evaluation=slot.evaluation_id).first()
+    new = Result.with_sealed.filter(evaluation=run).first()
+    if old is None or new is None:
+        return False
+    until = at_ms // CHUNK_MS
+    same = chunks_of(old)[:until] == chunks_of(new)[:until]
+    if not same:
+        logger.error("The run of slot %s with one command more differs before that command: it is not shown.", slot.pk)
+    return same
+
+
+def _adopt(slot: LiveSlot, run: Evaluation, now: datetime) -> None:
+    """The new run is played from now on. Until its effect the command stands as coming, whatever became of it."""
+    old = Evaluation.with_sealed.get(pk=slot.evaluation_id)
+    assert slot.starts_at is not None
+    lasts_ms = Result.with_sealed.values_list("simulated_ms", flat=True).get(evaluation=run)
+    LiveSlot.objects.filter(pk=slot.pk).update(
+        evaluation=run,
+        ends_at=slot.starts_at + timedelta(milliseconds=lasts_ms),
+        speed_log=[*(slot.speed_log or []), slot.speed_next],
+        speed_next={**slot.speed_next, "adopted": True},
+        speed_run=None,
+    )
+    discard_sealed(evaluation=old, now=now)
+
+
+def _compute(event: LiveEvent, slot: LiveSlot, command: dict[str, Any], now: datetime) -> None:
+    """Queue the run with one command more. The caller holds the event."""
+    assert slot.starts_at is not None
+    assert slot.evaluation_id is not None
+    played = (now - slot.starts_at) // timedelta(milliseconds=1)
+    coming = {**command, "at_ms": effect_ms(event, played)}
+    old = Evaluation.with_sealed.select_related("owner", "model__owner", "track").get(pk=slot.evaluation_id)
+    run = queue_evaluation(
+        owner=old.owner,
+        model=old.model,
+        track=old.track,
+        rules=rules_with(RaceRules.from_dict(old.spec["rules"]), [*(slot.speed_log or []), coming]),
+        priority=URGENT,
+        checked=True,  # it was when the run was first computed, and it is on track
+        sealed=True,
+        now=now,
+    )
+    slot.speed_next, slot.speed_run, slot.speed_wish = coming, run, None
+    slot.save(update_fields=["speed_next", "speed_run", "speed_wish"])
+
+
+def _lock(event: LiveEvent) -> LiveEvent:
+    locked = LiveEvent.objects.select_for_update(of=("self",)).select_related("race__track").get(pk=event.pk)
+    if locked.is_over:
+        raise UserFault("live_over")
+    if not locked.speed_control:
+        raise UserFault("live_speed_off")
+    return locked
+
+
+def _open(event: LiveEvent, racer: LiveRacer, by: Racer, now: datetime) -> tuple[LiveEvent, LiveRacer]:
+    """The event, locked, and its racer. Raises UserFault ``live_over``, ``live_speed_off``, ``live_speed_not_yours``,
+    ``live_speed_often`` within two seconds of the last."""
+    event = _lock(event)
+    fresh = LiveRacer.objects.select_related("entry__racer").get(pk=racer.pk, event=event)
+    if not commands_speed(by, fresh):
+        raise UserFault("live_speed_not_yours")
+    if fresh.speed_at is not None and now < fresh.speed_at + BETWEEN:
+        raise UserFault("live_speed_often", seconds=round(BETWEEN.total_seconds()))
+    return event, fresh
+
+
+def _command(at_ms: int, mode: str, value: float, by: Racer) -> dict[str, Any]:
+    """A command as a log has it. Raises UserFault ``live_speed_mode``, ``live_speed_value``."""
+    if mode not in MODES:
+        raise UserFault("live_speed_mode", known=", ".join(MODES))
+    if mode == MODEL_SPEED:
+        value = 0.0
+    least, most = VALUES[mode]
+    try:
+        SpeedCommand(at_ms, mode, value)
+    except ValueError as error:
+        raise UserFault("live_speed_value", least=f"{least:g}", most=f"{most:g}") from error
+    return {"at_ms": at_ms, "mode": mode, "value": value, "by": by.alias}
+
+
+def _tell(event: LiveEvent, now: datetime) -> None:
+    if event.state != LiveState.PLANNED:
+        record(LIVE_CHANGED, at=now, **of_race(event.race), version=event.version)
