@@ -90,9 +90,9 @@
   }));
   const watchScrollers = () => each(".scroll, pre", (element) => {
     scrollers.observe(element);
-    const heading = element.closest("section, details")?.querySelector("h2, summary");
+    const heading = element.closest(":has(> h2), section, details")?.querySelector("h2, summary");
     if (!element.matches(".scroll") || element.hasAttribute("role") || !heading) return;
-    element.setAttribute("role", "region");
+    element.setAttribute("role", "group"); // no landmark: its section is one already, by the same name
     element.setAttribute("aria-label", heading.textContent.trim());
   });
   watchScrollers();

@@ -290,6 +290,20 @@ CASES = [
     Case("alice", "/runs/new/", "Take over its rules", "css=[name=submit_if_better]"),
     Case("alice", "/runs/new/?track=oval", "Drive", "css=#live", {"Model": "Spare"}),
     Case("alice", "/evaluations/{own}/", "Run again", "css=#live"),
+    Case(
+        "alice",
+        "/evaluations/{driven}/compare/",
+        "Compare",
+        "css=[name=other_lap]",
+        {"Any other, by its link": "/evaluations/{chased}/"},
+    ),
+    Case(
+        "alice",
+        "/evaluations/{driven}/compare/{chased}/?lap=1",
+        "Compare",
+        "css=[name=lap] option[value='2'][selected]",
+        {"css=[name=lap]": "2"},
+    ),
     # reports
     Case("alice", "/models/{spare}/", "Drive a report", "css=#live"),
     Case("alice", "/reports/new/", "Drive", "css=#live", {"Model": "Spare"}),

@@ -89,6 +89,7 @@ class Cast:
         share_model(model=shared, now=now)
         share_model(model=theirs, now=now)
         driven = a_driven_run(world.race, bob, now)
+        chased = a_driven_run(world.race, a_racer("chased"), now, lap_ms=1_100)
         ready = ask_for_video(evaluation=driven, by=bob, car=0, part="best", language="en", now=now).video
         run_next_video(worker="test")
         waits = ask_for_video(evaluation=driven, by=alice, car=0, part="whole", language="en", now=now).video
@@ -146,6 +147,7 @@ class Cast:
         self.words = {name: getattr(world, name).evaluation.public_id for name in names} | {
             "invitation": world.secret.invitation,
             "driven": driven.public_id,
+            "chased": chased.public_id,
             "timed_lap": self.lap.pk,
             "claim": mia.claim,
             "invited": link_token(MailInvitation.objects.get(email="c@example.org")),
@@ -223,6 +225,7 @@ class Cast:
             "races/<slug:slug>/laps/": [{"slug": "real-race"}],
             "races/<slug:slug>/laps/<": [{"slug": "real-race", "id": str(self.lap.pk)}],
             "races/<slug:slug>/car/": [],
+            "races/<slug:slug>/live/overlay/<": [],  # which a broadcast lays over its picture: nothing to send
             "groups/<": [{"slug": "club"}],
             "groups/join/<": [{"code": said["group_code"]}],
             "races/invited/<": [{"token": said["invited"]}],
@@ -240,6 +243,7 @@ class Cast:
             "races/<slug:slug>/racers/<": [{"slug": "open-race", "alias": "bob"}],
             "evaluations/<str:public_id>/$": runs,
             "evaluations/<str:public_id>/": [*runs[1:2], {"public_id": said["own"]}],
+            "evaluations/<str:public_id>/compare/<": [{"public_id": said["driven"], "other_id": said["chased"]}],
             "reports/<str:public_id>/": [{"public_id": said[name]} for name in ("report", "report_waits")],
             "videos/<str:public_id>/": [{"public_id": said["waits"]}],
             "models/<str:public_id>/": [{"public_id": said[name]} for name in ("model", "spare", "shared", "theirs")],

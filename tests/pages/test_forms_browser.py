@@ -85,7 +85,7 @@ class Browsing:
             if case.at:
                 page.goto(case.at.format(**self._cast.words), wait_until="domcontentloaded")
             for label, value in case.fill.items():
-                _fill(page, label, value)
+                _fill(page, label, value.format(**self._cast.words) if isinstance(value, str) else value)
             button = _button(page, case, case.press.format(**self._cast.words))
             button.evaluate("button => { const menu = button.closest('details'); if (menu) menu.open = true; }")
             in_head, method, action, name, value, chosen = button.evaluate(PRESSED)
@@ -159,7 +159,7 @@ def _fill(page, label: str, value: object) -> None:
     if kind == "file":
         field.set_input_files(value)
     elif kind.startswith("select"):
-        field.select_option(label=value)
+        field.select_option(value)  # by what it says, or by its value
     elif isinstance(value, bool):
         field.set_checked(value)
     else:
