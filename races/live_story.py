@@ -22,7 +22,7 @@ MESSAGES = 20
 
 
 @dataclass(frozen=True)
-class Told:
+class Sentence:
     """A sentence. ``at``: when it was seen; ``kind``: what it is about, for its colour."""
 
     at: datetime
@@ -44,7 +44,7 @@ class _Known:
         return sorted(self.best, key=lambda alias: self.best[alias].key)
 
 
-def story_of(event: LiveEvent, now: datetime) -> list[Told]:
+def story_of(event: LiveEvent, now: datetime) -> list[Sentence]:
     """All that was seen by ``now``, the latest first. Spectators' pages play behind the clock, and so does this."""
     seen_at = now - PLAYED_BEHIND
     runs = shown_runs(event)
@@ -59,7 +59,9 @@ def story_of(event: LiveEvent, now: datetime) -> list[Told]:
         told += _of_run(playing, playing.racer.entry.racer.alias, list(_played(playing, seen_at)), known, now)
     for said in event.log.filter(action="message", undone_at=None).order_by("-pk")[:MESSAGES]:
         if said.told.get("message"):
-            told.append(Told(said.at, "message", _("The organiser says: %(text)s") % {"text": said.told["message"]}))
+            told.append(
+                Sentence(said.at, "message", _("The organiser says: %(text)s") % {"text": said.told["message"]})
+            )
     return sorted((each for each in told if each.at <= now), key=lambda each: each.at, reverse=True)
 
 
@@ -82,13 +84,13 @@ def _by_laps(run: ShownRun) -> list[dict[str, Any]]:
 
 def _of_run(
     slot: LiveSlot, alias: str, happened: Sequence[dict[str, Any]], known: _Known, now: datetime | None = None
-) -> Iterator[Told]:
+) -> Iterator[Sentence]:
     assert slot.starts_at is not None
     if now is not None and now < slot.starts_at:
-        yield Told(now, "start", _("%(racer)s is about to start.") % {"racer": alias})
+        yield Sentence(now, "start", _("%(racer)s is about to start.") % {"racer": alias})
         return
     begun = slot.starts_at + PLAYED_BEHIND
-    yield Told(begun, "start", _("%(racer)s is on track, round %(round)s.") % {"racer": alias, "round": slot.round})
+    yield Sentence(begun, "start", _("%(racer)s is on track, round %(round)s.") % {"racer": alias, "round": slot.round})
     in_lap: dict[int, int] = {}
     for event in happened:
         at = begun + timedelta(milliseconds=event["t"])
@@ -98,15 +100,15 @@ def _of_run(
         elif event["kind"] == "lap":
             yield from _lap(at, alias, event, known)
         else:
-            yield Told(at, "incident", _incident(event["kind"]) % {"racer": alias, "lap": event["lap"]})
+            yield Sentence(at, "incident", _incident(event["kind"]) % {"racer": alias, "lap": event["lap"]})
 
 
-def _sector(at: datetime, alias: str, event: dict[str, Any], so_far: int, known: _Known) -> Iterator[Told]:
+def _sector(at: datetime, alias: str, event: dict[str, Any], so_far: int, known: _Known) -> Iterator[Sentence]:
     number, ms = event["sector"], event["ms"]
     best = known.sectors.get(number)
     if best is not None and ms < best:
         words = _("%(racer)s has the fastest sector %(number)s: %(time)s, %(gap)s quicker than before.")
-        yield Told(at, "sector", words % _in(alias, ms, best - ms, number=number))
+        yield Sentence(at, "sector", words % _in(alias, ms, best - ms, number=number))
     known.sectors[number] = min(ms, best or ms)
     own = known.own_sectors.get((alias, number))
     known.own_sectors[alias, number] = min(ms, own or ms)
@@ -114,19 +116,19 @@ def _sector(at: datetime, alias: str, event: dict[str, Any], so_far: int, known:
         return
     needs, last = known.fastest[0] - so_far, known.own_sectors.get((alias, SECTORS))
     if needs <= 0:
-        yield Told(at, "needs", _("%(racer)s cannot have the fastest lap this time.") % {"racer": alias})
+        yield Sentence(at, "needs", _("%(racer)s cannot have the fastest lap this time.") % {"racer": alias})
     elif last is None or needs == last:
         words = _("%(racer)s needs %(time)s in the last sector for the fastest lap.")
-        yield Told(at, "needs", words % _in(alias, needs, 0))
+        yield Sentence(at, "needs", words % _in(alias, needs, 0))
     elif needs > last:
         words = _("%(racer)s needs %(time)s in the last sector for the fastest lap, and has driven it %(gap)s quicker.")
-        yield Told(at, "needs", words % _in(alias, needs, needs - last))
+        yield Sentence(at, "needs", words % _in(alias, needs, needs - last))
     else:
         words = _("%(racer)s needs %(time)s in the last sector for the fastest lap: %(gap)s quicker than ever there.")
-        yield Told(at, "needs", words % _in(alias, needs, last - needs))
+        yield Sentence(at, "needs", words % _in(alias, needs, last - needs))
 
 
-def _lap(at: datetime, alias: str, event: dict[str, Any], known: _Known) -> Iterator[Told]:
+def _lap(at: datetime, alias: str, event: dict[str, Any], known: _Known) -> Iterator[Sentence]:
     ms, fastest, own = event["ms"], known.fastest, known.own.get(alias)
     if fastest is None or ms < fastest[0]:
         if fastest is None:
@@ -135,15 +137,15 @@ def _lap(at: datetime, alias: str, event: dict[str, Any], known: _Known) -> Iter
             words = _("Fastest lap! %(racer)s drives %(time)s, %(gap)s quicker than %(other)s before.")
             values = _in(alias, ms, fastest[0] - ms, other=fastest[1])
         known.fastest = (ms, alias)
-        yield Told(at, "fastest", words % values)
+        yield Sentence(at, "fastest", words % values)
     elif ms == fastest[0]:
-        yield Told(at, "lap", _("%(racer)s equals the fastest lap: %(time)s.") % _in(alias, ms, 0))
+        yield Sentence(at, "lap", _("%(racer)s equals the fastest lap: %(time)s.") % _in(alias, ms, 0))
     elif own is None or ms < own:
         words = _("%(racer)s: own best lap %(time)s, %(gap)s off the fastest.")
-        yield Told(at, "lap", words % _in(alias, ms, ms - fastest[0]))
+        yield Sentence(at, "lap", words % _in(alias, ms, ms - fastest[0]))
     else:
         words = _("%(racer)s: lap %(number)s in %(time)s, %(gap)s off the fastest.")
-        yield Told(at, "lap", words % _in(alias, ms, ms - fastest[0], number=event["lap"]))
+        yield Sentence(at, "lap", words % _in(alias, ms, ms - fastest[0], number=event["lap"]))
     known.own[alias] = min(ms, own or ms)
 
 
@@ -157,29 +159,29 @@ def _incident(kind: str) -> str:
     }[kind]
 
 
-def _outcome(run: ShownRun, known: _Known) -> Iterator[Told]:
+def _outcome(run: ShownRun, known: _Known) -> Iterator[Sentence]:
     """How the racer stands once the run was shown."""
     at = run.slot.done_at
     assert at is not None
     if run.standing is None:
-        yield Told(at, "incident", _("The run of %(racer)s has no result.") % {"racer": run.alias})
+        yield Sentence(at, "incident", _("The run of %(racer)s has no result.") % {"racer": run.alias})
         return
     before = known.ranked()
     held = known.best.get(run.alias)
     if held is not None and held.key <= run.standing.key:
         place = before.index(run.alias) + 1
-        yield Told(at, "place", _("%(racer)s stays in place %(place)s.") % {"racer": run.alias, "place": place})
+        yield Sentence(at, "place", _("%(racer)s stays in place %(place)s.") % {"racer": run.alias, "place": place})
         return
     known.best[run.alias] = run.standing
     after = known.ranked()
     place = after.index(run.alias) + 1
     if place > 1 or not run.standing.classified:
-        yield Told(at, "place", _("%(racer)s is in place %(place)s.") % {"racer": run.alias, "place": place})
+        yield Sentence(at, "place", _("%(racer)s is in place %(place)s.") % {"racer": run.alias, "place": place})
     elif before and before[0] != run.alias:
         words = _("New leader: %(racer)s, before %(other)s.")
-        yield Told(at, "leader", words % {"racer": run.alias, "other": before[0]})
+        yield Sentence(at, "leader", words % {"racer": run.alias, "other": before[0]})
     else:
-        yield Told(at, "leader", _("%(racer)s leads.") % {"racer": run.alias})
+        yield Sentence(at, "leader", _("%(racer)s leads.") % {"racer": run.alias})
 
 
 def _in(alias: str, ms: int, gap_ms: int, **more: Any) -> dict[str, Any]:

@@ -18,6 +18,7 @@ from django.views.decorators.csrf import ensure_csrf_cookie
 from django.views.decorators.http import require_POST, require_safe
 
 from core.forms import explain
+from core.templatetags.site import THEMES, theme
 from paddock.errors import UserFault
 from races.live_document import live_document
 from races.live_story import story_of
@@ -39,7 +40,6 @@ OVERLAYS = {
     "next": (480, 320),
     "bracket": (1600, 900),
 }
-THEMES = ("dark", "light")
 EMOJI = {"clap": "👏", "fire": "🔥", "wow": "😮", "laugh": "😂", "heart": "💜", "flag": "🏁"}
 TOLD_MOST = 80
 
@@ -49,7 +49,15 @@ def live_screen(request: HttpRequest, slug: str) -> HttpResponse:
     """The big screen: no controls, readable from the back of a room."""
     race, event = _shown(request, slug)
     follow = request.build_absolute_uri(reverse("live_phone" if event is not None else "race", args=[race.slug]))
-    return _screen(request, "races/live/screens/screen.html", race, event, code=qr_code(follow), follow=follow)
+    return _screen(
+        request,
+        "races/live/screens/screen.html",
+        race,
+        event,
+        html_class="screen",
+        default_theme=theme(request),
+        code=qr_code(follow),
+    )
 
 
 @require_safe
@@ -60,7 +68,15 @@ def live_overlay(request: HttpRequest, slug: str, piece: str) -> HttpResponse:
     race, event = _shown(request, slug)
     if event is None and piece != "bracket":
         raise Http404
-    return _screen(request, "races/live/screens/overlay.html", race, event, piece=piece)
+    return _screen(
+        request,
+        "races/live/screens/overlay.html",
+        race,
+        event,
+        html_class=f"on-air on-air-{piece}",
+        default_theme="dark",
+        piece=piece,
+    )
 
 
 @require_safe
@@ -150,10 +166,10 @@ def _screen(request: HttpRequest, template: str, race: Race, event: LiveEvent | 
     """A page without cookies: ``?language=`` and ``?theme=`` say what a browser of a broadcast cannot be told else."""
     language = request.GET.get("language", "")
     language = language if translation.check_for_language(language) else translation.get_language() or "en"
-    theme = request.GET.get("theme", "")
+    chosen = request.GET.get("theme", "")
     with translation.override(language):
         context = _context(race, event) | more
-        context |= {"duels": duels_of(race), "chosen_theme": theme if theme in THEMES else "", "language": language}
+        context |= {"duels": duels_of(race), "chosen_theme": chosen if chosen in THEMES else "", "language": language}
         return _fresh(render(request, template, context))
 
 
