@@ -27,7 +27,7 @@ from evaluation.services import finish_evaluation
 from races.models import LiveEvent, LiveSlot, Visibility
 from races.replay import map_point
 from races.services import enter_race
-from races.services.live import begin_live, choose_model, launch, plan_live, prepare_ahead, tick_live
+from races.services.live import begin_live, choose_model, command_now, launch, plan_live, prepare_ahead, tick_live
 from tests.evaluation.stubs import HEADER
 from tests.factories import a_model, lap, outcome, start
 from tests.pages.conftest import World, make_world
@@ -102,7 +102,9 @@ def show(monkeypatch: pytest.MonkeyPatch, wakes, video_wakes) -> Show:
     world, now = make_world(), timezone.now()
     monkeypatch.setattr(timezone, "now", lambda: now)  # the walk takes longer than the run
     race, bob = world.race, world.bob
-    event = plan_live(race=race, by=world.alice, now=now, starts_at=now + timedelta(hours=1), rounds=1)
+    event = plan_live(
+        race=race, by=world.alice, now=now, starts_at=now + timedelta(hours=1), rounds=1, speed_control=True
+    )
     carl = Racer.objects.create_user("carl", "carl@example.org", None)
     dora = Racer.objects.create_user("dora", "dora@example.org", None)
     for racer in (bob, carl, dora):
@@ -117,6 +119,8 @@ def show(monkeypatch: pytest.MonkeyPatch, wakes, video_wakes) -> Show:
         slots[name].refresh_from_db()
         compute(slots[name], salt)
     launch(event=event, by=world.alice, seen=None, now=now - timedelta(seconds=10 + PLAYED_S), slot=slots["bob"])
+    mine = slots["bob"].racer
+    command_now(event=event, racer=mine, by=bob, mode="cap", value=2.0, now=now)
     for slot in slots.values():
         slot.refresh_from_db()
     viewers = {
@@ -227,7 +231,7 @@ def test_nothing_of_what_is_to_come_leaves_the_server(show: Show, viewer: str):
 
 def test_no_event_tells_of_a_sealed_run(show: Show):
     runs = Evaluation.with_sealed.filter(sealed=True).values_list("public_id", flat=True)
-    assert len(runs) == 2
+    assert len(runs) == 3, "two, and one of them with a command more"
     for racer in show.viewers.values():
         assert not events_visible_to(racer).filter(subject__in=runs).exists()
     assert not Event.objects.filter(subject__in=runs).exists()
