@@ -16,6 +16,7 @@ class AccountsConfig(AppConfig):
         from . import events  # noqa: F401 - its kinds of events are known from the start
         from .avatars.keeping import PICTURES, take_picture_along
         from .classes import LEARNERS
+        from .following import FOLLOWED
         from .models import Racer
         from .quotas import register as register_quota
         from .receivers import keep_the_session, know_the_address, take_over_on_reset
@@ -23,6 +24,7 @@ class AccountsConfig(AppConfig):
 
         register(PICTURES)
         register_quota(LEARNERS)
+        register_quota(FOLLOWED)
         post_delete.connect(take_picture_along, sender=Racer, dispatch_uid="accounts.take_picture_along")
         for signal in (user_logged_in, password_changed, password_reset):
             signal.connect(know_the_address, dispatch_uid="accounts.know_the_address")

@@ -15,6 +15,10 @@ register(
         "class_not_yours": _("Only the teacher of the class may do this."),
         "class_too_many": _("You may have %(limit)s learners in all your classes. Ask an operator for more."),
         "class_too_many_codes": _("There were too many wrong codes from here. Wait five minutes."),
+        "follow_not_this": _(
+            "You cannot follow this racer: the account is closed, a house car's or your own, or one of a class."
+        ),
+        "follow_too_many": _("You follow %(limit)s racers, which is the most that one may. Unfollow one first."),
         "group_has_races": _("Races are held for this group alone. Hold them for everybody, or delete them first."),
         "group_is_a_class": _(
             "This group is a class: it stays with its teacher, who deletes it on the page of the class."

@@ -262,6 +262,7 @@ POLICY_SECONDS = env_int("PADDOCK_POLICY_SECONDS", 120, minimum=10)
 MODELS_PER_RACER = env_int("PADDOCK_MODELS_PER_RACER", 100, minimum=1)
 STORAGE_PER_RACER_MB = env_int("PADDOCK_STORAGE_PER_RACER_MB", 10240, minimum=1)
 RACES_PER_RACER = env_int("PADDOCK_RACES_PER_RACER", 20, minimum=1)
+FOLLOWED_PER_RACER = env_int("PADDOCK_FOLLOWED_PER_RACER", 200, minimum=0)
 LEARNERS_PER_TEACHER = env_int("PADDOCK_LEARNERS_PER_TEACHER", 120, minimum=0)
 INVITATIONS_A_DAY = env_int("PADDOCK_INVITATIONS_A_DAY", 100, minimum=0)
 OWN_RUNS_AT_ONCE = env_int("PADDOCK_OWN_RUNS_AT_ONCE", 10, minimum=0)
@@ -470,14 +471,14 @@ SPECTACULAR_SETTINGS = {
     "ENUM_NAME_OVERRIDES": {
         "KindEnum": "races.models.RaceKind",
         "SensorsEnum": "races.sensors.OFFERABLE",
+        "StageEnum": "league.models.Stage",
+        "CupStage": "league.api.cups.STAGES",
         "NoticeKind": "league.models.NoticeKind",
         "VehicleSensor": "training.api.vehicles.SENSORS",
         "EvaluationState": "evaluation.models.State",
         "RaceState": "races.models.RaceState",
         "TrainingState": "training.models.JobState",
         "VideoState": "races.api.videos.STATES",
-        "CupStage": "league.api.cups.STAGES",
-        "StageEnum": "league.models.Stage",
     },
     "POSTPROCESSING_HOOKS": [
         "drf_spectacular.hooks.postprocess_schema_enums",

@@ -42,6 +42,7 @@ class LeagueConfig(AppConfig):
         register_cut(cut_shown)
         register_slots(
             {
+                "menu.account": "league/parts/menu_following.html",
                 "head.notices": "league/parts/bell.html",
                 "settings.notices": "league/parts/tab_notices.html",
                 "settings.webhooks": "league/parts/tab_webhooks.html",

@@ -29,6 +29,13 @@ SENTENCES = {
         "%(race)s was driven again with the engine %(engine)s. You had %(old)s with %(before)s, and have %(new)s."
     ),
     NoticeKind.CUP: gettext_noop("The cup of %(day)s is over: you are in place %(place)s of division %(division)s."),
+    NoticeKind.FOLLOWED: gettext_noop("%(racer)s leads %(race)s with %(score)s."),
+    NoticeKind.TEAM: gettext_noop("The team %(team)s asks you to join."),
+}
+# What else a racer who is followed has done, by ``params["what"]``.
+FOLLOWED_WON = {
+    "race": gettext_noop("%(racer)s has won %(race)s."),
+    "cup": gettext_noop("%(racer)s has won division %(division)s of the cup of %(day)s."),
 }
 # What a racer can do about it. Told while it can be changed: "until" is empty before the results are official.
 APPEAL = gettext_noop("If you think that this is wrong, tell the organisers: they can put you back.")
@@ -44,6 +51,8 @@ def sentence(notice: Notice) -> str:
     if notice.kind == NoticeKind.RESULT and len(notice.params) > 1:
         return _result(params)
     said = _(SENTENCES[NoticeKind(notice.kind)])
+    if notice.kind == NoticeKind.FOLLOWED:
+        return _followed(said, params)
     if notice.kind == NoticeKind.RETIMED:
         return _retimed(said, params)
     if notice.kind == NoticeKind.DISQUALIFIED and "until" in notice.params:
@@ -67,6 +76,14 @@ def _result(said: _NoticeParams) -> str:
         score = _NoticeParams(said, score=clock(said["score_ms"]))
         text = _("Your car in %(race)s: %(score)s. You are in place %(rank)s of %(of)s.") % score
     return " ".join([text, change_sentence(said.get("change", ""), said.get("by", 0))]).strip()
+
+
+def _followed(said: str, params: _NoticeParams) -> str:
+    """A lead or a win of somebody who is followed."""
+    if params.get("what") in FOLLOWED_WON:
+        return _(FOLLOWED_WON[params["what"]]) % params
+    score = params.get("score_ms")
+    return said % (params if score is None else _NoticeParams(params, score=clock(score)))
 
 
 def _retimed(said: str, params: _NoticeParams) -> str:

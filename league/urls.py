@@ -2,11 +2,14 @@
 
 from django.urls import path, re_path
 
-from .views import cups, home, inviting, notices, organising, racers, seasons, webhooks
+from .views import cups, following, home, inviting, notices, organising, racers, seasons, webhooks
 
 urlpatterns = [
     path("", home.home, name="home"),
     path("racers/<str:alias>/", racers.racer, name="racer"),
+    path("racers/<str:alias>/follow/", following.follow, name="follow"),
+    path("racers/<str:alias>/unfollow/", following.unfollow, name="unfollow"),
+    path("following/", following.following, name="following"),
     path("races/invited/<str:token>/", inviting.invited, name="invited"),
     path("races/<slug:slug>/invited/", inviting.race_invited, name="race_invited"),
     path("invitations/stop/<str:token>/", inviting.invited_stop, name="invited_stop"),

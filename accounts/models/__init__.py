@@ -1,8 +1,9 @@
-"""Racers, groups of them, what an admin has set for single ones, invitations to sign up, where racers have logged in
-from, and what their tokens may do."""
+"""Racers, groups of them, who follows whom, what an admin has set for single ones, invitations to sign up, where racers
+have logged in from, and what their tokens may do."""
 
 from .access import MOST, KnownAddress, RacerQuota, SignUpInvitation, TokenGrant
 from .classroom import ClassLearner, Classroom
+from .follow import Follow
 from .group import GroupMember, RacerGroup
 from .racer import ALIAS_PATTERN, ALIAS_VALIDATORS, Racer, RacerManager
 from .team import Team, TeamInvitation, TeamMember
@@ -13,6 +14,7 @@ __all__ = [
     "MOST",
     "ClassLearner",
     "Classroom",
+    "Follow",
     "GroupMember",
     "KnownAddress",
     "Racer",

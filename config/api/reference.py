@@ -18,7 +18,7 @@ from .schema import WRITES
 METHODS = ("get", *WRITES)
 SUBJECTS = (
     *("account", "notices", "webhooks", "models", "vehicles", "trainings"),
-    *("tracks", "races", "timing", "cups", "seasons", "evaluations", "reports"),
+    *("tracks", "races", "timing", "cups", "following", "seasons", "evaluations", "reports"),
 )
 
 

@@ -7,7 +7,7 @@ from drf_spectacular.views import SpectacularJSONAPIView
 
 from evaluation import api as models
 from evaluation.reports import api as reports
-from league.api import cups, notices, organising, seasons, webhooks
+from league.api import cups, following, notices, organising, seasons, webhooks
 from races.api import (
     boards,
     comparing,
@@ -36,6 +36,8 @@ version_1: list[URLPattern | URLResolver] = [
     path("notices/read/", notices.NoticesReadView.as_view(), name="api-notices-read"),
     path("notices/settings/", notices.NoticeSettingsView.as_view(), name="api-notice-settings"),
     path("notices/<int:number>/read/", notices.NoticeReadView.as_view(), name="api-notice-read"),
+    path("following/", following.FollowingView.as_view(), name="api-following"),
+    path("following/<slug:alias>/", following.FollowView.as_view(), name="api-follow"),
     path("webhooks/", webhooks.WebhooksView.as_view(), name="api-webhooks"),
     path("webhooks/<int:number>/", webhooks.WebhookView.as_view(), name="api-webhook"),
     path("webhooks/<int:number>/secret/", webhooks.WebhookSecretView.as_view(), name="api-webhook-secret"),

@@ -28,10 +28,12 @@ class NoticeKind(models.TextChoices):
     RESTORED = "restored", _("put back by the stewards")
     RETIMED = "retimed", _("a new engine changed your time")
     CUP = "cup", _("a cup of the day is over")
+    FOLLOWED = "followed", _("a racer you follow leads or wins")
+    TEAM = "team", _("a team asks you to join")
 
 
-# A result comes seconds after sending a car: whoever wants that by mail turns it on.
-NOT_MAILED = (NoticeKind.RESULT, NoticeKind.CUP)
+# A result comes seconds after sending a car, and others race all day: whoever wants that by mail turns it on.
+NOT_MAILED = (NoticeKind.RESULT, NoticeKind.CUP, NoticeKind.FOLLOWED)
 
 
 class Notice(models.Model):

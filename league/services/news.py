@@ -10,6 +10,8 @@ from collections.abc import Callable
 from datetime import datetime, timedelta
 from typing import Any
 
+from accounts.events import TEAM_INVITED
+from accounts.models import TeamInvitation
 from core.events import Event, EventKind, EventReader
 from evaluation.events import RUN_FAILED
 from evaluation.models import Evaluation, State
@@ -19,11 +21,13 @@ from races.models import Entry, Race, RaceKind, Redrive, Retiming, Submission, T
 from races.ranking import laps_needed, longest_streak, standing_in
 from races.selectors import podiums
 from races.selectors.results import place_of, result_of
+from races.selectors.visibility import can_see_evaluation
 from races.services.gates import moment
 
 from ..events import CUP_OVER, DISQUALIFIED, IN_FINALE, PROMOTED, QUALIFIED, RESTORED
 from ..models import CupPlace, Lead, NoticeKind, Round, StewardDecision
 from ..selectors.outcomes import holds
+from .followers import tell_of_cup, tell_of_lead, tell_of_win
 from .telling import Told, concerned, entered, tell
 
 REACH = timedelta(days=3)
@@ -62,18 +66,21 @@ def _cancelled(event: Event, now: datetime) -> int:
 
 def _counted(event: Event, now: datetime) -> int:
     """A result counts: its racer reads it, and who has lost the lead by it reads that."""
-    of_race = ("evaluation__result", "entry__race")
+    of_race = ("evaluation__result", "entry__race", "entry__racer")
     submission = Submission.objects.filter(pk=event.data["submission"]).select_related(*of_race).first()
     told = 0
     if submission is not None:  # by now perhaps another run of the car, which was driven again
         told += _result(submission.evaluation, submission, now)
+        counts = submission.entry.best_id == submission.pk and _is_recent(event, now)
+        if counts and can_see_evaluation(None, submission.evaluation):
+            told += tell_of_lead(submission.entry, event, now)
     return told + _lead(event, now)
 
 
 def _timed(event: Event, now: datetime) -> int:
     """A session with a real car has ended: its racer reads what it was worth, and who has lost the lead by it that."""
     sessions = TimedSession.objects.filter(pk=event.data["session"], discarded_at=None, ended_at__gt=now - REACH)
-    session, told = sessions.select_related("race", "entry__race").prefetch_related("laps").first(), 0
+    session, told = sessions.select_related("race", "entry__race", "entry__racer").prefetch_related("laps").first(), 0
     if session is not None:
         laps = counted_laps(session.race, sorted(session.laps.all(), key=lambda lap: lap.number))
         standing, place = standing_in(session.race, laps), place_of(session.entry)
@@ -87,6 +94,8 @@ def _timed(event: Event, now: datetime) -> int:
         }
         page = session.race.get_absolute_url()
         told += tell(Told(NoticeKind.RESULT, str(session.pk), [session.entry.racer_id], page, params), now)
+        if session.entry.best_session_id == session.pk:
+            told += tell_of_lead(session.entry, event, now)
     return told + _lead(event, now)
 
 
@@ -179,7 +188,8 @@ def _official(event: Event, now: datetime) -> int:
     if since <= now - reach or (round_ is not None and round_.closed_at != event.at):
         return 0
     params = {"race": race.name}
-    return tell(Told(NoticeKind.OFFICIAL, event.once or "", entered(race), race.get_absolute_url(), params), now)
+    told = tell(Told(NoticeKind.OFFICIAL, event.once or "", entered(race), race.get_absolute_url(), params), now)
+    return told + tell_of_win(race, event, now)
 
 
 def _moved_on(event: Event, now: datetime) -> int:
@@ -222,7 +232,21 @@ def _cup(event: Event, now: datetime) -> int:
     for one in CupPlace.objects.filter(cup__day=event.subject).select_related("cup").order_by("pk"):
         params = {"day": event.subject, "place": one.place, "division": one.division}
         told += tell(Told(NoticeKind.CUP, event.subject, [one.racer_id], one.cup.get_absolute_url(), params), now)
-    return told
+    return told + tell_of_cup(event, now)
+
+
+def _asked(event: Event, now: datetime) -> int:
+    """A racer is asked to join a team, unless they have answered by now; by one team at most once a day."""
+    invitations = TeamInvitation.objects.filter(team__slug=event.subject, racer=_concerned(event))
+    asked = invitations.select_related("team").first()
+    if asked is None or not _is_recent(event, now):
+        return 0
+    about, params = f"{event.subject}:{event.at:%Y%m%d}", {"team": asked.team.name}
+    return tell(Told(NoticeKind.TEAM, about, [asked.racer_id], asked.team.get_absolute_url(), params), now)
+
+
+def _is_recent(event: Event, now: datetime) -> bool:
+    return event.at > now - REACH
 
 
 def _concerned(event: Event) -> int:
@@ -251,6 +275,7 @@ _TELLING: dict[EventKind, Callable[[Event, datetime], int]] = {
     IN_FINALE: _moved_on,
     QUALIFIED: _moved_on,
     CUP_OVER: _cup,
+    TEAM_INVITED: _asked,
     DISQUALIFIED: _decided,
     RESTORED: _decided,
 }

@@ -2,9 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections import Counter
+from collections.abc import Collection, Iterable
 from dataclasses import dataclass
+from datetime import datetime, timedelta
 from typing import TYPE_CHECKING
+
+from django.db.models import OuterRef, Q, QuerySet, Subquery
 
 from ..models import DuelCompetitor, Entry
 from .boards import CLASSIFIED, ORDER
@@ -14,6 +18,12 @@ if TYPE_CHECKING:
     from django.contrib.auth.models import AnonymousUser
 
     from accounts.models import Racer
+
+
+RIVALS = 3
+RIVALS_LOOK = timedelta(days=30)
+RIVALS_BOARDS = 20
+_NEAR = (2, 1)  # points for who stands just before or behind, and one further
 
 
 @dataclass(frozen=True)
@@ -31,15 +41,74 @@ class HeadToHead:
         return bool(self.races_ahead + self.races_behind + self.heats_ahead + self.heats_behind)
 
 
+@dataclass(frozen=True)
+class Rivalry:
+    """Somebody whom a racer stands near to on boards. ``boards``: on how many; ``record``: the racer against them."""
+
+    rival: Racer
+    boards: int
+    record: HeadToHead
+
+
 def head_to_head(one: Racer, other: Racer, viewer: Racer | AnonymousUser | None) -> HeadToHead:
     """``one`` against ``other``, in the races that ``viewer`` may see: two queries, which grow with their own races."""
+    return heads_to_heads(one, [other.pk], viewer)[other.pk]
+
+
+def heads_to_heads(one: Racer, others: Collection[int], viewer: Racer | AnonymousUser | None) -> dict[int, HeadToHead]:
+    """:func:`head_to_head` against each of several (ids), in two queries together."""
     seen = races_visible_to(viewer).order_by().values("pk")
-    pair = (one.pk, other.pk)
+    racers = [one.pk, *others]
+    mine = Entry.objects.filter(racer=one).values("race")
     classified = Entry.objects.filter(CLASSIFIED, race__in=seen, withdrawn_at=None, is_baseline=False)
-    standings = classified.filter(racer__in=pair).values_list("race", "racer", *ORDER)
-    heats = DuelCompetitor.objects.filter(duel__race__in=seen, place__isnull=False, entry__racer__in=pair)
-    placed = heats.values_list("duel", "entry__racer", "place")
-    return HeadToHead(*_ahead(standings, *pair), *_ahead(placed, *pair))
+    standings = list(classified.filter(racer__in=racers, race__in=mine).values_list("race", "racer", *ORDER))
+    heats = DuelCompetitor.objects.filter(duel__race__in=seen, place__isnull=False, entry__racer__in=racers)
+    placed = list(heats.filter(duel__race__in=mine).values_list("duel", "entry__racer", "place"))
+    return {other: HeadToHead(*_ahead(standings, one.pk, other), *_ahead(placed, one.pk, other)) for other in others}
+
+
+def rivals_of(racer: Racer, viewer: Racer | AnonymousUser | None, now: datetime) -> list[Rivalry]:
+    """Who stands nearest to a racer, at most ``RIVALS``; four queries, however long the boards are.
+
+    The rule: of the boards on which the racer's standing was achieved in the last 30 days and which ``viewer`` may see,
+    the latest 20 are looked at. Whoever stands just before or just behind the racer there gets two points, the next one
+    either way one point. Who has most points is nearest, of equals who is near on more boards, then by alias. House
+    cars and closed accounts are nobody's rivals. Boards of duels count by their qualifying.
+    """
+    seen = races_visible_to(viewer).order_by().values("pk")
+    mine = Entry.objects.filter(CLASSIFIED, racer=racer, race__in=seen, withdrawn_at=None, is_baseline=False)
+    mine = mine.filter(achieved_at__gt=now - RIVALS_LOOK).order_by("-achieved_at", "-pk")
+    near = {
+        f"{way}_{step}": Subquery(found.values("racer")[step : step + 1])
+        for way, found in (("before", _beside(before=True)), ("behind", _beside(before=False)))
+        for step in range(len(_NEAR))
+    }
+    points: Counter[int] = Counter()
+    boards: Counter[int] = Counter()
+    for row in mine.annotate(**near).values(*near)[:RIVALS_BOARDS]:
+        for name, rival in row.items():
+            if rival is not None:
+                points[rival] += _NEAR[int(name[-1])]
+                boards[rival] += 1
+    racers = type(racer).objects.filter(is_active=True, is_house=False).in_bulk(list(points))
+    nearest = sorted(racers.values(), key=lambda one: (-points[one.pk], -boards[one.pk], one.alias))[:RIVALS]
+    if not nearest:
+        return []
+    records = heads_to_heads(racer, [one.pk for one in nearest], viewer)
+    return [Rivalry(one, boards[one.pk], records[one.pk]) for one in nearest]
+
+
+def _beside(*, before: bool) -> QuerySet[Entry]:
+    """Of the board of an outer query's entry, who stands before it or behind it, the nearest first."""
+    way, end = ("lt", "lte") if before else ("gt", "gte")
+    beyond, same = Q(), {}
+    for column in ORDER:
+        beyond |= Q(**same, **{f"{column}__{way}": OuterRef(column)})
+        same[column] = OuterRef(column)
+    others = Entry.objects.filter(CLASSIFIED, race=OuterRef("race"), withdrawn_at=None, is_baseline=False)
+    # the first condition is a range of the index
+    found = others.filter(**{f"rank_score__{end}": OuterRef("rank_score")}).filter(beyond)
+    return found.order_by(*(f"-{column}" if before else column for column in ORDER))
 
 
 def _ahead(rows: Iterable[tuple], one: int, other: int) -> tuple[int, int]:
@@ -47,5 +116,5 @@ def _ahead(rows: Iterable[tuple], one: int, other: int) -> tuple[int, int]:
     met: dict[int, dict[int, tuple]] = {}
     for where, racer, *order in rows:
         met.setdefault(where, {})[racer] = tuple(order)
-    both = [(each[one], each[other]) for each in met.values() if len(each) == 2]
+    both = [(each[one], each[other]) for each in met.values() if one in each and other in each]
     return sum(mine < theirs for mine, theirs in both), sum(mine > theirs for mine, theirs in both)

@@ -20,7 +20,16 @@ from tracks.models import Track
 
 pytestmark = pytest.mark.django_db
 NOW = datetime(2026, 5, 6, 12, tzinfo=UTC)
-OWN = ["own_runs_at_once", "own_runs_a_day", "invited_a_day", "reports_at_once", "reports_a_day", "learners", "reports"]
+OWN = [
+    "own_runs_at_once",
+    "own_runs_a_day",
+    "invited_a_day",
+    "reports_at_once",
+    "reports_a_day",
+    "learners",
+    "reports",
+    "followed",
+]
 ON = "models storage_mb tracks races trainings_at_once training_minutes videos_at_once videos_a_day " + " ".join(OWN)
 
 

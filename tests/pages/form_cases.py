@@ -129,6 +129,9 @@ CASES = [
     ),
     Case("alice", "/notices/", "css=.notice-link", "css=#evaluation, #board"),
     Case("alice", "/notices/", "Mark all as read", "css=main:not(:has([action='/notices/read/']))"),
+    Case("alice", "/racers/bob/", "Follow", "You follow bob."),
+    Case("alice", "/racers/bob/", "Unfollow", "You follow bob no more."),
+    Case("alice", "/following/", "Unfollow", "You follow slowpoke no more."),
     # classes
     Case("newcomer", "/classes/", "Make the class", "The class is made.", {"Name": "6a"}),
     Case("alice", "/classes/7c/", "Make accounts and cards", "css=.class-card", {"Names": "Ben Park"}),

@@ -13,6 +13,7 @@ from allauth.account.utils import user_pk_to_url_str
 from PIL import Image
 
 from accounts.classes import add_learners, make_class
+from accounts.following import follow_racer
 from accounts.groups.services import ask_to_join, confirm_member, make_group
 from accounts.models import Racer
 from accounts.teams.services import found_team, invite_to_team, join_by_link
@@ -122,6 +123,7 @@ class Cast:
             team = found_team(by=a_racer(captain), name=name, now=now)
             invite_to_team(team=team, alias="newcomer", by=team.captain, now=now)
         self.team_code = comets.code
+        follow_racer(follower=alice, racer=Racer.objects.get(alias="slowpoke"), now=now)
         then, later = now - timedelta(days=2), world.upcoming
         type(later).objects.filter(pk=later.pk).update(organiser=alice)
         later.refresh_from_db()

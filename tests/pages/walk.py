@@ -12,6 +12,7 @@ from django.conf import settings
 from django.urls import URLPattern, get_resolver, resolve
 
 from accounts.classes import add_learners, make_class
+from accounts.following import follow_racer
 from accounts.groups.services import ask_to_join, confirm_member, make_group
 from accounts.models import RacerGroup, Team
 from accounts.teams.services import found_team, invite_to_team
@@ -66,7 +67,7 @@ NO_PAGES = {
     "training_first",
     "track_file",
     "group_leave",
-    "team_leave",
+    *("follow", "team_leave", "unfollow"),
     "invited",
     *("avatar", "picture_remove", "picture_set"),
     # which lead elsewhere unless something has just happened
@@ -120,6 +121,7 @@ def make_site() -> Site:
     training = run(a_training(world.alice, world.track, now, name="trains"))
     add_webhook(owner=world.alice, url="https://example.org/hook", race=world.race)
     tell_what_happened(now=now)
+    follow_racer(follower=world.alice, racer=world.bob, now=now)
     TOTP.activate(world.bob, "GEZDGNBVGY3TQOJQGEZDGNBVGY3TQOJQ")
     owls = make_group(by=world.alice, name="Owls", now=now, description="We race at night.")
     for racer in (world.bob, world.newcomer):
@@ -233,6 +235,8 @@ def _paths(world, season, trained, training, pair, vehicle, token) -> dict[str, 
                 "/cups/",
                 f"/cups/{Cup.objects.get().day}/",
                 "/racers/alice/",
+                "/racers/bob/",
+                "/following/",
                 "/racers/house-steady/",
                 "/notices/",
             ),

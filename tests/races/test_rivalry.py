@@ -2,14 +2,16 @@
 
 from __future__ import annotations
 
+from datetime import timedelta
+
 import pytest
 from django.test import Client
 
 from races.models import DuelCompetitor, Visibility
-from races.selectors.rivalry import HeadToHead, head_to_head
+from races.selectors.rivalry import HeadToHead, head_to_head, rivals_of
 from races.services import enter_race, withdraw
 from tests.duels import drawn, end_all
-from tests.factories import a_race, drive, lap, laps
+from tests.factories import a_race, a_racer, drive, lap, laps
 
 pytestmark = pytest.mark.django_db
 
@@ -57,3 +59,38 @@ def test_heats_count_by_their_places(now, wakes):
         sum(a < b for a, b in shared),
         sum(a > b for a, b in shared),
     )
+
+
+def test_rivals_stand_nearest_on_the_boards_of_the_last_days(
+    alice, bob, charlie, now, wakes, django_assert_num_queries
+):
+    near, far, gone = a_racer("near"), a_racer("far"), a_racer("gone", is_active=False)
+    boards = [
+        {far: 8_000, charlie: 9_000, near: 9_500, alice: 10_000, bob: 10_500, gone: 10_600},
+        {near: 9_500, bob: 10_000, alice: 10_500, far: 30_000},
+    ]
+    for times in boards:
+        race = a_race(now)
+        for racer, time in times.items():
+            drive(race, racer, laps(time, time, time), now)
+    with django_assert_num_queries(4):
+        found = rivals_of(alice, alice, now)
+    # bob: just behind, just ahead; near: just ahead, two ahead; far: just behind; charlie: two ahead
+    assert [(one.rival.alias, one.boards) for one in found] == [("bob", 2), ("near", 2), ("far", 1)]
+    assert found[0].record == head_to_head(alice, bob, alice) == HeadToHead(1, 1, 0, 0)
+    assert found[1].record == HeadToHead(0, 2, 0, 0)
+    assert rivals_of(alice, alice, now + timedelta(days=31)) == [] == rivals_of(a_racer(), alice, now)
+    client = Client()
+    client.force_login(alice, backend="django.contrib.auth.backends.ModelBackend")
+    assert "Your rivals" in client.get("/racers/alice/").content.decode()
+    client.force_login(bob, backend="django.contrib.auth.backends.ModelBackend")
+    assert "Your rivals" not in client.get("/racers/alice/").content.decode()
+
+
+def test_of_equals_on_a_board_the_earlier_one_stands_before(alice, bob, charlie, now, wakes):
+    race = a_race(now, visibility=Visibility.PUBLIC)
+    for racer in (bob, alice, charlie):
+        drive(race, racer, laps(10_000, 10_000, 10_000), now)
+    assert [one.rival.alias for one in rivals_of(alice, None, now)] == ["bob", "charlie"]
+    type(race).objects.update(visibility=Visibility.INVITATION)
+    assert rivals_of(alice, None, now) == [] and len(rivals_of(alice, alice, now)) == 2
