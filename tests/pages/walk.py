@@ -169,7 +169,7 @@ def _paths(world, season, trained, training, pair, vehicle, token) -> dict[str, 
     driven, chased = pair
     own = [run.evaluation.public_id for run in _own(world)]
     show = a_live_race(world.now, world.alice, slug="show-race", name="Show race")
-    begun(a_show(world.now, world.alice, ["alice", "bob"], race=show), world.alice, world.now)
+    begun(a_show(world.now, world.alice, ["alice", "bob"], race=show, speed_control=True), world.alice, world.now)
     a_show(world.now, world.alice, ["bob"], race=a_live_race(world.now, world.alice, slug="plan-race", name="Planned"))
     real, mia = a_timed_race(world.now, world.alice, world.bob, beside=world.race)
     timed_lap = real.timed_sessions.get(entry__racer=world.bob).laps.get(number=1)
@@ -189,7 +189,9 @@ def _paths(world, season, trained, training, pair, vehicle, token) -> dict[str, 
             *("/races/real-race/", "/races/real-race/laps/", "/races/real-race/rules/", "/races/real-race/edit/"),
             *("/races/real-race/timing/", "/races/real-race/timing/set-up/", f"/laps/{mia.claim}/"),
             f"/races/real-race/laps/{timed_lap.pk}/correct/",
-            *("/races/show-race/event/", "/races/show-race/event/console/", "/races/show-race/"),
+            *("/races/show-race/event/", "/races/show-race/event/console/", "/races/show-race/event/speed/"),
+            *("/races/show-race/live/screen/", "/races/show-race/live/overlay/tower/"),
+            *("/races/show-race/live/commentary/", "/races/show-race/live/phone/"),
             *("/races/plan-race/event/", "/races/plan-race/event/console/", "/races/plan-race/event/plan/"),
             *("/races/open-race/racers/", "/races/open-race/racers/bob/remove/", "/races/open-race/cancel/"),
             "/races/open-race/close/",
