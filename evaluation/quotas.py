@@ -39,12 +39,14 @@ def _uploads(racers: Collection[int] | None) -> Mapping[int, float]:
 def _traces(racers: Collection[int] | None) -> Mapping[int, float]:
     """Of all cars of a run, for the racer whose run it is."""
     used: dict[int, float] = defaultdict(float)
-    for model, column, owner in (
-        (Result, "trace", "evaluation__owner"),
-        (Result, "bots", "evaluation__owner"),
-        (RivalResult, "trace", "result__evaluation__owner"),
-    ):
-        for racer, size in sizes_of_files(model, column, owner, racers).items():
+    told = {"result__evaluation__sealed": False}  # how large a trace is tells how long its car drove
+    tables: tuple[tuple[type[Model], str, str, dict[str, bool]], ...] = (
+        (Result, "trace", "evaluation__owner", {}),
+        (Result, "bots", "evaluation__owner", {}),
+        (RivalResult, "trace", "result__evaluation__owner", told),
+    )
+    for model, column, owner, only in tables:
+        for racer, size in sizes_of_files(model, column, owner, racers, **only).items():
             used[racer] += size
     return used
 

@@ -6,9 +6,10 @@ from datetime import datetime
 from typing import Any
 
 from .live_screens import screens_document
-from .models import PLAYED_BEHIND, LiveEvent, LiveRacer, LiveSlot, LiveState
+from .models import PLAYED_BEHIND, LiveEvent, LiveRacer, LiveSlot, LiveState, Opponents, SlotState
 from .poses import CHUNK_MS
 from .ranking import Standing
+from .selectors.duels import DuelRound, duels_of
 from .selectors.live import PODIUM, LiveRow, live_racers, live_standings, on_track, phase_of, running_order, up_next
 from .selectors.live_speed import present_speed
 
@@ -48,6 +49,7 @@ def live_document(event: LiveEvent, now: datetime) -> dict[str, Any]:
         if begun
         else [_racer(racer) | {"here": racer.here_at is not None} for racer in live_racers(event)],
         "standings": [_row(row) for row in standings],
+        "bracket": bracket_document(event),
         "winner": None if event.winner is None else event.winner.racer.alias,
         "podium": _podium(event, standings),
         **screens_document(event),
@@ -56,19 +58,72 @@ def live_document(event: LiveEvent, now: datetime) -> dict[str, Any]:
 
 def slot_document(slot: LiveSlot, now: datetime) -> dict[str, Any]:
     """A place in the running order. When a run ends is not told: it would say that a car is about to be taken off."""
-    assert slot.racer is not None, "heats are not yet shown live"
-    submission = slot.submission
     return {
         "slot": slot.pk,
         "round": slot.round,
         "attempt": slot.attempt,
         "state": slot.phase_at(now),
         "starts_at": milliseconds(slot.starts_at),
-        "evaluation": None if submission is None else submission.evaluation.public_id,
+        "evaluation": _shown_run(slot),
         "reason": slot.reason_code,
         "speed": present_speed(slot, now),
-        **_racer(slot.racer),
+        "heat": None if slot.duel is None else slot.duel.number,
+        "cars": [
+            {"number": number, "racer": entry.racer.alias, "country": str(entry.racer.country or "")}
+            for number, entry in enumerate(slot.starting)
+        ],
+        **(_racer(slot.racer) if slot.racer is not None else _heat(slot)),
     }
+
+
+def _shown_run(slot: LiveSlot) -> str | None:
+    """The public id of a run that was shown."""
+    if slot.submission is not None:
+        return slot.submission.evaluation.public_id
+    duel = slot.duel if slot.state == SlotState.DONE else None
+    # a heat names its run once it was shown
+    return None if duel is None or duel.evaluation is None else duel.evaluation.public_id
+
+
+def _heat(slot: LiveSlot) -> dict[str, Any]:
+    return {"racer": slot.who, "country": "", "qualified_rank": None}
+
+
+def bracket_document(event: LiveEvent) -> list[dict[str, Any]]:
+    """The rounds of the event's duels as far as they were shown: in a bracket their ties (whom nobody knows yet is
+    None), in a round robin their heats. Empty until they are drawn."""
+    duels = duels_of(event.race) if event.race.opponents == Opponents.MODELS else None
+    return [] if duels is None else [_round(one) for one in duels.rounds]
+
+
+def _round(of: DuelRound) -> dict[str, Any]:
+    ties = [
+        {
+            "number": tie.tie.number,
+            "bye": tie.tie.bye,
+            "cars": [
+                {
+                    "racer": None if car.entry is None else car.entry.racer.alias,
+                    "seed": None if car.entry is None else car.entry.seed,
+                    "points": car.points,
+                    "won": car.won,
+                }
+                for car in tie.cars
+            ],
+        }
+        for tie in of.ties
+    ]
+    heats = [
+        {
+            "number": heat.duel.number,
+            "state": heat.duel.state,
+            "cars": [
+                {"racer": car.entry.racer.alias, "place": car.place, "points": car.points} for car in heat.at_the_end
+            ],
+        }
+        for heat in of.heats
+    ]
+    return {"round": of.number, "name": of.name, "ties": ties, "heats": heats}
 
 
 def _racer(racer: LiveRacer) -> dict[str, Any]:
@@ -88,6 +143,7 @@ def _row(row: LiveRow) -> dict[str, Any]:
         "attempts": row.attempts,
         "score_ms": None if standing is None else standing.score_ms,
         "gap_ms": row.gap_ms,
+        "points": row.points,
         "best_lap_ms": None if standing is None else standing.best_lap_ms,
         "complete_laps": None if standing is None else standing.complete_laps,
         "sectors": [] if standing is None else list(standing.sectors),

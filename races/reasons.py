@@ -291,7 +291,10 @@ register(
     "user",
     {
         "live_exists": _("This race has a live event already. Change its plan, or call it off and plan another."),
-        "live_with_duels": _("Models against models are drawn and driven as duels. Choose a race that times its cars."),
+        "live_with_duels": _("The duels of this race are driven already. Plan a live event before they are drawn."),
+        "live_before_draw": _("The duels are drawn when the race closes, at %(closes)s. Let the event start later."),
+        "live_drawn": _("The draw decides who meets, and a duel that was shown stands. Hold or skip it instead."),
+        "live_walkover": _("It was not driven: fewer than two of its racers are still in the race."),
         "live_of_real_cars": _("Real cars are timed where they drive. Only races of simulated cars are shown live."),
         "live_in_the_past": _("The start of the live event has passed. Choose a later time."),
         "live_too_far_ahead": _("The live event starts more than %(days)s days from now. Choose an earlier time."),

@@ -76,6 +76,8 @@
       this.slot = null;
       this.after = -1;
       this.car = new Track();
+      (this.rivals || []).forEach((rival) => rival.shape.remove());
+      this.rivals = [];
       this.bots = [];
       this.waiting = [];
       this.best = null;
@@ -134,6 +136,7 @@
             if (chunk.n <= this.after) continue;
             this.after = chunk.n;
             if (chunk.cars[0]) this.car.add(chunk.cars[0]);
+            chunk.cars.slice(1).forEach((columns, at) => this.rival(at).track.add(columns));
             this.waiting.push(...chunk.events);
           }
           this.over = said.over;
@@ -155,9 +158,11 @@
       const place = this.car.at(Math.max(0, moment));
       const shape = this.part("car");
       if (!place) return;
-      shape.removeAttribute("hidden");
-      shape.setAttribute("transform", `translate(${place.x} ${place.y}) rotate(${place.yaw}) scale(${this.size})`);
-      shape.classList.toggle("standing", place.status === "pause");
+      this.put(shape, place);
+      for (const rival of this.rivals) {
+        const beside = rival.track.at(Math.max(0, moment));
+        if (beside) this.put(rival.shape, beside);
+      }
       while (this.waiting.length && this.waiting[0].t <= moment) this.happen(this.waiting.shift());
       const end = this.car.t[this.car.t.length - 1];
       const at = Math.max(0, this.over ? Math.min(moment, end) : moment);
@@ -170,6 +175,26 @@
       if (this.over && moment > end + 500 && !this.state.current) { this.forget(); this.part("clock").textContent = ""; }
     }
 
+    // The other cars of a duel.
+    rival(at) {
+      if (!this.rivals[at]) {
+        const shape = this.part("car").cloneNode(true);
+        shape.removeAttribute("data-car");
+        shape.setAttribute("hidden", "");
+        shape.classList.add("rival");
+        shape.dataset.rival = String(at + 1);
+        this.part("car").before(shape);
+        this.rivals[at] = { shape, track: new Track() };
+      }
+      return this.rivals[at];
+    }
+
+    put(shape, place) {
+      shape.removeAttribute("hidden");
+      shape.setAttribute("transform", `translate(${place.x} ${place.y}) rotate(${place.yaw}) scale(${this.size})`);
+      shape.classList.toggle("standing", place.status === "pause");
+    }
+
     drawTail(place, moment) {
       const points = [];
       for (let i = place.i; i >= 0 && this.car.t[i] > moment - TAIL_MS; i -= 1) {
@@ -180,7 +205,7 @@
     }
 
     happen(event) {
-      if (event.kind === "lap") {
+      if (event.kind === "lap" && event.car === 0) {
         this.lapFrom = event.t;
         this.part("last-lap").textContent = clock(event.ms);
         this.best = Math.min(this.best ?? event.ms, event.ms);

@@ -55,6 +55,14 @@ class LiveLobbyRacerSerializer(LiveRacerSerializer):
     here = serializers.BooleanField(help_text="Whether they answered the roll call.")
 
 
+class LiveCarSerializer(serializers.Serializer):
+    """A car of a run."""
+
+    number = serializers.IntegerField()
+    racer = serializers.CharField()
+    country = serializers.CharField(allow_blank=True)
+
+
 class LiveSlotSerializer(LiveRacerSerializer):
     """A place in the running order."""
 
@@ -66,6 +74,8 @@ class LiveSlotSerializer(LiveRacerSerializer):
     evaluation = serializers.CharField(allow_null=True, help_text="The public_id of its run, once it was shown.")
     reason = serializers.CharField(allow_blank=True, help_text="A reason code, such as why it is held.")
     speed = SpeedCommandSerializer(allow_null=True, help_text="The command that the car on track drives by now.")
+    heat = serializers.IntegerField(allow_null=True, help_text="The number of the duel in its round; null without.")
+    cars = LiveCarSerializer(many=True, help_text="Who drives, by the numbers that the cars of its poses have.")
 
 
 class LiveStandingSerializer(LiveRacerSerializer):
@@ -78,6 +88,49 @@ class LiveStandingSerializer(LiveRacerSerializer):
     best_lap_ms = serializers.IntegerField(allow_null=True)
     complete_laps = serializers.IntegerField(allow_null=True)
     sectors = serializers.ListField(child=serializers.IntegerField(), help_text="Of the best lap, in ms.")
+    points = serializers.IntegerField(allow_null=True, help_text="In duels; in a bracket how many ties were won.")
+
+
+class LiveTieCarSerializer(serializers.Serializer):
+    """A place of a tie."""
+
+    racer = serializers.CharField(allow_null=True, help_text="null while nobody is known.")
+    seed = serializers.IntegerField(allow_null=True)
+    points = serializers.IntegerField(allow_null=True)
+    won = serializers.BooleanField()
+
+
+class LiveTieSerializer(serializers.Serializer):
+    """Two who meet in a bracket."""
+
+    number = serializers.IntegerField()
+    bye = serializers.BooleanField(help_text="Nobody else will come: its one car goes on.")
+    cars = LiveTieCarSerializer(many=True)
+
+
+class LiveHeatCarSerializer(serializers.Serializer):
+    """A car of a duel."""
+
+    racer = serializers.CharField()
+    place = serializers.IntegerField(allow_null=True)
+    points = serializers.IntegerField(allow_null=True)
+
+
+class LiveHeatSerializer(serializers.Serializer):
+    """A duel."""
+
+    number = serializers.IntegerField()
+    state = serializers.CharField(help_text="waiting until it was shown, then decided or void.")
+    cars = LiveHeatCarSerializer(many=True, help_text="In the order at the end once it was shown.")
+
+
+class LiveRoundSerializer(serializers.Serializer):
+    """A round of duels."""
+
+    round = serializers.IntegerField()
+    name = serializers.CharField()
+    ties = LiveTieSerializer(many=True, help_text="Of a bracket.")
+    heats = LiveHeatSerializer(many=True)
 
 
 class LiveLeaderSerializer(serializers.Serializer):
@@ -113,6 +166,7 @@ class LiveEventSerializer(serializers.Serializer):
     order = LiveSlotSerializer(many=True, help_text="The running order; empty until the event has begun.")
     racers = LiveLobbyRacerSerializer(many=True, help_text="Who is in the lobby, until the event has begun.")
     standings = LiveStandingSerializer(many=True)
+    bracket = LiveRoundSerializer(many=True, help_text="The rounds of duels as far as they were shown.")
     winner = serializers.CharField(allow_null=True)
     podium = serializers.ListField(child=serializers.CharField(), help_text="Once it is shown; the winner first.")
     best_sectors = serializers.ListField(
@@ -163,7 +217,7 @@ class ConsoleSlotSerializer(serializers.Serializer):
     """A place in the running order, as its organisers see it."""
 
     slot = serializers.IntegerField(source="slot.pk")
-    racer = serializers.CharField(source="slot.racer.entry.racer.alias")
+    racer = serializers.CharField(source="slot.who")
     round = serializers.IntegerField(source="slot.round")
     attempt = serializers.IntegerField(source="slot.attempt")
     state = serializers.CharField(source="phase")

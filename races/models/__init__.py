@@ -18,6 +18,7 @@ from .duel import Draw, Duel, DuelCompetitor, DuelState
 from .entry import Entry
 from .live import (
     COUNTDOWN,
+    HEAT_CARS,
     PLAYED_BEHIND,
     REVEALED_AFTER,
     LiveEvent,
@@ -51,6 +52,7 @@ from .timing import (
 
 __all__ = [
     "COUNTDOWN",
+    "HEAT_CARS",
     "PLAYED_BEHIND",
     "REVEALED_AFTER",
     "BoardCount",

@@ -20,6 +20,8 @@ COUNTDOWN = timedelta(seconds=10)
 # Pages play so much behind the clock, so that all of them have what they play; results come after the last of them.
 PLAYED_BEHIND = timedelta(milliseconds=1500)
 REVEALED_AFTER = timedelta(seconds=2)
+UNDO_FOR = timedelta(minutes=2)
+HEAT_CARS = "duel__cars__entry__racer"  # what LiveSlot.entries reads of a heat
 MOST_ROUNDS = 5
 LEAST_ATTEMPT_MS, MOST_ATTEMPT_MS = 10_000, 600_000
 
@@ -288,6 +290,25 @@ class LiveSlot(models.Model):
 
     def __str__(self) -> str:
         return f"{self.event} {self.position}"
+
+    @property
+    def entries(self) -> list[Entry]:
+        """Who drives: a racer alone, or those of a heat, the front car (number 0 of its run) first."""
+        if self.racer is not None:
+            return [self.racer.entry]
+        return [] if self.duel is None else [car.entry for car in self.duel.cars.all()]
+
+    @property
+    def starting(self) -> list[Entry]:
+        """The same without who had left the race when the heat was computed: they are not in its run."""
+        if self.duel is None:
+            return self.entries
+        return [car.entry for car in self.duel.cars.all() if not car.forfeited]
+
+    @property
+    def who(self) -> str:
+        """The names of who drives."""
+        return " – ".join(entry.racer.alias for entry in self.entries)
 
     def phase_at(self, now: datetime) -> str:
         """What spectators see: of a running slot whether it counts down or drives, else its state."""

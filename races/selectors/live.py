@@ -14,10 +14,23 @@ from django.db.models import QuerySet
 
 from evaluation.models import FINAL_STATES, Evaluation, Result, State
 
-from ..models import LiveEvent, LiveRacer, LiveSlot, LiveState, Race, SlotState
-from ..models.live import OVER, TO_COME
+from ..models import (
+    HEAT_CARS,
+    Draw,
+    Duel,
+    Entry,
+    LiveEvent,
+    LiveRacer,
+    LiveSlot,
+    LiveState,
+    Opponents,
+    Race,
+    SlotState,
+)
+from ..models.live import OVER, TO_COME, UNDO_FOR
 from ..poses import Chunk, chunks_of, passed
 from ..ranking import Standing, standing_in
+from .boards import ORDER
 from .visibility import can_organise, can_see_race, races_visible_to
 
 if TYPE_CHECKING:
@@ -33,13 +46,14 @@ MOST_CHUNKS = 120  # a minute in one answer
 @dataclass(frozen=True)
 class LiveRow:
     """A racer in the standings of a live event. ``standing``: of their best attempt that was shown, None before the
-    first; ``attempts``: how many were. ``gap_ms``: to the leader's score."""
+    first; ``attempts``: how many were. ``gap_ms``: to the leader's score. ``points``: in duels."""
 
     racer: LiveRacer
     rank: int | None
     standing: Standing | None
     attempts: int
     gap_ms: int | None
+    points: int | None = None
 
 
 @dataclass(frozen=True)
@@ -98,8 +112,9 @@ def live_racers(event: LiveEvent) -> list[LiveRacer]:
 
 def running_order(event: LiveEvent) -> list[LiveSlot]:
     """Every place in the running order, in order."""
-    related = ("racer__entry__racer", "racer__model", "submission__evaluation")
-    return list(LiveSlot.objects.filter(event=event).select_related(*related).order_by("position", "pk"))
+    related = ("racer__entry__racer", "racer__model", "submission__evaluation", "duel__evaluation")
+    slots = LiveSlot.objects.filter(event=event).select_related(*related).prefetch_related(HEAT_CARS)
+    return list(slots.order_by("position", "pk"))
 
 
 def on_track(slots: Sequence[LiveSlot]) -> LiveSlot | None:
@@ -116,6 +131,8 @@ def up_next(slots: Sequence[LiveSlot]) -> list[LiveSlot]:
 def live_standings(event: LiveEvent) -> list[LiveRow]:
     """How the event stands by the runs that were shown, the first first; then who has no rank yet."""
     race = event.race
+    if race.opponents == Opponents.MODELS:
+        return _drawn_standings(event)
     slots = LiveSlot.objects.filter(event=event, racer__isnull=False).exclude(state=SlotState.REMOVED)
     slots = slots.select_related("racer__entry__racer").order_by("position", "pk")
     shown = [slot for slot in slots if slot.state == SlotState.DONE]
@@ -142,6 +159,28 @@ def live_standings(event: LiveEvent) -> list[LiveRow]:
         rows.append(LiveRow(racers[pk], place if standing.classified else None, standing, attempts[pk], gap))
     rows += [LiveRow(racer, None, None, attempts.get(pk, 0), None) for pk, racer in racers.items() if pk not in best]
     return rows
+
+
+def _drawn_standings(event: LiveEvent) -> list[LiveRow]:
+    """How the duels stand by the heats that were shown: nobody has a rank before the first."""
+    entries = Entry.objects.filter(race=event.race, seed__isnull=False, withdrawn_at=None).order_by(*ORDER)
+    racers = {racer.entry_id: racer for racer in live_racers(event)}
+    decided = Duel.objects.filter(race=event.race, decided_at__isnull=False).exists()
+    return [
+        LiveRow(racers[entry.pk], place if decided else None, None, entry.duels, None, entry.points)
+        for place, entry in enumerate(entries, start=1)
+        if entry.pk in racers
+    ]
+
+
+def duels_are_open(race: Race) -> bool:
+    """Whether a race's duels have no winner yet. False for a race of another kind."""
+    return race.opponents == Opponents.MODELS and not Draw.objects.filter(race=race, over_at__isnull=False).exists()
+
+
+def is_driven_live(race: Race, now: datetime) -> bool:
+    """Whether a race's heats are its live event's to drive: until it is over, and its end can no longer be undone."""
+    return LiveEvent.objects.filter(race=race).exclude(state__in=OVER, last_at__lt=now - UNDO_FOR).exists()
 
 
 def _laps_of(slots: Sequence[LiveSlot]) -> dict[int | None, Any]:
@@ -177,6 +216,8 @@ def _console_row(event: LiveEvent, slot: LiveSlot, computed: bool, busy: bool, n
             may |= {"release"}
         if slot.state in (SlotState.DONE, SlotState.SKIPPED):
             may |= {"again"}
+        if slot.duel_id is not None:
+            may -= {"remove", "again"} if slot.state != SlotState.SKIPPED else {"remove"}
     return SlotRow(slot, slot.phase_at(now), sealed, frozenset(may))
 
 

@@ -29,6 +29,7 @@ from ..events import DUEL_DECIDED, DUELS_DRAWN, DUELS_OVER, of_race
 from ..layout import race_rules
 from ..models import Draw, Duel, DuelCompetitor, DuelFormat, DuelState, Entry, Opponents, Race, RaceState, Submission
 from ..ranking import drawn_rank
+from ..selectors.live import is_driven_live
 from .gates import moment
 
 logger = logging.getLogger(__name__)
@@ -80,7 +81,8 @@ def draw_duels(*, race: Race, now: datetime) -> Draw:
 def drive_on(*, race: Race, now: datetime) -> int:
     """Queue the heats that are due: those of the next round once the last is decided, and those to be repeated.
 
-    Returns how many were queued. Once nothing is left, the duels are over, which is an event.
+    Returns how many were queued. Once nothing is left, the duels are over, which is an event. Of a race that has a live
+    event none are: the heats of the next round are written, and the event drives and decides them.
     """
     if _nothing_due(race):
         return 0
@@ -91,7 +93,7 @@ def drive_on(*, race: Race, now: datetime) -> int:
     draw = Draw.objects.filter(race=race).first()
     if draw is None or draw.over_at is not None or not keeps_engine(race):
         return 0
-    queued = 0
+    queued, live = 0, is_driven_live(race, now)
     while not _driving(race).exists():
         number = _first_open(race) or _next_round(race, by_seed)
         if number is None:
@@ -99,8 +101,10 @@ def drive_on(*, race: Race, now: datetime) -> int:
             Draw.objects.filter(race=race).update(over_at=now)
             record(DUELS_OVER, at=now, **of_race(race))
             return queued
+        if live:
+            break
         queued += _queue_round(race, number, now)  # none if all of them are walkovers
-    if (number := _first_open(race)) is not None:
+    if not live and (number := _first_open(race)) is not None:
         queued += _queue_round(race, number, now)  # what stopped or failed in the round that is on
     recount(race, list(by_seed.values()))
     return queued
@@ -256,17 +260,11 @@ def _queue_round(race: Race, round_: int, now: datetime) -> int:
 
 
 def _queue(race: Race, duel: Duel, now: datetime) -> bool:
-    cars = list(duel.cars.select_related("entry__racer", "entry__best__evaluation__model__owner").order_by("grid"))
-    for car in cars:
-        car.forfeited = car.entry.is_withdrawn
-    DuelCompetitor.objects.bulk_update(cars, ["forfeited"])
-    starting = [car for car in cars if not car.forfeited]
+    starting = starting_cars(duel)
     if len(starting) < 2:
-        _place(cars, starting + [car for car in cars if car.forfeited])
-        Duel.objects.filter(pk=duel.pk).update(state=DuelState.DECIDED, decided_at=now, evaluation=None)
-        record(DUEL_DECIDED, at=now, **of_race(race), round=duel.round, number=duel.number)
+        walk_over(race=race, duel=duel, now=now)
         return False
-    front, *others = (_counted(car.entry).evaluation.model for car in starting)
+    front, *others = (counted_run(car.entry).evaluation.model for car in starting)
     evaluation = queue_evaluation(
         owner=front.owner,
         model=front,
@@ -280,7 +278,24 @@ def _queue(race: Race, duel: Duel, now: datetime) -> bool:
     return True
 
 
-def _counted(entry: Entry) -> Submission:
+def starting_cars(duel: Duel) -> list[DuelCompetitor]:
+    """The cars of a heat whose racers are still in the race, the front one first. That the others are not is noted."""
+    cars = list(duel.cars.select_related("entry__racer", "entry__best__evaluation__model__owner").order_by("grid"))
+    for car in cars:
+        car.forfeited = car.entry.is_withdrawn
+    DuelCompetitor.objects.bulk_update(cars, ["forfeited"])
+    return [car for car in cars if not car.forfeited]
+
+
+def walk_over(*, race: Race, duel: Duel, now: datetime) -> None:
+    """Decide a heat of fewer than two cars without driving it. Standings are counted anew by who calls."""
+    cars = list(duel.cars.order_by("grid"))
+    _place(cars, sorted(cars, key=lambda car: (car.forfeited, car.grid)))
+    Duel.objects.filter(pk=duel.pk).update(state=DuelState.DECIDED, decided_at=now, evaluation=None)
+    record(DUEL_DECIDED, at=now, **of_race(race), round=duel.round, number=duel.number)
+
+
+def counted_run(entry: Entry) -> Submission:
     """What a drawn entry was seeded by."""
     assert entry.best is not None, "only who has a result is drawn"
     return entry.best

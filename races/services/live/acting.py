@@ -14,7 +14,7 @@ from core.events import record
 from paddock.errors import UserFault
 
 from ...events import LIVE_CHANGED, of_race
-from ...models import LiveEvent, LiveLog, LiveSlot, LiveState
+from ...models import HEAT_CARS, LiveEvent, LiveLog, LiveSlot, LiveState
 from ...selectors.visibility import can_organise
 from .undo import before_and_after, snapshot
 
@@ -34,12 +34,12 @@ class Act:
         """A place of this event's running order, as it is now. Raises UserFault("live_slot_unknown")."""
         number = slot if isinstance(slot, int) else slot.pk
         related = ("racer__entry__racer", "racer__model__owner", "duel", "evaluation")
-        found = LiveSlot.objects.filter(event=self.event, pk=number).select_related(*related).first()
+        slots = LiveSlot.objects.filter(event=self.event, pk=number).select_related(*related)
+        found = slots.prefetch_related(HEAT_CARS).first()
         if found is None:
             raise UserFault("live_slot_unknown")
         self.told |= {"slot": found.pk, "round": found.round}
-        if found.racer is not None:
-            self.told["racer"] = found.racer.entry.racer.alias
+        self.told["racer"] = found.who
         return found
 
 

@@ -59,10 +59,12 @@ def remove_slot(
 ) -> list[LiveSlot]:
     """Take a racer out of the event: everything of theirs that is still to come. What they drove stays.
 
-    Raises UserFault as ``acting``, ``live_slot_state``.
+    Raises UserFault as ``acting``, ``live_slot_state``, ``live_drawn`` for a heat: who meets is decided by the draw.
     """
     with acting(event, "remove", by=by, seen=seen, now=now, states=UNDER_WAY) as act:
         found = _in(act, slot, *_MOVABLE, SlotState.SKIPPED)
+        if found.duel_id is not None:
+            raise UserFault("live_drawn")
         theirs = [
             one
             for one in slots_of(act.event)
@@ -77,19 +79,19 @@ def remove_slot(
 def run_again(*, event: LiveEvent, slot: LiveSlot | int, by: Racer, seen: int | None, now: datetime) -> LiveSlot:
     """Give a racer one more attempt of a round, which comes next. What the one before reached still counts.
 
-    Raises UserFault as ``acting``, ``live_slot_state`` unless it was driven or skipped.
+    A heat that was skipped waits again; one that is decided
+    stands. Raises UserFault as ``acting``, ``live_slot_state`` unless it was driven or skipped, ``live_drawn``.
     """
     with acting(event, "again", by=by, seen=seen, now=now, states=UNDER_WAY) as act:
         found = _in(act, slot, SlotState.DONE, SlotState.SKIPPED)
+        if found.duel_id is not None:
+            return _heat_again(act, found, now)
         theirs = LiveSlot.objects.filter(racer=found.racer, round=found.round)
         attempt = (theirs.aggregate(most=Max("attempt"))["most"] or 0) + 1
         new = LiveSlot.objects.create(
             event=act.event, racer=found.racer, round=found.round, attempt=attempt, position=2**31 - 1
         )
-        rows = [one for one in slots_of(act.event) if one.pk != new.pk]
-        ahead = [index for index, one in enumerate(rows) if one.state not in _MOVABLE]
-        rows.insert(max(ahead, default=-1) + 1, new)
-        _number(rows)
+        _put_next(act, new)
         act.told["attempt"] = attempt
         prepare_after_commit(act.event, now)
     new.refresh_from_db()
@@ -140,6 +142,22 @@ def _in(act: Act, slot: LiveSlot | int, *states: str) -> LiveSlot:
     if found.state not in states:
         raise UserFault("live_slot_state", state=found.get_state_display())
     return found
+
+
+def _heat_again(act: Act, slot: LiveSlot, now: datetime) -> LiveSlot:
+    if slot.state == SlotState.DONE:
+        raise UserFault("live_drawn")
+    _set(slot, SlotState.WAITING)
+    _put_next(act, slot)
+    prepare_after_commit(act.event, now)
+    return slot
+
+
+def _put_next(act: Act, slot: LiveSlot) -> None:
+    rows = [one for one in slots_of(act.event) if one.pk != slot.pk]
+    ahead = [index for index, one in enumerate(rows) if one.state not in _MOVABLE]
+    rows.insert(max(ahead, default=-1) + 1, slot)
+    _number(rows)
 
 
 def _set(slot: LiveSlot, state: SlotState, reason: str = "") -> None:

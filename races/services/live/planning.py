@@ -14,7 +14,18 @@ from core.locks import hold
 from paddock.errors import UserFault
 
 from ...events import LIVE_PLANNED, of_race
-from ...models import LiveEvent, LiveLog, LiveOrder, LiveSlot, LiveState, Opponents, Race
+from ...models import (
+    HEAT_CARS,
+    Duel,
+    DuelState,
+    LiveEvent,
+    LiveLog,
+    LiveOrder,
+    LiveSlot,
+    LiveState,
+    Opponents,
+    Race,
+)
 from ...models.live import LEAST_ATTEMPT_MS, LOBBY, MOST_ATTEMPT_MS, MOST_ROUNDS
 from ...selectors.visibility import can_organise
 from ..gates import moment
@@ -43,8 +54,8 @@ def plan_live(*, race: Race, by: Racer, now: datetime, starts_at: datetime, **pl
     """Give a race a live event; one that was called off before it began is planned anew.
 
     ``plan``: any of :data:`PLANNABLE`. Raises UserFault ``race_not_yours``, ``race_cancelled``, ``race_recorded``,
-    ``live_exists``, ``live_of_real_cars``, ``live_with_duels``, ``live_in_the_past``, ``live_too_far_ahead``,
-    ``live_time_zone``,
+    ``live_exists``, ``live_of_real_cars``, ``live_with_duels`` once they are driven, ``live_before_draw``,
+    ``live_in_the_past``, ``live_too_far_ahead``, ``live_time_zone``,
     ``live_format`` with the name of what is out of its range.
     """
     if not can_organise(by, race):
@@ -59,9 +70,10 @@ def plan_live(*, race: Race, by: Racer, now: datetime, starts_at: datetime, **pl
         raise UserFault("race_cancelled", reason=race.cancel_reason)
     if race.physical:
         raise UserFault("live_of_real_cars")
-    if race.opponents == Opponents.MODELS:
+    if Duel.objects.filter(race=race).exclude(state=DuelState.WAITING).exists():
         raise UserFault("live_with_duels")
     check_plan({"starts_at": starts_at, **plan}, now)
+    _check_draw(race, starts_at)
     event = LiveEvent.objects.filter(race=race).first()
     if event is not None and (event.state != LiveState.CANCELLED or event.begun_at is not None):
         raise UserFault("live_exists")
@@ -81,6 +93,7 @@ def plan_live(*, race: Race, by: Racer, now: datetime, starts_at: datetime, **pl
 def change_live(*, event: LiveEvent, by: Racer, seen: int | None, now: datetime, **plan: Any) -> LiveEvent:
     """Change the plan of an event that has not begun. Raises UserFault as :func:`plan_live` and ``acting``."""
     check_plan(plan, now)
+    _check_draw(event.race, plan.get("starts_at", event.starts_at))
     with acting(event, "plan", by=by, seen=seen, now=now, states=(LiveState.PLANNED,)) as act:
         for name, value in plan.items():
             setattr(act.event, name, value)
@@ -139,7 +152,14 @@ def check_plan(plan: Mapping[str, Any], now: datetime) -> None:
         raise UserFault("live_order", known=", ".join(LiveOrder.values))
 
 
+def _check_draw(race: Race, starts_at: datetime) -> None:
+    """Duels are drawn when their race closes. Raises UserFault("live_before_draw") for an event before that."""
+    if race.opponents == Opponents.MODELS and starts_at < race.closes_at:
+        raise UserFault("live_before_draw", closes=moment(race.closes_at))
+
+
 def slots_of(event: LiveEvent) -> list[LiveSlot]:
     """The running order, in order."""
     related = ("racer__entry__racer", "racer__model__owner", "evaluation")
-    return list(LiveSlot.objects.filter(event=event).select_related(*related).order_by("position", "pk"))
+    slots = LiveSlot.objects.filter(event=event).select_related(*related).prefetch_related(HEAT_CARS)
+    return list(slots.order_by("position", "pk"))

@@ -6,7 +6,7 @@ from datetime import datetime
 from typing import TYPE_CHECKING
 
 from django.db import transaction
-from django.db.models import Max, QuerySet
+from django.db.models import Max, Q, QuerySet
 
 from core.events import record
 from evaluation.models import Evaluation, TrainedModel
@@ -15,7 +15,7 @@ from evaluation.services import discard_sealed
 from paddock.errors import UserFault
 
 from ...events import LIVE_CHANGED, of_race
-from ...models import Entry, LiveEvent, LiveRacer, LiveSlot, LiveState, Race, SlotState
+from ...models import Duel, Entry, LiveEvent, LiveRacer, LiveSlot, LiveState, Opponents, Race, SlotState
 from ...models.live import UNDER_WAY
 from ...selectors.boards import ranks_of
 from ...sensors import not_offered
@@ -42,7 +42,7 @@ def choose_model(*, event: LiveEvent, racer: Racer, model: TrainedModel, now: da
         raise UserFault("model_not_yours")
     entry = _entry(event, racer)
     mine = LiveRacer.objects.filter(event=event, entry=entry).first()
-    if mine is not None and mine.slots.filter(state__in=(SlotState.CALLED, SlotState.RUNNING)).exists():
+    if mine is not None and _slots_of_racer(mine).filter(state__in=(SlotState.CALLED, SlotState.RUNNING)).exists():
         raise UserFault("live_called")
     missing = not_offered(model.sensors, event.race.sensors)
     if missing:
@@ -76,9 +76,12 @@ def say_here(*, event: LiveEvent, racer: Racer, now: datetime) -> LiveRacer:
 def add_late(*, event: LiveEvent, entry: Entry, by: Racer, seen: int | None, now: datetime) -> LiveRacer:
     """Put a racer who came late at the end of the rounds that are still to come.
 
-    Raises UserFault as ``acting``, ``live_not_in`` for who is not in the race, ``live_already_in``.
+    Raises UserFault as ``acting``, ``live_not_in`` for who is not in the race, ``live_already_in``,
+    ``live_drawn`` in duels.
     """
     with acting(event, "add", by=by, seen=seen, now=now, states=UNDER_WAY) as act:
+        if act.event.race.opponents == Opponents.MODELS:
+            raise UserFault("live_drawn")
         found = racers_of(act.event.race).filter(pk=entry.pk).first()
         if found is None:
             raise UserFault("live_not_in")
@@ -134,11 +137,17 @@ def model_of(racer: LiveRacer) -> TrainedModel | None:
 
 def drop_computed(racer: LiveRacer, *, but: TrainedModel | None, now: datetime) -> None:
     """Throw away what was computed ahead for a racer with another model than ``but``, and has not been launched."""
-    slots = LiveSlot.objects.filter(racer=racer, evaluation__sealed=True).exclude(state=SlotState.RUNNING)
+    slots = _slots_of_racer(racer).filter(evaluation__sealed=True).exclude(state=SlotState.RUNNING)
     for slot in slots.select_related("evaluation"):
         evaluation = slot.evaluation
-        if evaluation is not None and (but is None or evaluation.model_id != but.pk):
+        if evaluation is not None and (but is None or slot.duel_id is not None or evaluation.model_id != but.pk):
             throw_away(slot, evaluation, now)
+
+
+def _slots_of_racer(racer: LiveRacer) -> QuerySet[LiveSlot]:
+    """Their attempts, or the heats that they are in."""
+    heats = Duel.objects.filter(cars__entry=racer.entry_id)
+    return LiveSlot.objects.filter(Q(racer=racer) | Q(duel__in=heats), event=racer.event_id)
 
 
 def throw_away(slot: LiveSlot, evaluation: Evaluation, now: datetime) -> None:

@@ -15,9 +15,10 @@ from paddock.errors import UserFault
 from paddock.rules.race import RaceRules
 
 from ...layout import race_rules
-from ...models import LiveEvent, LiveSlot, Race, SlotState
+from ...models import HEAT_CARS, LiveEvent, LiveSlot, Race, SlotState
 from ...models.live import TO_COME, UNDER_WAY
 from ...speed_log import rules_with, start_log
+from .heats import arrange_heats, seal_heat
 from .roll import model_of, throw_away
 
 logger = logging.getLogger(__name__)
@@ -39,9 +40,13 @@ def prepare_ahead(*, event: LiveEvent, now: datetime) -> int:
     event = LiveEvent.objects.select_for_update(of=("self",)).select_related("race__track").get(pk=event.pk)
     if event.state not in UNDER_WAY:
         return 0
+    arrange_heats(event, now)
     queued = 0
     for slot in next_slots(event)[:AHEAD]:
-        if slot.evaluation_id is not None or slot.racer is None:
+        if slot.evaluation_id is not None:
+            continue
+        if slot.racer is None:
+            queued += seal_heat(event, slot, now)
             continue
         model = model_of(slot.racer)
         if model is None:
@@ -75,6 +80,7 @@ def next_slots(event: LiveEvent) -> list[LiveSlot]:
         "evaluation",
     )
     slots = LiveSlot.objects.filter(event=event, state__in=TO_COME).select_related(*related)
+    slots = slots.prefetch_related(HEAT_CARS)
     return sorted(slots, key=lambda slot: (slot.state != SlotState.CALLED, slot.position, slot.pk))
 
 

@@ -23,13 +23,15 @@ from ...models import (
     LiveRacer,
     LiveSlot,
     LiveState,
+    Opponents,
     SlotState,
     Submission,
 )
 from ...models.live import TO_COME, UNDER_WAY
-from ...selectors.live import live_standings
+from ...selectors.live import duels_are_open, live_standings
 from ..locks import lock_entry
 from .acting import acting
+from .heats import begin_heats, hand_heat_over
 from .roll import take_roll
 from .sealing import clear_up, next_slots, prepare_after_commit
 from .speed import forget_speed
@@ -43,14 +45,19 @@ _NO_PLACE = 2**31 - 1
 def begin_live(*, event: LiveEvent, by: Racer | None, seen: int | None, now: datetime) -> LiveEvent:
     """Begin an event, before its time if its organisers like: the running order is written, the first runs computed.
 
-    Raises UserFault as ``acting``, ``live_nobody``.
+    Raises UserFault as ``acting``, ``live_nobody``; for duels as :func:`races.services.draw_duels`.
     """
     with acting(event, "begin", by=by, seen=seen, now=now, states=(LiveState.PLANNED,)) as act:
         racers = in_order(act.event, take_roll(act.event))
         if not racers:
             raise UserFault("live_nobody")
         slots: list[LiveSlot] = []
-        for round_ in range(1, act.event.rounds + 1):
+        if act.event.race.opponents == Opponents.MODELS:
+            begin_heats(act.event, now)
+            racers, rounds = [], 0
+        else:
+            rounds = act.event.rounds
+        for round_ in range(1, rounds + 1):
             for racer in racers:
                 absent = act.event.roll_call and racer.here_at is None
                 slots.append(
@@ -65,7 +72,7 @@ def begin_live(*, event: LiveEvent, by: Racer | None, seen: int | None, now: dat
                 )
         LiveSlot.objects.bulk_create(slots)
         act.event.state, act.event.begun_at = LiveState.RUNNING, now
-        act.told["racers"] = len(racers)
+        act.told["racers"] = LiveRacer.objects.filter(event=act.event).count()
         act.final = True
         prepare_after_commit(act.event, now)
     return event
@@ -136,31 +143,25 @@ def is_ready(slot: LiveSlot) -> bool:
 def reveal(*, slot: LiveSlot, now: datetime) -> bool:
     """Let a run that has been played to its end be a result of its race, once. False when that is not due, or done.
 
-    Its submission is written, the run unsealed, the standing and ``race.result`` with it: all or nothing.
+    Its submission is written (or its heat decided), the run unsealed, the standing and ``race.result``
+    with it: all or nothing.
     """
     event = LiveEvent.objects.select_for_update(of=("self",)).select_related("race").get(pk=slot.event_id)
     due = LiveSlot.objects.filter(pk=slot.pk, state=SlotState.RUNNING, ends_at__lte=now - REVEALED_AFTER)
     if not due.update(state=SlotState.DONE, done_at=now):
         return False
-    slot = LiveSlot.objects.select_related("racer__entry__racer", "evaluation__model").get(pk=slot.pk)
+    slot = LiveSlot.objects.select_related("racer__entry__racer", "duel").get(pk=slot.pk)
     forget_speed(slot, now)
-    assert slot.racer is not None
     assert slot.evaluation_id is not None
     evaluation = (
         Evaluation.with_sealed.select_for_update(of=("self",)).select_related("model").get(pk=slot.evaluation_id)
     )
     assert slot.starts_at is not None, "it was launched"
-    entry = lock_entry(slot.racer.entry)
-    Entry.objects.filter(pk=entry.pk).update(last_number=F("last_number") + 1)
-    entry.refresh_from_db(fields=["last_number"])
-    submission = Submission.objects.create(
-        entry=entry,
-        number=entry.last_number,
-        evaluation=evaluation,
-        network_id=evaluation.model.network_id,
-        submitted_at=slot.starts_at,
-        is_live=True,
-    )
+    submission = None
+    if slot.racer is None:
+        hand_heat_over(slot, evaluation)
+    else:
+        submission = _submit(slot.racer.entry, evaluation, slot.starts_at)
     reason = evaluation.reason_code if evaluation.state != State.FINISHED else ""
     LiveSlot.objects.filter(pk=slot.pk).update(submission=submission, reason_code=reason)
     LiveEvent.objects.filter(pk=event.pk).update(last_at=now)
@@ -168,6 +169,20 @@ def reveal(*, slot: LiveSlot, now: datetime) -> bool:
     record(LIVE_SHOWN, at=now, **of_race(event.race), once=evaluation.public_id)
     prepare_after_commit(event, now)
     return True
+
+
+def _submit(entry: Entry, evaluation: Evaluation, at: datetime) -> Submission:
+    entry = lock_entry(entry)
+    Entry.objects.filter(pk=entry.pk).update(last_number=F("last_number") + 1)
+    entry.refresh_from_db(fields=["last_number"])
+    return Submission.objects.create(
+        entry=entry,
+        number=entry.last_number,
+        evaluation=evaluation,
+        network_id=evaluation.model.network_id,
+        submitted_at=at,
+        is_live=True,
+    )
 
 
 def pause_live(*, event: LiveEvent, by: Racer, seen: int | None, now: datetime) -> LiveEvent:
@@ -190,7 +205,7 @@ def end_live(*, event: LiveEvent, by: Racer | None, seen: int | None, now: datet
     with acting(event, "end", by=by, seen=seen, now=now, states=UNDER_WAY) as act:
         if LiveSlot.objects.filter(event=act.event, state=SlotState.RUNNING).exists():
             raise UserFault("live_busy")
-        if act.event.winner_id is None:
+        if act.event.winner_id is None and not duels_are_open(act.event.race):
             first = next((row for row in live_standings(act.event) if row.rank == 1), None)
             act.event.winner_id = None if first is None else first.racer.entry_id
         act.event.state, act.event.ended_at = LiveState.ENDED, now

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from datetime import datetime, timedelta
+from datetime import datetime
 from typing import TYPE_CHECKING, Any
 
 from django.db import transaction
@@ -13,12 +13,13 @@ from paddock.errors import UserFault
 
 from ...events import LIVE_CHANGED, of_race
 from ...models import LiveEvent, LiveLog, LiveSlot, SlotState
+from ...models.live import UNDO_FOR
 from ...selectors.visibility import can_organise
 
 if TYPE_CHECKING:
     from accounts.models import Racer
 
-FOR = timedelta(minutes=2)
+FOR = UNDO_FOR
 _EVENT = ("state", "submissions_open", "roll_call", "auto_run", "message", "winner_id", "podium_at", "ended_at")
 _SLOT = ("state", "position", "starts_at", "ends_at", "reason_code")
 _TIMES = ("podium_at", "ended_at", "starts_at", "ends_at")
