@@ -48,7 +48,8 @@ def story_of(event: LiveEvent, now: datetime) -> list[Sentence]:
     """All that was seen by ``now``, the latest first. Spectators' pages play behind the clock, and so does this."""
     seen_at = now - PLAYED_BEHIND
     runs = shown_runs(event)
-    known, told = _Known(), []
+    known = _Known()
+    told: list[Sentence] = []
     traced = {run.slot.pk for run in runs[-TRACED:]}
     for run in runs:
         happened = list(_played(run.slot, seen_at)) if run.slot.pk in traced else _by_laps(run)

@@ -102,12 +102,16 @@ def _won(events: QuerySet[Event], racers: dict[int, Racer]) -> list[Doing]:
     entered = Entry.objects.filter(CLASSIFIED, racer__in=racers, withdrawn_at=None, is_baseline=False)
     official = list(events.filter(race__in=entered.order_by().values("race"))[:LOOKED_AT])
     in_cups = Q(cup__isnull=False) | Q(cup_division__isnull=False)
-    races = Race.objects.exclude(in_cups).filter(cancelled_at=None).in_bulk({one.race for one in official})
+    races = (
+        Race.objects.exclude(in_cups)
+        .filter(cancelled_at=None)
+        .in_bulk({one.race for one in official if one.race is not None})
+    )
     first = podiums(races.values(), size=LEAST)
     found: dict[int, Doing] = {}
     for event in official:
-        rows = first.get(event.race, [])
-        if len(rows) >= LEAST and rows[0].racer.pk in racers:
+        rows = [] if event.race is None else first.get(event.race, [])
+        if event.race is not None and len(rows) >= LEAST and rows[0].racer.pk in racers:
             racer = racers[rows[0].racer.pk]
             found.setdefault(event.race, Doing(event.at, "won", racer, races[event.race], rows[0].entry))
     return list(found.values())

@@ -8,6 +8,7 @@ from django.utils import timezone
 from django.views.decorators.http import require_safe
 
 from accounts.following import can_follow, followers_shown, follows_visible_to
+from accounts.who import racer_of
 from evaluation.selectors import shared_models
 from league.selectors.cups import trophies_of
 from league.selectors.honours import honours_of
@@ -31,7 +32,7 @@ def racer(request: HttpRequest, alias: str) -> HttpResponse:
     is_other = request.user.is_authenticated and request.user.pk != shown.pk
     follows = is_other and follows_visible_to(request.user).filter(follower=request.user.pk, followed=shown).exists()
     if is_other and not shown.is_house:
-        rival = head_to_head(request.user, shown, request.user)
+        rival = head_to_head(racer_of(request), shown, request.user)
     history = racer_history(shown, request.user)
     context = {
         "racer": shown,

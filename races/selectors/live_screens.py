@@ -43,7 +43,7 @@ def shown_runs(event: LiveEvent) -> list[ShownRun]:
     slots = slots.select_related("racer__entry__racer", "evaluation").order_by("done_at", "position", "pk")
     found = list(slots)
     results = Result.objects.filter(evaluation__in=[slot.evaluation_id for slot in found])
-    laps = dict(results.values_list("evaluation", "laps"))
+    laps: dict[int | None, list] = dict(results.values_list("evaluation", "laps"))
     return [
         ShownRun(
             slot,

@@ -101,7 +101,8 @@ def rivals_of(racer: Racer, viewer: Racer | AnonymousUser | None, now: datetime)
 def _beside(*, before: bool) -> QuerySet[Entry]:
     """Of the board of an outer query's entry, who stands before it or behind it, the nearest first."""
     way, end = ("lt", "lte") if before else ("gt", "gte")
-    beyond, same = Q(), {}
+    beyond = Q()
+    same: dict[str, OuterRef] = {}
     for column in ORDER:
         beyond |= Q(**same, **{f"{column}__{way}": OuterRef(column)})
         same[column] = OuterRef(column)

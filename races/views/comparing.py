@@ -149,8 +149,8 @@ def _rows(shown: Evaluation, other: Evaluation, numbers: tuple[int, int]) -> lis
     rows = []
     for number in range(1, max([0, *left, *right]) + 1):
         pair = (left.get(number), right.get(number))
-        complete = [row.lap["time_ms"] if row and row.lap["complete"] else None for row in pair]
-        gap = None if None in complete else complete[1] - complete[0]
+        ours, theirs = (row.lap["time_ms"] if row and row.lap["complete"] else None for row in pair)
+        gap = None if ours is None or theirs is None else theirs - ours
         shows = (number == numbers[0], number == numbers[1])
         rows.append({"number": number, "pair": list(zip(pair, shows, strict=True)), "gap_ms": gap})
     return rows

@@ -149,7 +149,9 @@ def _settle(event: LiveEvent, slot: LiveSlot, now: datetime) -> int:
     if slot.state != SlotState.RUNNING or slot.starts_at is None:
         forget_speed(slot, now)
         return 1
-    run = Evaluation.with_sealed.filter(pk=slot.speed_run_id).first()  # None once it was adopted
+    run = None  # once it was adopted
+    if slot.speed_run_id is not None:
+        run = Evaluation.with_sealed.filter(pk=slot.speed_run_id).first()
     at_ms = slot.speed_next["at_ms"]
     due = now >= slot.starts_at + timedelta(milliseconds=at_ms)
     adopted = slot.speed_next.get("adopted", False)
@@ -187,8 +189,8 @@ def _fits(slot: LiveSlot, run: Evaluation, at_ms: int) -> bool:
 
 def _adopt(slot: LiveSlot, run: Evaluation, now: datetime) -> None:
     """The new run is played from now on. Until its effect the command stands as coming, whatever became of it."""
+    assert slot.starts_at is not None and slot.evaluation_id is not None, "it is on track"
     old = Evaluation.with_sealed.get(pk=slot.evaluation_id)
-    assert slot.starts_at is not None
     lasts_ms = Result.with_sealed.values_list("simulated_ms", flat=True).get(evaluation=run)
     LiveSlot.objects.filter(pk=slot.pk).update(
         evaluation=run,
