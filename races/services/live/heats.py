@@ -81,6 +81,7 @@ def seal_heat(event: LiveEvent, slot: LiveSlot, now: datetime) -> bool:
 def hand_heat_over(slot: LiveSlot, evaluation: Evaluation) -> None:
     """Let a run that was shown be its heat's: the end of it, told when it is unsealed, decides the heat. One without a
     result is void, for it was shown as that."""
+    assert slot.duel_id is not None, "a heat's slot"
     tries = 1 if evaluation.state == State.FINISHED else MAX_TRIES
     waiting = Duel.objects.filter(pk=slot.duel_id, state=DuelState.WAITING)
     waiting.update(state=DuelState.DRIVING, evaluation=evaluation, tries=tries)
