@@ -48,9 +48,10 @@ def test_racers_see_only_their_own_notices(cast, told):
 
 def test_notice_settings_can_be_changed_one_by_one(alice, as_racer):
     client = as_racer(alice)
-    assert client.get(f"{ADDRESS}settings/").data == {"site_off": [], "mail_off": ["result", "cup"], "language": "en"}
+    usual = {"site_off": [], "mail_off": ["result", "cup", "followed"], "language": "en"}
+    assert client.get(f"{ADDRESS}settings/").data == usual
     chosen = client.patch(f"{ADDRESS}settings/", {"site_off": ["opens", "closes"]}).data
-    assert chosen == {"site_off": ["closes", "opens"], "mail_off": ["cup", "result"], "language": "en"}
+    assert chosen == {"site_off": ["closes", "opens"], "mail_off": ["cup", "followed", "result"], "language": "en"}
     assert client.patch(f"{ADDRESS}settings/", {"language": "ko"}).data["site_off"] == ["closes", "opens"]
     for wrong in ({"language": "tlh"}, {"site_off": ["rain"]}, {"mail_off": "opens"}, {"sms_off": []}):
         assert client.patch(f"{ADDRESS}settings/", wrong).status_code == 400
