@@ -90,7 +90,7 @@ class Cast:
         share_model(model=shared, now=now)
         share_model(model=theirs, now=now)
         driven = a_driven_run(world.race, bob, now)
-        chased = a_driven_run(world.race, a_racer("chased"), now, lap_ms=1_100)
+        chased = a_driven_run(a_race(now, slug="chase-race", name="Chase race"), bob, now, lap_ms=1_100)
         ready = ask_for_video(evaluation=driven, by=bob, car=0, part="best", language="en", now=now).video
         run_next_video(worker="test")
         waits = ask_for_video(evaluation=driven, by=alice, car=0, part="whole", language="en", now=now).video
@@ -246,6 +246,7 @@ class Cast:
             "evaluations/<str:public_id>/$": runs,
             "evaluations/<str:public_id>/": [*runs[1:2], {"public_id": said["own"]}],
             "evaluations/<str:public_id>/compare/<": [{"public_id": said["driven"], "other_id": said["chased"]}],
+            "reports/<str:public_id>/live/": [],  # a part of the page, which has the same forms
             "reports/<str:public_id>/": [{"public_id": said[name]} for name in ("report", "report_waits")],
             "videos/<str:public_id>/": [{"public_id": said["waits"]}],
             "models/<str:public_id>/": [{"public_id": said[name]} for name in ("model", "spare", "shared", "theirs")],

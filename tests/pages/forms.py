@@ -46,8 +46,9 @@ def name_of(address: str) -> str:
 
 
 def button_of(name: str, value: str) -> str:
-    """What a button says to the server, without the row that it says it of: ``change:12`` is a ``change``."""
-    return f"{name}={value.partition(':')[0]}" if name and name != "index" else ""
+    """What a button says to the server, without the row that it says it of, as in ``change:12`` or ``again=3``."""
+    said = "" if value.isdigit() else value.partition(":")[0]
+    return f"{name}={said}" if name and name != "index" else ""
 
 
 class _Forms(HTMLParser):

@@ -187,6 +187,6 @@ def test_every_form_of_the_site_can_be_sent(admin: bool, cast: Cast, live_server
             elif form.page.startswith("admin:") and admin:
                 browsing.do_admin(form)
         left = {form for form in browsing.seen.keys() - browsing.sent if admin or not form.page.startswith("admin:")}
-        missing = [f"{form}, seen by {browsing.seen[form]}" for form in sorted(left)]
-    assert not browsing.wrong, "\n".join(browsing.wrong)
-    assert not missing, "no case sends:\n" + "\n".join(missing)
+        missing = [f"no case sends {form}, seen by {browsing.seen[form]}" for form in sorted(left)]
+    wrong = "\n".join([*browsing.wrong, *missing])
+    assert not wrong, wrong
