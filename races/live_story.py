@@ -9,11 +9,10 @@ from typing import Any
 
 from django.utils.translation import gettext as _
 
-from paddock.simulator.referee import SECTORS
-
 from .models import PLAYED_BEHIND, LiveEvent, LiveSlot
 from .poses import cut
 from .ranking import Standing
+from .replay import SECTORS
 from .selectors.live import on_track, played, running_order
 from .selectors.live_screens import ShownRun, shown_runs
 

@@ -13,7 +13,7 @@ from tests.pages.test_pages import address
 
 # one of them says up to which event the page shows everything; a race asks for its live event, the reader's groups and
 # class, a profile for cups won and who stood before whom
-LIMIT = 16
+LIMIT = 17
 # one's own: the rivals as well
 MORE = {"/racers/alice/": LIMIT + 4}
 PATHS = (

@@ -186,7 +186,7 @@ class TestBrowsing:
         assert queries(BROWSE) <= before <= LIMIT
         assert "Page 1 of 2" in body(client, BROWSE)
         assert "Lightning" in body(client, f"{BROWSE}?page=2")
-        assert queries("/racers/alice/") <= LIMIT
+        assert queries("/racers/alice/") <= LIMIT + 8  # cups, rivals, who follows
         assert queries(f"/models/{shared.public_id}/") <= LIMIT
 
     def test_it_says_when_nothing_is_shared(self, world: World) -> None:
