@@ -33,6 +33,7 @@ GIVEN = {
     "import_season": ["season"],
     "import_track": ["track.npy"],
     "replay_trace": ["nothing.csv", "--track", "a-track-of-ours"],
+    "report": ["nothing.tar.gz"],
     "verify": ["abcdefghijkl"],
 }
 ASKS = ("doctor", "run")  # the one reports what it finds, the other makes what is missing
