@@ -120,6 +120,7 @@ def test_a_day_without_a_network_is_carried_over_once(keeper, race):
     keeper.page.reload()
     keeper.ready()
     keeper.said("measured by the wall clock")
+    keeper.drive()  # a page is loaded faster than the shortest lap
     keeper.press("Lap")
     keeper.drive()
     keeper.press("Lap")
