@@ -48,15 +48,17 @@
   let wentOver = false;
 
   // --- keeping and sending --------------------------------------------------------------------------------------------
-  let sending = false, timer = 0;
+  let sending = false, timer = 0, keeping = 0;
   const unsent = () => sessions.filter((each) => each.revision > each.sent && !each.refused);
   const refused = () => sessions.filter((each) => each.refused);
 
   async function keep(changed) {
     changed.revision += 1;
     changed.refused = null;
-    await store.put("sessions", changed);
-    draw();
+    draw();  // at once: a key pressed while the browser is still writing counts
+    root.dataset.keeping = ++keeping;
+    await store.put("sessions", changed).catch(() => { trouble = words.notKept; });
+    if (!--keeping) delete root.dataset.keeping;
     clearTimeout(timer);
     timer = setTimeout(send, SEND_AFTER_MS);
   }
