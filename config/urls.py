@@ -23,6 +23,7 @@ urlpatterns = [
     path("guides/<slug:slug>/", guides.guide, name="guide"),
     path("favicon.ico", site.favicon, name="favicon"),
     path("stream/", site.stream, name="stream"),
+    path("stream/clock", site.stream_clock, name="stream_clock"),
     path("theme/", site.set_theme, name="theme"),
     path("health/live", site.health_live, name="health_live"),
     path("health/ready", site.health_ready, name="health_ready"),

@@ -12,16 +12,36 @@ from evaluation.events import RUN_FAILED, RUN_FINISHED, RUN_QUEUED, RUN_STARTED,
 from evaluation.models import Evaluation
 from videos.events import VIDEO_READY
 
+from .events import (
+    DUEL_DECIDED,
+    DUELS_DRAWN,
+    DUELS_OVER,
+    LIVE_CHANGED,
+    LIVE_PLANNED,
+    LIVE_SHOWN,
+    RACE_BOARD,
+    RACE_CANCELLED,
+)
+from .live_stream import source, welcome
 from .models import Duel, Race, Submission, Visibility
 from .selectors.visibility import can_see_evaluation, can_see_race
 
 RACES = "races"  # all public races and what is on track there
 _OF_RUNS = {kind.name for kind in (RUN_QUEUED, RUN_STARTED, RUN_FINISHED, RUN_FAILED, RUN_STOPPED)}
+_OF_LIVE = {
+    kind.name
+    for kind in (
+        *(LIVE_CHANGED, LIVE_PLANNED, LIVE_SHOWN, DUELS_DRAWN, DUEL_DECIDED, DUELS_OVER),
+        *(RACE_BOARD, RACE_CANCELLED),
+    )
+}
 
 
 def register() -> None:
-    """``race:ID`` and ``run:ID`` for whoever may see the race or the run; ``races`` for everybody."""
+    """``race:ID`` and ``run:ID`` for whoever may see the race or the run, ``live:ID`` with what is played in the live
+    event of a race for whoever may see the race; ``races`` for everybody."""
     register_topic(Topic("race", _sees_race))
+    register_topic(Topic("live", _sees_race, welcome, source))
     register_topic(Topic("run", _sees_run))
     register_topic(Topic(RACES, lambda viewer, key: not key))
     register_moves(moves)
@@ -31,6 +51,7 @@ def moves(events: Sequence[Event]) -> dict[int, set[str]]:
     """A run moves itself and the race that it is driven in: who is on track there, and who is next."""
     moved: dict[int, set[str]] = {event.pk: set() for event in events}
     runs = {event.pk: event.subject for event in events if event.kind in _OF_RUNS}
+    live = {event.pk for event in events if event.kind in _OF_LIVE}
     in_races = _races_of(runs.values()) if runs else {}
     touched: dict[int, set[int]] = {event.pk: set() for event in events}
     for event in events:
@@ -45,6 +66,8 @@ def moves(events: Sequence[Event]) -> dict[int, set[str]]:
     public = set(Race.objects.filter(pk__in=everywhere, visibility=Visibility.PUBLIC).values_list("pk", flat=True))
     for pk, races in touched.items():
         moved[pk] |= {f"race:{race}" for race in races}
+        if pk in live:
+            moved[pk] |= {f"live:{race}" for race in races}
         if races & public:
             moved[pk].add(RACES)
     return moved

@@ -2,13 +2,15 @@
 
 ``GET /stream/?of=race:7&of=me&last=812``: the stream. ``of``: what the page shows (:mod:`core.streams.topics`);
 ``last``: the position up to which it knows everything, where the browser does not send ``Last-Event-ID``.
-``GET /stream/health``: how this process is, in figures.
+``GET /stream/health``: how this process is, in figures. ``GET /stream/clock``: the time, for pages that play a run at
+the same instant as all others.
 """
 
 from __future__ import annotations
 
 import asyncio
 import json
+import time
 from collections import Counter
 from collections.abc import Awaitable, Callable
 from http.cookies import CookieError, SimpleCookie
@@ -69,6 +71,9 @@ class Application:
             _check(scope, headers)
             if scope["path"] == "/stream/health":
                 await _answer(send, 200, self.hub.figures())
+                return
+            if scope["path"] == "/stream/clock":
+                await _answer(send, 200, {"now": round(time.time() * 1000)})
                 return
             await self._stream(scope, headers, receive, send)
         except NoStream as refused:
@@ -144,7 +149,7 @@ async def _answer(send: Send, status: int, told: dict[str, Any], retry_s: int = 
 
 def _check(scope: Scope, headers: dict[str, str]) -> None:
     """Raises NoStream for what is no request of a page of ours."""
-    if scope["path"] not in ("/stream/", "/stream/health"):
+    if scope["path"] not in ("/stream/", "/stream/health", "/stream/clock"):
         raise NoStream(404, "stream_refused")
     if scope["method"] != "GET":
         raise NoStream(405, "stream_refused")

@@ -12,7 +12,7 @@ import threading
 from pathlib import Path
 
 PATH = b"/stream/"
-_BEGINNINGS = (b"GET /stream/ ", b"GET /stream/?", b"GET /stream/health ")
+_BEGINNINGS = (b"GET /stream/ ", b"GET /stream/?", b"GET /stream/health ", b"GET /stream/clock ")
 _HEAD_END = b"\r\n\r\n"
 MOST_BYTES = 64 * 1024
 WAITING = 128

@@ -10,14 +10,14 @@ import asyncio
 import logging
 import resource
 from collections import defaultdict
-from collections.abc import AsyncIterator, Iterable
+from collections.abc import AsyncIterator, Callable, Iterable
 from contextlib import aclosing, suppress
 from time import monotonic
-from typing import Any
+from typing import Any, TypeAlias
 
 from django.db import Error
 
-from core.streams import TOPICS
+from core.streams import TOPICS, Stage
 from core.streams.reading import AT_ONCE, Moved, after, between, newest
 
 from . import life
@@ -32,7 +32,9 @@ CHECK_S = 10.0  # how long a stream without news may outlive its session
 TRUSTED_S = 2.0  # for how long an answer holds for messages that come many times a second
 SPREAD_MS_EACH, SPREAD_MOST_MS = 3, 3000  # at most 170 pages a second, for each waits twice that (moves.js)
 AGAIN_S = 2.0
+WELCOMES_S = 1.0  # how long what a topic tells those who come may be told, if nothing new is said
 GONE = message({}, event="gone")
+Source: TypeAlias = Callable[[str, Stage], AsyncIterator[Any]]
 
 
 class Hub:
@@ -47,6 +49,8 @@ class Hub:
         self._people = Desk("people", 2)
         self._rang = asyncio.Event()
         self._sources: dict[str, asyncio.Task[None]] = {}
+        self._stages: dict[str, _Stage] = {}
+        self._welcome: dict[str, tuple[asyncio.Task[Any], float]] = {}
         self._trusted: dict[tuple[str, str], tuple[bool, float]] = {}
         self._tasks: list[asyncio.Task[Any]] = []
         self._asides: set[asyncio.Task[Any]] = set()
@@ -88,8 +92,10 @@ class Hub:
             following.discard(reader)
             if not following:
                 del self._by_topic[topic]
+                self._welcome.pop(topic, None)
                 if topic in self._sources:
                     self._sources.pop(topic).cancel()
+                    del self._stages[topic]
 
     @property
     def spread_ms(self) -> int:
@@ -111,13 +117,28 @@ class Hub:
         welcomes = []
         for topic in sorted(special & reader.may):
             kind = TOPICS[topic.partition(":")[0]]
-            if kind.welcome is not None:
-                said = await self._people.ask(kind.welcome, topic.partition(":")[2])
-                if said is not None:
-                    welcomes.append(message({"to": topic, "data": said}, event="said"))
+            if kind.welcome is not None and (said := await self._welcome_to(topic, kind.welcome)):
+                welcomes.append(said)
             if kind.source is not None and topic not in self._sources and not reader.is_over:
-                self._sources[topic] = asyncio.create_task(self._play(topic, kind.source(topic.partition(":")[2])))
+                self._stages[topic] = _Stage(self._people)
+                self._sources[topic] = asyncio.create_task(self._play(topic, kind.source, self._stages[topic]))
         return welcomes
+
+    async def _welcome_to(self, topic: str, made_by: Any) -> bytes:
+        """The message, made once for all who come at about the same time; empty for none."""
+        made, at = self._welcome.get(topic, (None, 0.0))
+        if made is None or monotonic() - at > WELCOMES_S:
+            made = asyncio.create_task(self._made(topic, made_by))
+            self._welcome[topic] = made, monotonic()
+        try:
+            return await asyncio.shield(made)
+        except Exception:
+            self._welcome.pop(topic, None)
+            raise
+
+    async def _made(self, topic: str, made_by: Any) -> bytes:
+        said = await self._people.ask(made_by, topic.partition(":")[2])
+        return b"" if said is None else message({"to": topic, "data": said}, event="said")
 
     # --- what is told -------------------------------------------------------------------------------------------------
     def _ring(self) -> None:
@@ -159,6 +180,7 @@ class Hub:
     async def _tell(self, events: list[Moved], last: int) -> None:
         heard: dict[Reader, set[str]] = defaultdict(set)
         for topic in {topic for moved in events for topic in moved.topics}:
+            self._wake(topic)
             for reader in self._by_topic.get(topic, ()):
                 heard[reader].add(topic)
         may = await self._may({topic for topics in heard.values() for topic in topics}, heard) if heard else {}
@@ -196,23 +218,36 @@ class Hub:
     def _said(self, told: dict[str, Any]) -> None:
         """Something came by the bell: topics that moved without an event, or a message for those of one topic."""
         if isinstance(told.get("to"), str):
+            self._welcome.pop(told["to"], None)
             self._aside(self._send(told["to"], message({"to": told["to"], "data": told.get("data")}, event="said")))
         elif isinstance(told.get("of"), list):
             for topic in told["of"]:
+                self._wake(topic)
                 self._aside(self._send(topic, message({"of": [topic]})))
+
+    def _wake(self, topic: str) -> None:
+        if topic in self._stages:
+            self._stages[topic].moved.set()
 
     def _aside(self, work: Any) -> None:
         task = asyncio.create_task(work)
         self._asides.add(task)
         task.add_done_callback(self._asides.discard)
 
-    async def _play(self, topic: str, source: AsyncIterator[Any]) -> None:
-        try:
-            async with aclosing(source) as said:  # type: ignore[type-var]
-                async for data in said:
-                    await self._send(topic, message({"to": topic, "data": data}, event="said"))
-        except Exception:  # of a room's own: the stream goes on without it
-            logger.exception("The source of %s failed", topic)
+    async def _play(self, topic: str, source: Source, stage: _Stage) -> None:
+        key = topic.partition(":")[2]
+        while True:
+            try:
+                async with aclosing(source(key, stage)) as said:  # type: ignore[type-var]
+                    async for data in said:
+                        self._welcome.pop(topic, None)  # whoever comes from now on is to know it
+                        await self._send(topic, message({"to": topic, "data": data}, event="said"))
+                return
+            except Error as error:
+                logger.warning("The source of %s cannot ask the database (%s).", topic, error)
+            except Exception:  # of a room's own: the stream goes on without it
+                logger.exception("The source of %s failed", topic)
+            await asyncio.sleep(AGAIN_S)
 
     async def _send(self, topic: str, sent: bytes) -> None:
         """Send a message to who follows a topic and may, as that was known at most :data:`TRUSTED_S` ago."""
@@ -269,6 +304,21 @@ class Hub:
             if sessions:
                 with suppress(Error):
                     self._end(sessions - set(await self._people.ask(viewers_of, sessions)))
+
+
+class _Stage:
+    """What a source is given (:class:`core.streams.Stage`)."""
+
+    def __init__(self, people: Desk) -> None:
+        self.ask = people.ask
+        self.moved = asyncio.Event()
+
+    async def rest(self, seconds: float) -> bool:
+        with suppress(TimeoutError):
+            await asyncio.wait_for(self.moved.wait(), max(seconds, 0.0))
+        moved = self.moved.is_set()
+        self.moved.clear()
+        return moved
 
 
 def _kind(topic: str) -> Any:

@@ -25,7 +25,7 @@ class Reader:
         self.waits_for_past = True  # what is new waits until the past has been told
         self._cut = cut
         self._waiting: list[bytes] = []
-        self._later: list[tuple[Collection[int], Collection[str], int]] = []
+        self._later: list[bytes | tuple[Collection[int], Collection[str], int]] = []
         self._held = 0
         self._news = asyncio.Event()
 
@@ -46,12 +46,17 @@ class Reader:
         for each in first:
             self._put(each)
         later, self._later = self._later, []
-        for numbers, topics, position in later:
-            self.tell_moves(numbers, topics, position)
+        for said in later:
+            if isinstance(said, bytes):
+                self._put(said)
+            else:
+                self.tell_moves(*said)
 
     def tell(self, sent: bytes) -> None:
-        """Tell something that stands in no order; a reader who has not been told the past yet does without it."""
-        if not self.waits_for_past:
+        """Tell something that has no position."""
+        if self.waits_for_past:
+            self._later.append(sent)
+        else:
             self._put(sent)
 
     def cut(self) -> None:

@@ -11,6 +11,7 @@ from django.http import (
 )
 from django.shortcuts import render
 from django.templatetags.static import static
+from django.utils import timezone
 from django.utils.http import url_has_allowed_host_and_scheme
 from django.views.decorators.cache import never_cache
 from django.views.decorators.csrf import csrf_exempt
@@ -57,6 +58,13 @@ def set_theme(request: HttpRequest) -> HttpResponse:
 def stream(request: HttpRequest) -> HttpResponse:
     """What whoever asks for the stream is told while no stream process takes them: to go on by asking."""
     return HttpResponse("event: away\ndata: {}\n\n", content_type="text/event-stream")
+
+
+@never_cache
+@require_GET
+def stream_clock(request: HttpRequest) -> HttpResponse:
+    """The time, while no stream process tells it."""
+    return JsonResponse({"now": round(timezone.now().timestamp() * 1000)})
 
 
 @never_cache

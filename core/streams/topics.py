@@ -9,7 +9,7 @@ from __future__ import annotations
 import re
 from collections.abc import AsyncIterator, Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, Protocol, TypeVar
 
 from ..events.models import Event
 
@@ -17,10 +17,21 @@ from ..events.models import Event
 Viewer = Any
 Data = dict[str, Any]
 Moves = Callable[[Sequence[Event]], Mapping[int, Iterable[str]]]
+T = TypeVar("T")
 
 WRITTEN = re.compile(r"[a-z]{1,16}(:[\w-]{1,64})?", re.ASCII)
 RACER = "racer"
 ME = "me"  # what a reader asks for who means their own
+
+
+class Stage(Protocol):
+    """What a source of messages is given by the stream process that it runs in."""
+
+    async def ask(self, question: Callable[..., T], *arguments: Any) -> T:
+        """What ``question(*arguments)`` answers, in a thread that may ask the database."""
+
+    async def rest(self, seconds: float) -> bool:
+        """Wait so long, or until the topic moves. Whether it moved."""
 
 
 @dataclass(frozen=True)
@@ -31,15 +42,17 @@ class Topic:
     whenever something is sent, in a thread that may ask the database. Whatever a guest may follow, everybody may.
 
     The rest is for topics with messages of their own, which are in no table. ``welcome(key)``: what a reader is sent
-    who has just come (in a thread that may ask the database; None: nothing). ``source(key)``: an asynchronous iterator
-    of messages, run once in each stream process while somebody follows the key; it must not block, and is closed when
-    the last reader has left. Messages may also come from any process by :func:`core.streams.push`.
+    who has just come (in a thread that may ask the database; None: nothing); made once for all who come before the
+    source says something new. ``source(key, stage)``: an asynchronous iterator of messages, run once in each stream
+    process while somebody follows the key; it must not block, is closed when the last reader has left, and is begun
+    anew when it fails. What it says after a reader came is told to them after their welcome: nothing is between.
+    Messages may also come from any process by :func:`core.streams.push`.
     """
 
     name: str
     can_follow: Callable[[Viewer, str], bool]
     welcome: Callable[[str], Data | None] | None = None
-    source: Callable[[str], AsyncIterator[Data]] | None = None
+    source: Callable[[str, Stage], AsyncIterator[Data]] | None = None
 
 
 TOPICS: dict[str, Topic] = {}

@@ -1,0 +1,85 @@
+"""No byte of the future on the stream: while a sealed run is played, everybody follows every topic that there is."""
+
+from __future__ import annotations
+
+import asyncio
+from datetime import timedelta
+
+import pytest
+from django.utils import timezone
+
+from config.streams.hub import Hub
+from config.streams.reader import Reader
+from core.streams import TOPICS
+from core.streams.topics import asked_for
+from evaluation.models import Evaluation
+from races.services.live import say_to_spectators
+from tests.pages.test_live_walls import VIEWERS, Show, show  # noqa: F401  (the fixture)
+from tests.streams.process import session_of
+
+pytestmark = [pytest.mark.django_db(transaction=True), pytest.mark.slow]
+HEARD_S = 0.6
+
+
+def topics_around(show: Show) -> set[str]:
+    """Every topic with every key that has to do with the event or its runs."""
+    runs = [Evaluation.with_sealed.get(pk=slot.evaluation_id) for slot in (show.playing, show.coming)]
+    keys = {"", str(show.event.race_id), str(show.event.pk), show.event.race.slug}
+    keys |= {str(run.pk) for run in runs} | {run.public_id for run in runs} | {str(show.playing.pk)}
+    return {f"{name}:{key}" if key else name for name in TOPICS for key in keys} | {"me"}
+
+
+def heard(show: Show) -> dict[str, bytes]:
+    """What each viewer is told who comes now, while the organiser says something."""
+    sessions = {name: session_of(racer) for name, racer in show.viewers.items()}
+    readers = {
+        name: Reader(frozenset(asked_for(topics_around(show), show.viewers[name])), session, "", lambda: None)
+        for name, session in sessions.items()
+    }
+
+    async def listen() -> dict[str, bytes]:
+        hub = Hub()
+        hub.start()
+        for reader in readers.values():
+            await hub.come(reader, None)
+        loop = asyncio.get_running_loop()
+        await loop.run_in_executor(None, said, show)
+        await asyncio.sleep(HEARD_S)
+        told = {name: await reader.next() for name, reader in readers.items()}
+        await hub.close()
+        return told
+
+    return asyncio.run(listen())
+
+
+def said(show: Show) -> None:
+    from django.db import connection
+
+    say_to_spectators(event=show.event, message="Hello", by=show.world.alice, seen=None, now=timezone.now())
+    connection.close()
+
+
+def test_nothing_of_what_is_to_come_is_on_the_stream(show: Show):  # noqa: F811
+    needles, told = show.needles(), heard(show)
+    assert set(told) == set(VIEWERS)
+    for name, content in told.items():
+        assert b'"poses":{"slot":%d' % show.playing.pk in content, f"{name} is played to"
+        assert b'"message":"Hello"' in content, f"{name} is told what changed"
+        assert b'"x":[' in content
+        assert not [what for what, needle in needles.items() if needle in content], name
+
+
+def test_what_is_sought_is_found_on_the_stream_once_it_was_played(show: Show, monkeypatch):  # noqa: F811
+    needles, later = show.needles(), timezone.now() + timedelta(seconds=14)
+    monkeypatch.setattr(timezone, "now", lambda: later)
+    content = heard(show)["guest"]
+    found = {what for what, needle in needles.items() if needle in content}
+    assert {"on the map at 20 s", "13457 ms"} <= found and "12861 ms" not in found
+
+
+def test_a_private_show_is_played_to_those_who_may_see_it(show: Show):  # noqa: F811
+    type(show.event.race).objects.filter(pk=show.event.race_id).update(visibility="invitation")
+    told = heard(show)
+    assert {name for name, content in told.items() if b"poses" in content or b"state" in content} == {
+        *("member", "racer", "organiser", "staff")
+    }
