@@ -19,7 +19,7 @@ from typing import Any
 
 from django.utils import timezone
 
-from core.streams import Stage
+from core.streams import Backstage
 
 from .live_document import live_document
 from .models import LiveEvent, LiveSlot, SlotState
@@ -105,7 +105,7 @@ class Telling:
         return pause
 
 
-async def source(key: str, stage: Stage) -> AsyncIterator[Data]:
+async def source(key: str, stage: Backstage) -> AsyncIterator[Data]:
     """What followers of ``live:KEY`` are told, for as long as there are any."""
     telling, moved = Telling(key), True
     while True:

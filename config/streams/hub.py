@@ -17,7 +17,7 @@ from typing import Any, TypeAlias
 
 from django.db import Error
 
-from core.streams import TOPICS, Stage
+from core.streams import TOPICS, Backstage
 from core.streams.reading import AT_ONCE, Moved, after, between, newest
 
 from . import life
@@ -34,7 +34,7 @@ SPREAD_MS_EACH, SPREAD_MOST_MS = 3, 3000  # at most 170 pages a second, for each
 AGAIN_S = 2.0
 WELCOMES_S = 1.0  # how long what a topic tells those who come may be told, if nothing new is said
 GONE = message({}, event="gone")
-Source: TypeAlias = Callable[[str, Stage], AsyncIterator[Any]]
+Source: TypeAlias = Callable[[str, Backstage], AsyncIterator[Any]]
 
 
 class Hub:
@@ -49,7 +49,7 @@ class Hub:
         self._people = Desk("people", 2)
         self._rang = asyncio.Event()
         self._sources: dict[str, asyncio.Task[None]] = {}
-        self._stages: dict[str, _Stage] = {}
+        self._stages: dict[str, _Backstage] = {}
         self._welcome: dict[str, tuple[asyncio.Task[Any], float]] = {}
         self._trusted: dict[tuple[str, str], tuple[bool, float]] = {}
         self._tasks: list[asyncio.Task[Any]] = []
@@ -120,7 +120,7 @@ class Hub:
             if kind.welcome is not None and (said := await self._welcome_to(topic, kind.welcome)):
                 welcomes.append(said)
             if kind.source is not None and topic not in self._sources and not reader.is_over:
-                self._stages[topic] = _Stage(self._people)
+                self._stages[topic] = _Backstage(self._people)
                 self._sources[topic] = asyncio.create_task(self._play(topic, kind.source, self._stages[topic]))
         return welcomes
 
@@ -234,7 +234,7 @@ class Hub:
         self._asides.add(task)
         task.add_done_callback(self._asides.discard)
 
-    async def _play(self, topic: str, source: Source, stage: _Stage) -> None:
+    async def _play(self, topic: str, source: Source, stage: _Backstage) -> None:
         key = topic.partition(":")[2]
         while True:
             try:
@@ -306,8 +306,8 @@ class Hub:
                     self._end(sessions - set(await self._people.ask(viewers_of, sessions)))
 
 
-class _Stage:
-    """What a source is given (:class:`core.streams.Stage`)."""
+class _Backstage:
+    """What a source is given (:class:`core.streams.Backstage`)."""
 
     def __init__(self, people: Desk) -> None:
         self.ask = people.ask

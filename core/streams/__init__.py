@@ -11,11 +11,11 @@ see, the page then asks for as it always does. So nothing private travels on the
 """
 
 from .bell import poke, poke_after_commit, push, ring_after_commit
-from .topics import TOPICS, Stage, Topic, can_follow, register_moves, register_topic, topics_of
+from .topics import TOPICS, Backstage, Topic, can_follow, register_moves, register_topic, topics_of
 
 __all__ = [
     "TOPICS",
-    "Stage",
+    "Backstage",
     "Topic",
     "can_follow",
     "poke",

@@ -24,7 +24,7 @@ RACER = "racer"
 ME = "me"  # what a reader asks for who means their own
 
 
-class Stage(Protocol):
+class Backstage(Protocol):
     """What a source of messages is given by the stream process that it runs in."""
 
     async def ask(self, question: Callable[..., T], *arguments: Any) -> T:
@@ -52,7 +52,7 @@ class Topic:
     name: str
     can_follow: Callable[[Viewer, str], bool]
     welcome: Callable[[str], Data | None] | None = None
-    source: Callable[[str, Stage], AsyncIterator[Data]] | None = None
+    source: Callable[[str, Backstage], AsyncIterator[Data]] | None = None
 
 
 TOPICS: dict[str, Topic] = {}

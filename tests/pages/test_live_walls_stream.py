@@ -21,19 +21,19 @@ pytestmark = [pytest.mark.django_db(transaction=True), pytest.mark.slow]
 HEARD_S = 0.6
 
 
-def topics_around(show: Show) -> set[str]:
+def topics_around(shown: Show) -> set[str]:
     """Every topic with every key that has to do with the event or its runs."""
-    runs = [Evaluation.with_sealed.get(pk=slot.evaluation_id) for slot in (show.playing, show.coming)]
-    keys = {"", str(show.event.race_id), str(show.event.pk), show.event.race.slug}
-    keys |= {str(run.pk) for run in runs} | {run.public_id for run in runs} | {str(show.playing.pk)}
+    runs = [Evaluation.with_sealed.get(pk=slot.evaluation_id) for slot in (shown.playing, shown.coming)]
+    keys = {"", str(shown.event.race_id), str(shown.event.pk), shown.event.race.slug}
+    keys |= {str(run.pk) for run in runs} | {run.public_id for run in runs} | {str(shown.playing.pk)}
     return {f"{name}:{key}" if key else name for name in TOPICS for key in keys} | {"me"}
 
 
-def heard(show: Show) -> dict[str, bytes]:
+def heard(shown: Show) -> dict[str, bytes]:
     """What each viewer is told who comes now, while the organiser says something."""
-    sessions = {name: session_of(racer) for name, racer in show.viewers.items()}
+    sessions = {name: session_of(racer) for name, racer in shown.viewers.items()}
     readers = {
-        name: Reader(frozenset(asked_for(topics_around(show), show.viewers[name])), session, "", lambda: None)
+        name: Reader(frozenset(asked_for(topics_around(shown), shown.viewers[name])), session, "", lambda: None)
         for name, session in sessions.items()
     }
 
@@ -43,7 +43,7 @@ def heard(show: Show) -> dict[str, bytes]:
         for reader in readers.values():
             await hub.come(reader, None)
         loop = asyncio.get_running_loop()
-        await loop.run_in_executor(None, said, show)
+        await loop.run_in_executor(None, said, shown)
         await asyncio.sleep(HEARD_S)
         told = {name: await reader.next() for name, reader in readers.items()}
         await hub.close()
@@ -52,10 +52,10 @@ def heard(show: Show) -> dict[str, bytes]:
     return asyncio.run(listen())
 
 
-def said(show: Show) -> None:
+def said(shown: Show) -> None:
     from django.db import connection
 
-    say_to_spectators(event=show.event, message="Hello", by=show.world.alice, seen=None, now=timezone.now())
+    say_to_spectators(event=shown.event, message="Hello", by=shown.world.alice, seen=None, now=timezone.now())
     connection.close()
 
 
@@ -70,7 +70,7 @@ def test_nothing_of_what_is_to_come_is_on_the_stream(show: Show):  # noqa: F811
 
 
 def test_what_is_sought_is_found_on_the_stream_once_it_was_played(show: Show, monkeypatch):  # noqa: F811
-    needles, later = show.needles(), timezone.now() + timedelta(seconds=14)
+    needles, later = show.needles(), timezone.now() + timedelta(seconds=15)
     monkeypatch.setattr(timezone, "now", lambda: later)
     content = heard(show)["guest"]
     found = {what for what, needle in needles.items() if needle in content}

@@ -10,7 +10,7 @@ import pytest
 from config.streams.hub import BEAT_S, Hub
 from config.streams.reader import HELD_BYTES, Reader, message
 from core.events import KINDS, Event
-from core.streams import TOPICS, Stage, Topic, register_topic, topics_of
+from core.streams import TOPICS, Backstage, Topic, register_topic, topics_of
 from core.streams.topics import asked_for
 from tests.factories import a_race, a_racer
 
@@ -22,7 +22,7 @@ def poses():
     """A topic of a run that is shown: its source counts how often it began and ended."""
     log: list[str] = []
 
-    async def source(key: str, stage: Stage) -> AsyncIterator[dict]:
+    async def source(key: str, stage: Backstage) -> AsyncIterator[dict]:
         log.append(f"{key} begins")
         try:
             for number in range(1_000):
