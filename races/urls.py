@@ -3,6 +3,7 @@
 from django.urls import path
 
 from .views import (
+    afterwards,
     boards,
     comparing,
     duels,
@@ -38,11 +39,15 @@ urlpatterns = [
     path("races/<slug:slug>/event/", live.live_event, name="live_event"),
     path("races/<slug:slug>/event/state.json", live.live_state, name="live_state"),
     path("races/<slug:slug>/event/poses.json", live.live_poses, name="live_poses"),
+    path("races/<slug:slug>/event/results.csv", afterwards.live_results_csv, name="live_results_csv"),
+    path("races/<slug:slug>/event/laps.csv", afterwards.live_laps_csv, name="live_laps_csv"),
     path("races/<slug:slug>/event/mine/", live.live_mine, name="live_mine"),
     path("races/<slug:slug>/event/plan/", live.live_plan, name="live_plan"),
     path("races/<slug:slug>/event/speed/", live_speed.live_speed, name="live_speed"),
     path("races/<slug:slug>/event/console/", live.live_console, name="live_console"),
     path("races/<slug:slug>/event/act/", live.live_act, name="live_act"),
+    path("races/<slug:slug>/results.pdf", afterwards.race_results_pdf, name="race_results_pdf"),
+    path("races/<slug:slug>/certificates/<str:alias>.pdf", afterwards.race_certificate, name="race_certificate"),
     path("races/<slug:slug>/board.csv", boards.board_csv, name="board_csv"),
     path("races/<slug:slug>/board.json", boards.board_json, name="board_json"),
     path("races/<slug:slug>/board.atom", boards.board_atom, name="board_atom"),

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+from allauth.core.internal import ratelimit
 from django.contrib import messages
-from django.http import Http404, HttpRequest
+from django.core.exceptions import PermissionDenied
+from django.http import Http404, HttpRequest, HttpResponse
 from django.shortcuts import get_object_or_404
 from django.utils.html import format_html
 from django.utils.safestring import SafeString
@@ -45,3 +47,17 @@ def tell_fault(request: HttpRequest, fault: PaddockError) -> None:
 def fault_text(fault: PaddockError) -> SafeString:
     """The fault's sentence and its code, small."""
     return format_html('{} <code data-code="{}">{}</code>', explain(fault), fault.code, fault.code)
+
+
+def too_many(request: HttpRequest, action: str, rates: dict[str, str]) -> HttpResponse | None:
+    """An answer for who asks too often: racers by their number, guests by address. ``rates``: as those of allauth, by
+    action."""
+    try:
+        key = str(request.user.pk) if request.user.is_authenticated else ratelimit.get_ip(request)
+    except PermissionDenied:
+        key = ""
+    if ratelimit.consume(request, app="races", action=action, config=rates, key=key, limit_get=True) is not None:
+        return None
+    response = HttpResponse(status=429)
+    response["Retry-After"] = "60"
+    return response

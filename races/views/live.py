@@ -15,11 +15,13 @@ from django.views.decorators.http import require_http_methods, require_POST, req
 from accounts.who import racer_of
 from evaluation.selectors import models_of
 from paddock.errors import UserFault
+from races.afterwards.statistics import figures_of
+from races.afterwards.words import figure_words
 from races.api.live import after_in, poses_document, slot_in
 from races.live_acts import ACTS, act
 from races.live_document import live_document
 from races.live_form import LiveForm
-from races.models import Entry, LiveEvent, LiveRacer, Race
+from races.models import Entry, LiveEvent, LiveRacer, LiveState, Race
 from races.replay import map_size
 from races.selectors import entry_of
 from races.selectors.live import (
@@ -184,6 +186,7 @@ def _shown(request: HttpRequest, race: Race, event: LiveEvent) -> dict[str, Any]
     mine = None if entry is None else LiveRacer.objects.filter(event=event, entry=entry).select_related("model").first()
     standings = live_standings(event)
     document = live_document(event, now)
+    figures = figures_of(event) if event.state == LiveState.ENDED else None
     garage = list(models_of(request.user)) if request.user.is_authenticated else []
     return {
         "race": race,
@@ -194,6 +197,8 @@ def _shown(request: HttpRequest, race: Race, event: LiveEvent) -> dict[str, Any]
         "next": up_next(slots),
         "commanded": None if document["current"] is None else document["current"]["speed"],
         "standings": standings,
+        "figures": figures,
+        "figure_words": [] if figures is None else figure_words(figures),
         "roll": live_racers(event),
         "entry": entry,
         "mine": mine,

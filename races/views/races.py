@@ -15,6 +15,7 @@ from django.views.decorators.http import require_safe
 from accounts.who import racer_of
 from core.forms import explain
 from evaluation.selectors import models_of
+from races.afterwards.certificate import is_settled
 from races.eligibility import refusal
 from races.layout import box_marks
 from races.models import Entry, Race, RaceKind, RaceState, RaceType
@@ -172,6 +173,7 @@ def race_context(request: HttpRequest, shown: Race, entry: Entry | None = None, 
         "ranking_rule": rule_for(shown).rule(shown),
         "can_organise": can_organise(request.user, shown),
         "can_keep_time": can_keep_time(request.user, shown),
+        "has_results": is_settled(shown, now),
         "left": shown.max_submissions - entry.submission_count if entry else shown.max_submissions,
     }
     if request.user.is_authenticated and state in (RaceState.OPEN, RaceState.UPCOMING):

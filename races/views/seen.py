@@ -4,8 +4,6 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from allauth.core.internal import ratelimit
-from django.core.exceptions import PermissionDenied
 from django.http import Http404, HttpRequest, HttpResponse
 from django.shortcuts import redirect, render
 from django.urls import reverse
@@ -20,7 +18,7 @@ from evaluation.seeing import CAMERA, Moment, SeenRun, probabilities, seen_run
 from evaluation.selectors import can_see_model
 from paddock.errors import PaddockError, UserFault
 
-from .common import fault_text, tell_fault, visible_evaluation
+from .common import fault_text, tell_fault, too_many, visible_evaluation
 
 SEEN_FORMAT = 1
 RATES = {"seen_frame": "600/m/key", "seen_page": "60/m/key"}  # a replay asks for three frames a second
@@ -43,7 +41,7 @@ class Bar:
 @require_safe
 def evaluation_seen(request: HttpRequest, public_id: str) -> HttpResponse:
     """The frame (PNG) at ``ms`` of the run or of its ``lap``, or at ``step``; ``car``: that of another car of it."""
-    if (late := _too_many(request, "seen_frame")) is not None:
+    if (late := too_many(request, "seen_frame", RATES)) is not None:
         return late
     shown, number = _finished(request, public_id)
     try:
@@ -64,7 +62,7 @@ def evaluation_seen(request: HttpRequest, public_id: str) -> HttpResponse:
 @require_safe
 def evaluation_saw(request: HttpRequest, public_id: str) -> HttpResponse:
     """The frame with the moments before and after it, and for who may use the model what its network answered."""
-    if (late := _too_many(request, "seen_page")) is not None:
+    if (late := too_many(request, "seen_page", RATES)) is not None:
         return late
     shown, number = _finished(request, public_id)
     try:
@@ -160,16 +158,3 @@ def _bars(run: SeenRun, moment: Moment, values: list[float] | None) -> list[Bar]
 def _signed(degrees: float) -> str:
     """Degrees with their sign, none for straight on."""
     return f"{degrees:+g}".replace("-", "−") if degrees else "0"
-
-
-def _too_many(request: HttpRequest, action: str) -> HttpResponse | None:
-    """An answer for who asks too often: racers by their number, guests by address."""
-    try:
-        key = str(request.user.pk) if request.user.is_authenticated else ratelimit.get_ip(request)
-    except PermissionDenied:
-        key = ""
-    if ratelimit.consume(request, app="races", action=action, config=RATES, key=key, limit_get=True) is not None:
-        return None
-    response = HttpResponse(status=429)
-    response["Retry-After"] = "60"
-    return response

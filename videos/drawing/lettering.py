@@ -45,8 +45,11 @@ _mute: list[Exception] = []  # why fontconfig is not asked any more: it is not t
 @cache
 def _font_for(letter: str) -> tuple[str, int] | None:
     """(file, index) of the typeface for a letter: ("", 0) for Pillow's own, a system font, or None for no font."""
-    if _has(_own(20), letter):
-        return "", 0
+    return ("", 0) if _has(_own(20), letter) else system_font(letter)
+
+
+def system_font(letter: str) -> tuple[str, int] | None:
+    """(file, index) of a system font with the letter, None where there is none."""
     for known in _found:
         if _has(_other(*known, 20), letter):
             return known

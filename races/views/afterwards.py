@@ -1,0 +1,86 @@
+"""Results to keep: CSV and PDF of a race and of its live event, and certificates."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable
+
+from django.http import HttpRequest, HttpResponse
+from django.shortcuts import get_object_or_404, redirect
+from django.urls import reverse
+from django.utils import timezone
+from django.views.decorators.http import require_safe
+
+from paddock.errors import UserFault
+from races.afterwards.certificate import certificate, placed, require_settled
+from races.afterwards.results import event_csv, laps_csv, results_pdf
+from races.models import LiveEvent, Race
+from races.selectors.live import live_events_visible_to
+
+from .common import tell_fault, too_many, visible_race
+
+RATES = {"paper": "20/m/key"}  # a page with Korean letters takes more than a second
+
+
+@require_safe
+def race_results_pdf(request: HttpRequest, slug: str) -> HttpResponse:
+    """The results of a race that is over as PDF: of its live event if it had one."""
+    race = visible_race(request, slug)
+    address = request.build_absolute_uri(race.get_absolute_url())
+    return _paper(request, race, f"{race.slug}-results.pdf", lambda: results_pdf(race, timezone.now(), address))
+
+
+@require_safe
+def race_certificate(request: HttpRequest, slug: str, alias: str) -> HttpResponse:
+    """A racer's certificate as PDF."""
+    race = visible_race(request, slug)
+    entries = race.entries.select_related("race__organiser", "race__track", "racer")
+    entry = get_object_or_404(entries, racer__alias__iexact=alias, is_baseline=False, withdrawn_at=None)
+    address = request.build_absolute_uri(race.get_absolute_url())
+
+    def make() -> bytes:
+        return certificate(placed(race, entry, timezone.now()), address)
+
+    return _paper(request, race, f"{race.slug}-{entry.racer.alias}.pdf", make)
+
+
+@require_safe
+def live_results_csv(request: HttpRequest, slug: str) -> HttpResponse:
+    """How a live event ended as CSV."""
+    return _lines(request, slug, "results", event_csv)
+
+
+@require_safe
+def live_laps_csv(request: HttpRequest, slug: str) -> HttpResponse:
+    """Every lap of a live event as CSV."""
+    return _lines(request, slug, "laps", laps_csv)
+
+
+def _lines(request: HttpRequest, slug: str, what: str, lines: Callable[[LiveEvent], Iterable[str]]) -> HttpResponse:
+    race = visible_race(request, slug)
+    event = get_object_or_404(live_events_visible_to(request.user), race=race)
+    try:
+        require_settled(race, timezone.now())
+    except UserFault as fault:
+        tell_fault(request, fault)
+        return redirect("live_event", slug)
+    response = HttpResponse("".join(lines(event)), content_type="text/csv; charset=utf-8")
+    return _as_file(response, f"{race.slug}-{what}.csv")
+
+
+def _paper(request: HttpRequest, race: Race, name: str, make: Callable[[], bytes]) -> HttpResponse:
+    try:
+        require_settled(race, timezone.now())
+        if request.method == "HEAD":
+            return _as_file(HttpResponse(content_type="application/pdf"), name)
+        if (late := too_many(request, "paper", RATES)) is not None:
+            return late
+        return _as_file(HttpResponse(make(), content_type="application/pdf"), name)
+    except UserFault as fault:
+        tell_fault(request, fault)
+        return redirect(reverse("race", args=[race.slug]))
+
+
+def _as_file(response: HttpResponse, name: str) -> HttpResponse:
+    response["Content-Disposition"] = f'attachment; filename="{name}"'
+    response["Cache-Control"] = "private, no-store"
+    return response
