@@ -42,7 +42,8 @@ class Racer(AbstractBaseUser, PermissionsMixin):
     """Somebody who races. The alias is what everybody sees; the e-mail address is seen by its owner and admins only.
 
     House cars belong to racers with ``is_house``: they cannot log in and are never ranked. Who is known only from an
-    imported season has a ``record_id``, the id in that record; they cannot log in either.
+    imported season has a ``record_id``, the id in that record; they cannot log in either, nor can stand-ins of guests,
+    who race real cars without an account by their ``guest_name`` and have no page.
     """
 
     alias = models.CharField(_("alias"), max_length=64, unique=True, validators=ALIAS_VALIDATORS)
@@ -50,6 +51,9 @@ class Racer(AbstractBaseUser, PermissionsMixin):
     country = models.CharField(_("country"), max_length=2, blank=True, help_text=_("Two-letter code, such as KR."))
     team = models.CharField(_("team"), max_length=64, blank=True, validators=[ONE_LINE])
     record_id = models.CharField(_("id in imported seasons"), max_length=64, unique=True, null=True, editable=False)
+    guest_name = models.CharField(
+        _("name of the guest"), max_length=64, blank=True, default="", db_default="", editable=False
+    )
     avatar = models.CharField(
         _("picture"), max_length=32, unique=True, null=True, editable=False, help_text=_("Empty: the drawn one.")
     )
@@ -101,6 +105,17 @@ class Racer(AbstractBaseUser, PermissionsMixin):
 
                 end_access(racer=self)
         self._closed = False
+
+    @property
+    def shown_name(self) -> str:
+        """What others read: the alias, of a guest the name that was typed."""
+        return self.guest_name or self.alias
+
+    @property
+    def has_page(self) -> bool:
+        """Whether others may look the racer up: not closed accounts, nor guests. Who is known from a record alone was
+        never active and has a page."""
+        return self.is_active or (self.record_id is not None and not self.guest_name)
 
     def get_absolute_url(self) -> str:
         return reverse("racer", args=[self.alias])

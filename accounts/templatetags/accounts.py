@@ -42,6 +42,15 @@ def region_name(name: str) -> str:
 
 
 @register.simple_tag
+def racer_name(racer: Racer, path: str = "") -> SafeString:
+    """What the racer is called, with a link to their page, or to ``path``, a page about them; without one for who has
+    none: guests and closed accounts."""
+    if not racer.has_page:
+        return format_html('<span class="name">{}</span>', racer.shown_name)
+    return format_html('<a class="name" href="{}">{}</a>', path or racer.get_absolute_url(), racer.alias)
+
+
+@register.simple_tag
 def avatar(racer: Racer, size: int = 20) -> SafeString:
     """The racer's picture, ``size`` pixels wide, beside their alias, which says whose it is: no query, and no request
     for one that is drawn."""

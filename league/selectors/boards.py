@@ -16,7 +16,7 @@ from races.selectors import Board
 
 from ..models import ChampionshipPlace, Membership, Round, Stage, StewardDecision
 from ..rules import ChampionshipField, FinaleField, Promotion
-from .outcomes import classified_order
+from .outcomes import classified_order, guests_in
 
 if TYPE_CHECKING:
     from django_stubs_ext import WithAnnotations
@@ -113,7 +113,7 @@ def _promotion(round_: Round, classified: int, ranks: Mapping[int, int]) -> Boar
     moved = frozenset(racer for racer, promoted_in in by.items() if promoted_in == round_.pk)
     held = frozenset(by) - moved
     if not official:
-        moved = frozenset(racers) - held
+        moved = frozenset(racers) - held - guests_in(round_.race)
     return BoardCut(round_, last, rule.sentence(), official, moved, held)
 
 
@@ -126,8 +126,9 @@ def _field(round_: Round) -> BoardCut:
     places = ChampionshipPlace.objects.filter(season=season).exclude(round=round_.pk)
     places = places.filter(round__race__closes_at__lte=round_.race.closes_at)
     held = frozenset(places.values_list("racer_id", flat=True))
-    order = classified_order(round_.race, size + len(held))
-    free = [(rank, racer) for rank, racer in enumerate(order, start=1) if racer not in held][:size]
+    not_free = held | guests_in(round_.race)
+    order = classified_order(round_.race, size + len(not_free))
+    free = [(rank, racer) for rank, racer in enumerate(order, start=1) if racer not in not_free][:size]
     last = free[-1][0] if free else 0
     return BoardCut(
         round_, last, sentence, round_.closed_at is not None, frozenset(racer for _rank, racer in free), held

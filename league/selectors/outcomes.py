@@ -55,6 +55,13 @@ def classified_count(race: Race) -> int:
     return totals_of(race).classified
 
 
+def guests_in(race: Race) -> set[int]:
+    """Ids of the stand-ins of guests in a race of real cars. No query for other races."""
+    if not race.physical:
+        return set()
+    return set(Entry.objects.filter(race=race).exclude(guest_name="").values_list("racer_id", flat=True))
+
+
 def holds(event: Event) -> bool:
     """Whether a round still moves on the racer whom the event names: a correction may have undone it since."""
     if event.kind == PROMOTED.name:
@@ -66,24 +73,26 @@ def holds(event: Event) -> bool:
 def outcome_of(round_: Round) -> BoardOutcome:
     """What would be official if the round became so now. Nothing is written.
 
-    Its own results are not taken for earlier ones: an official round's outcome is the same again.
+    Its own results are not taken for earlier ones: an official round's outcome is the same again. Guests keep their
+    ranks; points and places they have none until somebody takes their laps over.
     """
     season, race = round_.season, round_.race
-    outcome = BoardOutcome()
+    outcome, guests = BoardOutcome(), guests_in(race)
     if round_.stage in WITH_POINTS:
         table = PointsTable(tuple(season.points))
         order = classified_order(race, len(table))
-        outcome.points.extend((rank, racer, table.of(rank)) for rank, racer in enumerate(order, start=1))
+        ranked = ((rank, racer) for rank, racer in enumerate(order, start=1) if racer not in guests)
+        outcome.points.extend((rank, racer, table.of(rank)) for rank, racer in ranked)
     if round_.stage == Stage.OPEN:
         rule, count = Promotion(season.promotion_percent), classified_count(race)
         order = classified_order(race, rule.places(count))
-        outcome.promoted.extend(rule.promoted(order, count, _held_divisions(round_, order)))
+        outcome.promoted.extend(rule.promoted(order, count, _held_divisions(round_, order) | guests))
     elif round_.stage == Stage.PRO:
-        qualified = _qualified_before(round_)
+        qualified = _qualified_before(round_) | guests
         order = classified_order(race, season.finale_size + len(qualified))
         outcome.finale.extend(FinaleField(season.finale_size).field(order, qualified))
     elif round_.stage == Stage.FINALE:
-        qualified = _qualified_before(round_)
+        qualified = _qualified_before(round_) | guests
         order = classified_order(race, season.championship_places + len(qualified))
         outcome.qualified.extend(ChampionshipField(season.championship_places).qualified(order, qualified))
     return outcome

@@ -171,7 +171,7 @@ def standings_table(
             for number in range(1, len(rounds) + 1)
         ]
         racer, who = racers.get(line.who), str(line.who)
-        name = racer.alias if racer else spelled.get(who, who)
+        name = racer.shown_name if racer else spelled.get(who, who)
         rows.append(StandingsRow(line.place, name, racer, line.points, cells))
     return StandingsTable(rounds, rows, bool(running))
 

@@ -6,8 +6,8 @@ from django.db.models import Q
 
 from accounts.models import Racer
 
-# Deactivated accounts have no page; who is known from a record alone was never active and has one.
-SHOWN = Q(is_active=True) | Q(record_id__isnull=False)
+# The same as Racer.has_page.
+SHOWN = Q(is_active=True) | Q(record_id__isnull=False, guest_name="")
 
 
 def racer_shown(alias: str) -> Racer | None:

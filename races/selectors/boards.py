@@ -64,7 +64,15 @@ class BoardRow:
         entry, racer = self.entry, self.entry.racer
         of_entry = repr([entry.__dict__[field.attname] for field in Entry._meta.concrete_fields])
         run = entry.best and entry.best.evaluation.public_id
-        about = (racer.alias, racer.country, racer.avatar, run, entry.race.ranking_method, entry.race.race_type)
+        about = (
+            racer.alias,
+            racer.has_page,
+            racer.country,
+            racer.avatar,
+            run,
+            entry.race.ranking_method,
+            entry.race.race_type,
+        )
         return of_entry, *about, self.rank, self.gap_ms, self.sector_colours, self.has_fastest_lap
 
     @property

@@ -58,6 +58,8 @@ SAME: dict[str, set[str]] = {
     "webhook_test": {"test_webhook"},
     "webhooks": {"add_webhook"},
     "follow": {"follow_racer"},
+    "guest_claim": {"claim_guest"},
+    "guest_link": {"link_guest"},
     "lap_correct": {"correct_lap"},
     "live_act": {"act_live"},
     "live_mine": {"take_part_live"},
@@ -118,7 +120,6 @@ ONLY_ON_PAGES: dict[str, str] = {
         ("classroom", "classrooms"), "names of learners are the teacher's alone: no token reads or makes them"
     ),
     **dict.fromkeys(("group", "group_join", "group_leave", "group_new"), "who belongs together is confirmed by people"),
-    **dict.fromkeys(("guest_claim", "guest_link"), "whose laps a guest's are is settled by people at the track"),
     **dict.fromkeys(("invited", "invited_stop"), "the link in a mail, which works without logging in"),
     "live_react": "applause of who watches",
     **dict.fromkeys(("picture_remove", "picture_set"), "a picture of a person, chosen and looked at by that person"),

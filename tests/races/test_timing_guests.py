@@ -7,6 +7,7 @@ from datetime import timedelta
 
 import pytest
 from django.db import IntegrityError
+from django.utils import timezone
 
 from accounts.models import Racer
 from races.models import Entry, Guest, TimedSession
@@ -88,3 +89,26 @@ def test_an_id_of_another_races_guest_is_refused(race, organiser, now):
     other = a_physical_race(now, organiser=organiser)
     sent = a_session(now, 10_000, guest=(guest.pk, "x"))
     refused("timing_id_taken", lambda: carry_over(race=other, by=organiser, sent=sent, now=now))
+
+
+def test_a_guest_is_shown_by_name_everywhere_and_has_no_page(organiser, client):
+    now = timezone.now()
+    race = a_physical_race(now, organiser=organiser)
+    guest, alice = a_guest(race, organiser, now, 10_000, name="Mia Guest"), a_racer("alice")
+    timed(race, alice, organiser, now, 11_000)
+    stand_in = guest.entry.racer.alias
+    page = f"/racers/{stand_in}/"
+    assert client.get(page).status_code == 404
+    client.force_login(organiser)
+    pages = ["/", "/races/", *(f"/races/{race.slug}/{name}" for name in ("", "laps/", "racers/", "timing/set-up/"))]
+    for address in pages:
+        said = client.get(address)
+        text = said.content.decode()
+        assert said.status_code == 200 and f'"{page}' not in text, address
+        assert "Mia Guest" in text or address == "/races/", address
+    assert f"/racers/{alice.alias}/" in client.get(f"/races/{race.slug}/").content.decode()
+    for name in ("board.json", "board.csv", "board.atom", "badge.svg"):
+        feed = client.get(f"/races/{race.slug}/{name}").content.decode()
+        assert "Mia Guest" in feed and stand_in not in feed, name
+    remove = client.get(f"/races/{race.slug}/racers/{stand_in}/remove/").content.decode()
+    assert "Remove Mia Guest?" in remove

@@ -48,6 +48,7 @@ def guest_of(*, race: Race, id: UUID, name: str, now: datetime) -> Guest:
         is_active=False,
         joined_at=now,
         record_id=f"guest:{id}",
+        guest_name=name,
     )
     racer.save(force_insert=True)
     entry = Entry.objects.create(race=race, racer=racer, entered_at=now, guest_name=name)

@@ -63,7 +63,10 @@ def revoke_sensor(*, sensor: TimingSensor, by: Racer, now: datetime) -> TimingSe
     "race_not_yours")."""
     require_organiser(sensor.race, by)
     TimingSensor.objects.filter(pk=sensor.pk, revoked_at=None).update(revoked_at=now)
-    TimedSession.objects.filter(sensor=sensor, ended_at=None).update(ended_at=now)
+    for session in TimedSession.objects.filter(sensor=sensor, ended_at=None, discarded_at=None):
+        session.ended_at = now
+        session.save(update_fields=["ended_at"])
+        tell_ended(session, now)
     sensor.refresh_from_db()
     return sensor
 
