@@ -65,12 +65,14 @@ def places(alice, trainings_taken_on) -> Callable[[str], str]:
     notice = Notice.objects.create(racer=alice, kind=NoticeKind.OPENS, about="x", params={"race": "Tried"}, at=now)
     numbers = {"notices": notice.pk, "webhooks": add_webhook(owner=alice, url="https://example.org/hook").pk}
     vehicle = save_vehicle(owner=alice, name="Van", sensors=["STEREO_CAMERAS"])
-    real, _ = a_timed_race(now, alice, a_racer("fast"))
+    real, mia = a_timed_race(now, alice, a_racer("fast"))
     report = a_report(alice, now)
 
     def fill(path: str) -> str:
         owned = {"models": evaluation.model, "evaluations": evaluation, "trainings": training, "videos": video}
         owned |= {"vehicles": vehicle, "reports": report}
+        if "/guests/" in path:
+            return path.format(slug=real.slug, id=mia.pk)
         if re.search("/(timing|sessions|laps|sensors|timekeepers)/", path):
             of_it = {
                 "slug": real.slug,

@@ -68,7 +68,6 @@ class ClaimSerializer(Body):
 class GuestsView(APIView):
     """The guests of a race."""
 
-    token_scope = ORGANISE
     permission_classes = [IsAuthenticated]
 
     @extend_schema(

@@ -31,15 +31,18 @@ def clean_name(name: str) -> str:
     return name
 
 
-def guest_of(*, race: Race, id: UUID, name: str, now: datetime) -> Guest:
-    """The guest with this id, made in the caller's transaction if it is new. Raises UserFault("guest_name" |
-    "timing_id_taken")."""
-    found = Guest.objects.filter(pk=id).select_related("entry__race", "entry__racer").first()
-    if found is not None:
-        if found.race_id != race.pk:
-            raise UserFault("timing_id_taken")
+def guest_of(*, race: Race, id: UUID, name: str, now: datetime, before: int | None = None) -> Guest:
+    """The guest with this id, made in the caller's transaction if it is new. ``before``: the primary key of an entry
+    that the caller will lock as well. Raises UserFault("guest_name" | "timing_id_taken")."""
+    if (found := _known(race, id)) is not None:
         return found
     name = clean_name(name)
+    # locked in their order before a new entry is counted (races.services.locks); of two devices that bring one guest
+    # at once the second finds what the first has made
+    if not lock_entries([] if before is None else [before]):
+        Race.objects.select_for_update(no_key=True).get(pk=race.pk)
+    if (found := _known(race, id)) is not None:
+        return found
     code = get_random_string(10, "abcdefghjkmnpqrstuvwxyz23456789")
     racer = Racer(
         alias=f"guest-{code}",
@@ -53,6 +56,13 @@ def guest_of(*, race: Race, id: UUID, name: str, now: datetime) -> Guest:
     racer.save(force_insert=True)
     entry = Entry.objects.create(race=race, racer=racer, entered_at=now, guest_name=name)
     return Guest.objects.create(id=id, race=race, entry=entry, name=name, made_at=now)
+
+
+def _known(race: Race, id: UUID) -> Guest | None:
+    found = Guest.objects.filter(pk=id).select_related("entry__race", "entry__racer").first()
+    if found is not None and found.race_id != race.pk:
+        raise UserFault("timing_id_taken")
+    return found
 
 
 def link_guest(*, guest: Guest, racer: Racer, by: Racer, now: datetime) -> Entry:
@@ -80,13 +90,16 @@ def _link(guest: Guest, racer: Racer, now: datetime) -> Entry:
     if racer.record_id is not None or racer.is_house or not racer.is_active:
         raise UserFault("timing_racer_unknown", racer=racer.alias)
     check_eligible(race, racer, now)
-    target, _ = Entry.objects.get_or_create(race=race, racer=racer, defaults={"entered_at": now})
-    locked = {one.pk: one for one in lock_entries([guest.entry_id, target.pk])}
+    known = Entry.objects.filter(race=race, racer=racer).first()
+    locked = {one.pk: one for one in lock_entries([guest.entry_id, *([known.pk] if known else [])])}
     # under the locks: of two who claim the same laps one is the first
     fresh = Guest.objects.select_for_update().get(pk=guest.pk)
     if fresh.linked_at is not None:
         raise UserFault("guest_linked", guest=fresh.name)
-    source, target = locked[fresh.entry_id], locked[target.pk]
+    if known is None:  # not before the locks: counting a new entry comes last
+        known, _ = Entry.objects.get_or_create(race=race, racer=racer, defaults={"entered_at": now})
+        locked |= {one.pk: one for one in lock_entries([known.pk])}
+    source, target = locked[fresh.entry_id], locked[known.pk]
     if target.removed_at is not None:
         raise UserFault("entry_removed")
     for session in source.timed_sessions.order_by("number"):

@@ -71,12 +71,13 @@ def carry_over(*, race: Race, by: Racer, sent: SentSession, now: datetime) -> Ti
     require_driven_in_time(race, started_at, now, at_once=sent.source != Source.FILE)
     if sent.sensor is None:
         check_laps(race, sent.laps, in_session=sent.source == Source.HAND)
-    entry = _who(race, sent, now)
-    numbers = {entry.pk} if known is None else {entry.pk, known.entry_id}
-    locked = {one.pk: one for one in lock_entries(numbers)}
+    locked, session = _locked(race, sent, now, known)
+    entry = _who(race, sent, now, session)
+    if entry.pk not in locked or (session is not None and session.entry_id not in locked):
+        # somebody took the guest's laps over while this waited for the locks, or brought the session of another racer
+        locked, session = _locked(race, sent, now, session)
+        entry = _who(race, sent, now, session)
     entry = locked[entry.pk]
-    # under the locks: the same session may have come by another way meanwhile
-    session = TimedSession.objects.select_for_update().filter(pk=sent.id).first()
     if session is not None and session.revision >= sent.revision:
         return session
     sensor = _sensor(entry.race, sent, session, now)
@@ -117,10 +118,21 @@ def tell_ended(session: TimedSession, now: datetime) -> None:
     record(RACE_TIMED, at=now, **where, session=str(session.pk), once=str(session.pk))
 
 
-def _who(race: Race, sent: SentSession, now: datetime) -> Entry:
+def _locked(
+    race: Race, sent: SentSession, now: datetime, known: TimedSession | None
+) -> tuple[dict[int, Entry], TimedSession | None]:
+    """The entries that a session concerns, and the session as it is under their locks: it may have come by another way
+    meanwhile."""
+    numbers = {_who(race, sent, now, known).pk} | ({known.entry_id} if known is not None else set())
+    locked = {one.pk: one for one in lock_entries(numbers)}
+    return locked, TimedSession.objects.select_for_update().filter(pk=sent.id).first()
+
+
+def _who(race: Race, sent: SentSession, now: datetime, known: TimedSession | None) -> Entry:
     if sent.guest is not None:
         id, name = sent.guest
-        entry = guest_of(race=race, id=id, name=name, now=now).entry
+        before = known.entry_id if known is not None else None
+        entry = guest_of(race=race, id=id, name=name, now=now, before=before).entry
     else:
         found = Entry.objects.filter(race=race, racer__alias__iexact=sent.racer, is_baseline=False).first()
         if found is None:
