@@ -240,12 +240,7 @@ class Points(RankingRule):
     def rule(self, race: Race) -> str:
         qualifying = _("Qualifying: %(rule)s") % {"rule": self.qualifying.rule(race)}
         if race.duel_format == "bracket":
-            duels = _(
-                "When the race has closed, the best %(limit)s classified cars meet in a knock-out bracket, seeded by "
-                "qualifying. A tie is two heats, one from each starting order: more points win it, then more laps, "
-                "then less time for them, then the better qualifier. Ranked by ties won, of which a bye is one, then "
-                "by the average lap in all heats."
-            ) % {"limit": settings.DUELS_IN_BRACKET}
+            duels = _bracket_rule(race) % {"limit": settings.DUELS_IN_BRACKET}
         else:
             duels = _(
                 "When the race has closed, the best %(limit)s classified cars meet in a round robin, %(cars)s in a "
@@ -253,6 +248,28 @@ class Points(RankingRule):
                 "by points, then by the average lap in all heats."
             ) % {"limit": settings.DUELS_IN_ROUND_ROBIN, "cars": race.duel_cars}
         return f"{qualifying} {duels}"
+
+
+def _bracket_rule(race: Race) -> str:
+    if race.duel_heats == 1:
+        return _(
+            "When the race has closed, the best %(limit)s classified cars meet in a knock-out bracket, seeded by "
+            "qualifying. A tie is one heat, the better qualifier in front. Ranked by ties won, of which a bye is one, "
+            "then by the average lap in all heats."
+        )
+    if race.duel_heats == 3:
+        return _(
+            "When the race has closed, the best %(limit)s classified cars meet in a knock-out bracket, seeded by "
+            "qualifying. A tie is the best of three heats: one from each starting order, and where both have won one a "
+            "third, in which who did better in the two stands in front. Ranked by ties won, of which a bye is one, "
+            "then by the average lap in all heats."
+        )
+    return _(
+        "When the race has closed, the best %(limit)s classified cars meet in a knock-out bracket, seeded by "
+        "qualifying. A tie is two heats, one from each starting order: more points win it, then more laps, "
+        "then less time for them, then the better qualifier. Ranked by ties won, of which a bye is one, then "
+        "by the average lap in all heats."
+    )
 
 
 RULES: dict[str, RankingRule] = {rule.code: rule for rule in (Average(), Best(), Total())}

@@ -87,6 +87,7 @@ register(
         "race_bot_change_times": _("At least so long and at most less long cannot be. Choose a greater time at most."),
         "race_duel_gap": _("Cars start %(least)s to %(most)s m apart. Choose a gap between these."),
         "race_duel_cars": _("A duel has 2 to %(most)s cars. Choose a number between these."),
+        "race_duel_heats": _("A tie has %(least)s to %(most)s heats. Choose a number between these."),
         # real cars
         "race_physical_alone": _(
             "Real cars are timed one by one. Choose a time trial or object avoidance for a race of real cars."

@@ -388,6 +388,18 @@ class BoardRules:
         layout=True,
         column=True,
     )
+    duel_heats: int = rule(
+        2,
+        label=_("Heats of a tie in a bracket"),
+        help=_(
+            "1: the better qualifier in front. 2: one from each starting order. 3: best of three, the third only where "
+            "both have won one."
+        ),
+        least=1,
+        most=3,
+        race_types=(HEAD_TO_HEAD,),
+        layout=True,
+    )
 
 
 RUN_RULES = rules_in(RaceRules)

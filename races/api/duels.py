@@ -39,7 +39,8 @@ class HeatSerializer(serializers.Serializer):
 
     round = serializers.IntegerField(source="duel.round")
     number = serializers.IntegerField(
-        source="duel.number", help_text="Within the round; in a bracket heats 2n - 1 and 2n are tie n."
+        source="duel.number",
+        help_text="Within the round; in a bracket with `duel_heats` 2, heats 2n - 1 and 2n are tie n.",
     )
     state = serializers.ChoiceField(DuelState.choices, source="duel.state")
     decided_at = serializers.DateTimeField(source="duel.decided_at", allow_null=True)
@@ -55,6 +56,7 @@ class DuelsSerializer(serializers.Serializer):
     race = serializers.CharField()
     duel_format = serializers.ChoiceField(DuelFormat.choices)
     duel_cars = serializers.IntegerField(help_text="In a heat, if there are so many.")
+    duel_heats = serializers.IntegerField(help_text="In a tie of a bracket; 3: best of three.")
     drawn_at = serializers.DateTimeField(allow_null=True, help_text="null while qualifying goes on.")
     over_at = serializers.DateTimeField(allow_null=True)
     entrants = serializers.IntegerField(help_text="Cars drawn.")
@@ -105,6 +107,7 @@ class DuelsView(APIView):
                     "race": race.slug,
                     "duel_format": race.duel_format,
                     "duel_cars": race.duel_cars,
+                    "duel_heats": race.duel_heats,
                     "drawn_at": shown and shown.draw.drawn_at,
                     "over_at": shown and shown.draw.over_at,
                     "entrants": shown.draw.entrants if shown else 0,

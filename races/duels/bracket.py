@@ -1,7 +1,9 @@
 """Single elimination: who meets whom as the rounds go on.
 
-Cars are their seeds, 1 for the best. A tie is two heats, one from each starting order; whoever wins it goes on. Where a
-round has fewer cars than places, the best seeds have a bye.
+Cars are their seeds, 1 for the best. A tie is two heats, one from each starting order; whoever wins it goes on. A race
+may have ties of one heat, the better seed in front, or of the best of three: the third is driven only where both have
+won one (or a heat was void), and in front stands who did better in the first two. Where a round has fewer cars than
+places, the best seeds have a bye.
 """
 
 from __future__ import annotations
@@ -11,7 +13,8 @@ from dataclasses import dataclass
 
 from .points import HeatDrive, points_lap_time
 
-LEGS = 2  # heats in a tie
+LEGS = 2  # heats in a tie, unless a race says otherwise
+TO_WIN = 2  # of the best of three
 
 
 @dataclass(frozen=True)
@@ -29,12 +32,11 @@ class Tie:
     bye: bool
     winner: int | None
 
-    @property
-    def heats(self) -> tuple[tuple[int, int], ...]:
-        """The starting orders of its two heats, the better seed in front first; none unless both cars are known."""
+    def heats(self, legs: int = LEGS) -> tuple[tuple[int, ...], ...]:
+        """The starting orders of its first heats, the better seed in front first; none unless both cars are known."""
         if len(self.cars) != 2:
             return ()
-        return self.cars, self.cars[::-1]
+        return (self.cars, self.cars[::-1])[:legs]
 
 
 def round_count(entrants: int) -> int:
@@ -90,15 +92,44 @@ def tie_winner(cars: Sequence[int], heats: Sequence[Mapping[int, HeatDrive]]) ->
     return min(cars, key=key)
 
 
-def winners_of(heats: Mapping[tuple[int, int], Mapping[int, HeatDrive]]) -> dict[tuple[int, int], int]:
-    """The winner of each tie (round, number) whose heats are all there.
+Heats = Mapping[tuple[int, int], Mapping[int, HeatDrive]]
+
+
+def winners_of(heats: Heats, legs: int = LEGS) -> dict[tuple[int, int], int]:
+    """The winner of each tie (round, number) of ``legs`` heats that is decided.
 
     ``heats``: what each seed did in heat (round, number), for those that are decided.
     """
+    ties = _by_tie(heats, legs)
+    return {tie: tie_winner(list(driven[0]), driven) for tie, driven in ties.items() if _is_decided(driven, legs)}
+
+
+def deciders(heats: Heats, legs: int) -> dict[tuple[int, int], tuple[int, ...]]:
+    """The starting order of each third heat (round, number) that is to be driven yet: who did better in the first two
+    stands in front."""
+    found = {}
+    for (round_, tie), driven in _by_tie(heats, legs).items():
+        if len(driven) == LEGS < legs and not _is_decided(driven, legs):
+            cars = list(driven[0])
+            ahead = tie_winner(cars, driven)
+            found[round_, heat_number(tie, LEGS, legs)] = (ahead, *(car for car in cars if car != ahead))
+    return found
+
+
+def _by_tie(heats: Heats, legs: int) -> dict[tuple[int, int], list[Mapping[int, HeatDrive]]]:
     ties: dict[tuple[int, int], list[Mapping[int, HeatDrive]]] = {}
     for (round_, number), drives in heats.items():
-        ties.setdefault((round_, tie_of(number)), []).append(drives)
-    return {tie: tie_winner(list(legs[0]), legs) for tie, legs in ties.items() if len(legs) == LEGS}
+        ties.setdefault((round_, tie_of(number, legs)), []).append(drives)
+    return ties
+
+
+def _is_decided(driven: Sequence[Mapping[int, HeatDrive]], legs: int) -> bool:
+    """Whether the heats of a tie say who goes on."""
+    if len(driven) >= legs:
+        return True
+    if legs <= LEGS:
+        return False
+    return any(sum(heat[car].points for heat in driven) >= TO_WIN for car in driven[0])
 
 
 def ties_won(rounds: Sequence[Sequence[Tie]]) -> dict[int, int]:
@@ -112,11 +143,11 @@ def ties_won(rounds: Sequence[Sequence[Tie]]) -> dict[int, int]:
     return won
 
 
-def heat_number(tie: int, leg: int) -> int:
-    """The number within its round of heat ``leg`` (0 or 1) of tie ``tie`` (from 1)."""
-    return LEGS * (tie - 1) + leg + 1
+def heat_number(tie: int, leg: int, legs: int = LEGS) -> int:
+    """The number within its round of heat ``leg`` (from 0) of tie ``tie`` (from 1), of ties of ``legs`` heats."""
+    return legs * (tie - 1) + leg + 1
 
 
-def tie_of(number: int) -> int:
+def tie_of(number: int, legs: int = LEGS) -> int:
     """The tie that heat ``number`` of a round belongs to. Twin of :func:`heat_number`."""
-    return (number - 1) // LEGS + 1
+    return (number - 1) // legs + 1

@@ -40,8 +40,8 @@ class DuelState(models.TextChoices):
 class Duel(models.Model):
     """One heat: two to four cars in one world, or in none when all but one have left the race (a walkover).
 
-    In a bracket, heats 2n - 1 and 2n of a round are tie n. ``evaluation``: its last run; ``tries``: how many there
-    were.
+    In a bracket, heats 2n - 1 and 2n of a round are tie n (with ties of one heat or three: n, or 3n - 2 to 3n).
+    ``evaluation``: its last run; ``tries``: how many there were.
     """
 
     # no index of its own: the unique one over race, round and number begins with it

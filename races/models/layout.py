@@ -91,6 +91,7 @@ _RANGES = {
     "box_distance_m": "race_box_distance",
     "bot_speed_mps": "race_bot_speed",
     "duel_cars": "race_duel_cars",
+    "duel_heats": "race_duel_heats",
     "bot_lane_change_m": "race_bot_lane_change",
     "duel_gap_m": "race_duel_gap",
 }

@@ -118,8 +118,10 @@ def duels_of(race: Race, racer: Racer | AnonymousUser | None = None) -> Duels | 
     heats = heats_of(race, reader, entries)
     total = len(heats)
     if race.duel_format == DuelFormat.BRACKET:
-        rounds, table = _tree(draw, heats, entries, reader), []
-        total = LEGS * max(0, draw.entrants - 1)
+        rounds, table = _tree(draw, race.duel_heats, heats, entries, reader), []
+        # of the best of three as many as will be driven for certain, and each third one that is
+        sure = min(LEGS, race.duel_heats) * max(0, draw.entrants - 1)
+        total = sure + sum(heat.duel.number % race.duel_heats == 0 for heat in heats) * (race.duel_heats > LEGS)
     else:
         rounds, table = _rounds(heats), _table(heats, entries, reader)
     return Duels(
@@ -176,14 +178,16 @@ def _table(heats: Sequence[Heat], entries: Sequence[Entry], reader: int | None) 
     ]
 
 
-def _tree(draw: Draw, heats: Sequence[Heat], entries: Sequence[Entry], reader: int | None) -> list[DuelRound]:
+def _tree(
+    draw: Draw, legs_most: int, heats: Sequence[Heat], entries: Sequence[Entry], reader: int | None
+) -> list[DuelRound]:
     by_seed = {entry.seed: entry for entry in entries}
     of_tie: dict[tuple[int, int], list[Heat]] = {}
     for heat in heats:
-        of_tie.setdefault((heat.duel.round, tie_of(heat.duel.number)), []).append(heat)
+        of_tie.setdefault((heat.duel.round, tie_of(heat.duel.number, legs_most)), []).append(heat)
     decided = {(heat.duel.round, heat.duel.number): _drives(heat) for heat in heats if heat.duel.is_final}
     rounds = []
-    for ties in bracket(draw.entrants, winners_of(decided)):
+    for ties in bracket(draw.entrants, winners_of(decided, legs_most)):
         shown = []
         for tie in ties:
             legs = of_tie.get((tie.round, tie.number), [])

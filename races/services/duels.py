@@ -21,7 +21,7 @@ from evaluation.models import Evaluation, Result, State
 from evaluation.services import queue_evaluation
 from paddock.errors import UserFault
 
-from ..duels.bracket import Tie, bracket, heat_number, ties_won, winners_of
+from ..duels.bracket import Tie, bracket, deciders, heat_number, ties_won, winners_of
 from ..duels.points import HeatDrive, places, points_lap_time
 from ..duels.schedule import Heat, round_robin
 from ..engines import keeps_engine
@@ -200,7 +200,12 @@ def drive_of(car: DuelCompetitor) -> HeatDrive:
 
 
 def bracket_of(race: Race) -> list[list[Tie]]:
-    """The tree of a drawn bracket as it stands, by round. In a void heat nobody has done anything."""
+    """The tree of a drawn bracket as it stands, by round."""
+    return bracket(Draw.objects.get(race=race).entrants, winners_of(_decided_heats(race), race.duel_heats))
+
+
+def _decided_heats(race: Race) -> dict[tuple[int, int], dict[int, HeatDrive]]:
+    """What each seed did in the heats of a bracket, by round and number. In a void heat nobody has done anything."""
     heats: dict[tuple[int, int], dict[int, HeatDrive]] = {}
     for car in DuelCompetitor.objects.filter(duel__race=race, duel__decided_at__isnull=False).select_related(
         "duel", "entry"
@@ -208,7 +213,7 @@ def bracket_of(race: Race) -> list[list[Tie]]:
         drive = drive_of(car) if car.duel.state == DuelState.DECIDED else HeatDrive(0, 0)
         assert car.entry.seed is not None, "it was drawn"
         heats.setdefault((car.duel.round, car.duel.number), {})[car.entry.seed] = drive
-    return bracket(Draw.objects.get(race=race).entrants, winners_of(heats))
+    return heats
 
 
 def _nothing_due(race: Race) -> bool:
@@ -232,13 +237,22 @@ def _driving(race: Race) -> QuerySet[Duel]:
 
 
 def _next_round(race: Race, by_seed: Mapping[int, Entry]) -> int | None:
-    """Write the next round of a bracket whose heats are all decided; None when there is none."""
+    """Write the next round of a bracket whose heats are all decided, or the third heats of its last round; None when
+    there is none."""
     if race.duel_format != DuelFormat.BRACKET:
         return None
+    legs = race.duel_heats
+    third = deciders(_decided_heats(race), legs)
+    if third:
+        last = max(round_ for round_, _ in third)
+        _write_heats(race, last, {number: heat for (round_, number), heat in third.items() if round_ == last}, by_seed)
+        return last
     written = set(Duel.objects.filter(race=race).values_list("round", flat=True))
     for number, ties in enumerate(bracket_of(race), start=1):
         if number not in written:
-            heats = {heat_number(tie.number, leg): heat for tie in ties for leg, heat in enumerate(tie.heats)}
+            heats = {
+                heat_number(tie.number, leg, legs): heat for tie in ties for leg, heat in enumerate(tie.heats(legs))
+            }
             _write_heats(race, number, heats, by_seed)
             return number
     return None

@@ -10,7 +10,18 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from races.duels.bracket import Tie, bracket, heat_number, round_count, seeding, tie_of, ties_won
+from races.duels.bracket import (
+    Tie,
+    bracket,
+    deciders,
+    heat_number,
+    round_count,
+    seeding,
+    tie_of,
+    ties_won,
+    winners_of,
+)
+from races.duels.points import HeatDrive
 from races.duels.schedule import round_robin
 from tests.soak import examples
 
@@ -133,7 +144,7 @@ def test_a_bracket_has_one_champion_and_all_others_lose_once(entrants, chance):
 def test_each_pair_of_a_bracket_meets_from_both_orders(entrants, chance):
     for ties in play(entrants, lambda cars: chance.choice(cars)):
         for tie in ties:
-            assert tie.heats == (() if tie.bye else (tie.cars, tie.cars[::-1]))
+            assert tie.heats() == (() if tie.bye else (tie.cars, tie.cars[::-1]))
             assert len(set(tie.cars)) == len(tie.cars)
 
 
@@ -150,7 +161,7 @@ def play(entrants: int, choose) -> list[list[Tie]]:
 def test_a_tie_waits_for_both_of_its_cars():
     semi, final = bracket(4, {(1, 1): 4})
     assert [tie.winner for tie in semi] == [4, None]
-    assert (final[0].cars, final[0].heats, final[0].bye) == ((4,), (), False)
+    assert (final[0].cars, final[0].heats(), final[0].bye) == ((4,), (), False)
 
 
 @pytest.mark.parametrize("winners", [{(1, 1): 2}, {(2, 1): 1}])
@@ -159,10 +170,50 @@ def test_a_car_outside_a_tie_cannot_win_it(winners):
         bracket(4, winners)
 
 
-@given(st.integers(1, 32), st.integers(0, 1))
-def test_heats_are_numbered_across_the_ties_of_a_round(tie, leg):
-    assert tie_of(heat_number(tie, leg)) == tie
-    assert heat_number(1, 0) == 1
+@given(st.integers(1, 32), st.integers(0, 1), st.integers(2, 3))
+def test_heats_are_numbered_across_the_ties_of_a_round(tie, leg, legs):
+    assert tie_of(heat_number(tie, leg, legs), legs) == tie
+    assert tie_of(heat_number(tie, legs - 1, legs), legs) == tie
+    assert heat_number(1, 0, legs) == 1
+
+
+def heats_won_by(*winners: int | None) -> dict[tuple[int, int], dict[int, HeatDrive]]:
+    """The first heats of the tie of seeds 1 and 2; None: a void one. Seed 2 is the quicker whenever it wins."""
+    return {
+        (1, number): {
+            seed: HeatDrive(0, 0)
+            if winner is None
+            else HeatDrive(1 + (seed != winner), int(seed == winner), 1, 9_000 if seed == winner == 2 else 10_000)
+            for seed in (1, 2)
+        }
+        for number, winner in enumerate(winners, 1)
+    }
+
+
+@pytest.mark.parametrize(
+    ("winners", "winner", "third"),
+    [
+        ((1,), None, None),
+        ((1, 1), 1, None),
+        ((2, 2), 2, None),
+        ((1, 2), None, (2, 1)),  # who did better in the two in front
+        ((1, None), None, (1, 2)),
+        ((1, 2, 1), 1, None),
+        ((1, None, 2), 2, None),
+        ((None, None, None), 1, None),
+    ],
+)
+def test_of_the_best_of_three_a_third_is_driven_where_it_decides(winners, winner, third):
+    heats = heats_won_by(*winners)
+    assert winners_of(heats, 3) == ({} if winner is None else {(1, 1): winner})
+    assert deciders(heats, 3) == ({} if third is None else {(1, 3): third})
+    assert deciders(heats, 2) == {}
+
+
+def test_a_tie_of_one_heat_is_decided_by_it():
+    (tie,) = bracket(2, {})[0]
+    assert tie.heats(1) == ((1, 2),)
+    assert winners_of(heats_won_by(2), 1) == {(1, 1): 2}
 
 
 def test_a_bracket_depends_only_on_its_results():

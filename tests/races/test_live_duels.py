@@ -140,6 +140,31 @@ class TestBracket:
         assert Duel.objects.filter(state=DuelState.DECIDED).count() == 14
         assert not Evaluation.objects.filter(sealed=True).exists()
 
+    def test_the_best_of_three_drives_a_third_where_both_have_won(self, alice, now):
+        event, at = begun(a_live_draw(now, alice, 4, duel_heats=3), alice)
+        assert [slot.duel.number for slot in slots(event)] == [1, 2, 4, 5]
+        for _ in range(4):
+            at = show_next(event, alice, at, lambda grid: grid[0] if 1 in grid else 3)
+        assert [(slot.round, slot.duel.number, cars(slot)) for slot in slots(event)[4:]] == [(1, 3, [1, 4])]
+        told = live_document(event, at)["bracket"][0]["ties"]
+        assert [[car["points"] for car in tie["cars"]] for tie in told] == [[1, 1], [0, 2]]
+        assert [car["won"] for car in told[0]["cars"]] == [False, False]
+        assert (duels_of(event.race).decided, duels_of(event.race).total) == (4, 7)
+        at = show_next(event, alice, at, max)
+        assert [cars(slot) for slot in slots(event)[5:]] == [[3, 4], [4, 3]]
+        for _ in range(2):
+            at = show_next(event, alice, at)
+        assert Draw.objects.get(race=event.race).over_at == at
+        end_live(event=event, by=alice, seen=None, now=at)
+        assert live_document(event, at)["winner"] == "car-3"
+
+    def test_one_heat_may_decide_a_tie(self, alice, now):
+        event, at = begun(a_live_draw(now, alice, 4, duel_heats=1), alice)
+        for _ in range(3):
+            at = show_next(event, alice, at, max)
+        assert [(slot.round, cars(slot)) for slot in slots(event)] == [(1, [1, 4]), (1, [2, 3]), (2, [3, 4])]
+        assert Draw.objects.get(race=event.race).over_at == at
+
     def test_a_round_robin_is_shown_too(self, alice, now):
         event, at = begun(a_live_draw(now, alice, 3, duel_format="round_robin"), alice)
         assert len(slots(event)) == 6
