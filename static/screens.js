@@ -51,6 +51,8 @@
       const shows = told.podium.length && !told.current;
       const under = ["running", "paused", "ended"].includes(told.phase);
       this.root.dataset.phase = told.phase === "cancelled" ? "cancelled" : shows ? "podium" : under ? "running" : "before";
+      // between two heats a big screen shows the bracket
+      this.root.toggleAttribute("data-between", told.bracket.length > 0 && under && !shows && !told.current && !this.root.show.slot);
       this.all("on-track").forEach((each) => { each.hidden = !told.current && !this.root.show.slot; });
       this.all("has-next").forEach((each) => { each.hidden = !told.next.length; });
       this.all("stage-tower").forEach((each) => { each.hidden = !told.standings.length; });
@@ -193,7 +195,7 @@
   document.querySelectorAll("[data-show]").forEach((root) => { root.screen = new Screen(root); });
 
   // --- a bracket fills itself ------------------------------------------------------------------------------------------
-  const bracket = document.querySelector("[data-bracket-page] #bracket");
+  const bracket = document.getElementById("bracket");
   if (bracket) {
     setInterval(async () => {
       try {

@@ -34,8 +34,9 @@
   class Track {
     constructor() { this.t = []; this.x = []; this.y = []; this.yaw = []; this.v = []; this.steer = []; this.lap = []; this.status = []; this.laps = []; this.index = 0; }
     add(columns) {
-      for (const name of ["t", "x", "y", "yaw", "v", "steer", "lap", "status"]) this[name].push(...columns[name]);
-      for (const lap of columns.lap) if (!this.laps.includes(lap)) this.laps.push(lap);
+      // a bot has a place and nothing else
+      for (const name of ["t", "x", "y", "yaw", "v", "steer", "lap", "status"]) this[name].push(...(columns[name] || columns.t));
+      for (const lap of columns.lap || []) if (!this.laps.includes(lap)) this.laps.push(lap);
     }
     at(moment) {
       const { t, x, y, yaw } = this;
@@ -76,7 +77,7 @@
       this.slot = null;
       this.after = -1;
       this.car = new Track();
-      (this.rivals || []).forEach((rival) => rival.shape.remove());
+      [...(this.rivals || []), ...(this.bots || [])].forEach((other) => other.shape.remove());
       this.rivals = [];
       this.bots = [];
       this.waiting = [];
@@ -137,6 +138,8 @@
             this.after = chunk.n;
             if (chunk.cars[0]) this.car.add(chunk.cars[0]);
             chunk.cars.slice(1).forEach((columns, at) => this.rival(at).track.add(columns));
+            // bots have a place for each step of the first car's
+            chunk.bots.forEach((columns, at) => this.bot(at).track.add({ ...columns, t: chunk.cars[0].t.slice(0, columns.x.length) }));
             this.waiting.push(...chunk.events);
           }
           this.over = said.over;
@@ -159,9 +162,9 @@
       const shape = this.part("car");
       if (!place) return;
       this.put(shape, place);
-      for (const rival of this.rivals) {
-        const beside = rival.track.at(Math.max(0, moment));
-        if (beside) this.put(rival.shape, beside);
+      for (const other of [...this.rivals, ...this.bots]) {
+        const beside = other.track.at(Math.max(0, moment));
+        if (beside) this.put(other.shape, beside);
       }
       while (this.waiting.length && this.waiting[0].t <= moment) this.happen(this.waiting.shift());
       const end = this.car.t[this.car.t.length - 1];
@@ -187,6 +190,18 @@
         this.rivals[at] = { shape, track: new Track() };
       }
       return this.rivals[at];
+    }
+
+    bot(at) {
+      if (!this.bots[at]) {
+        const shape = this.part("car").cloneNode(true);
+        shape.removeAttribute("data-car");
+        shape.setAttribute("hidden", "");
+        shape.classList.add("bot");
+        this.part("bots").append(shape);
+        this.bots[at] = { shape, track: new Track() };
+      }
+      return this.bots[at];
     }
 
     put(shape, place) {

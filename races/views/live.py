@@ -21,9 +21,10 @@ from races.api.live import after_in, poses_document, slot_in
 from races.live_acts import ACTS, act
 from races.live_document import live_document
 from races.live_form import LiveForm
-from races.models import Entry, LiveEvent, LiveRacer, LiveState, Race
+from races.models import Entry, LiveEvent, LiveRacer, LiveState, Opponents, Race
 from races.replay import map_size
 from races.selectors import entry_of
+from races.selectors.duels import duels_of
 from races.selectors.live import (
     can_run_live,
     console_rows,
@@ -199,6 +200,7 @@ def _shown(request: HttpRequest, race: Race, event: LiveEvent) -> dict[str, Any]
         "standings": standings,
         "figures": figures,
         "figure_words": [] if figures is None else figure_words(figures),
+        "duels": duels_of(race, request.user) if race.opponents == Opponents.MODELS else None,
         "roll": live_racers(event),
         "entry": entry,
         "mine": mine,
