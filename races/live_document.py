@@ -69,7 +69,12 @@ def slot_document(slot: LiveSlot, now: datetime) -> dict[str, Any]:
         "speed": present_speed(slot, now),
         "heat": None if slot.duel is None else slot.duel.number,
         "cars": [
-            {"number": number, "racer": entry.racer.alias, "country": str(entry.racer.country or "")}
+            {
+                "number": number,
+                "racer": entry.racer.alias,
+                "country": str(entry.racer.country or ""),
+                "speed": present_speed(slot, now, number),
+            }
             for number, entry in enumerate(slot.starting)
         ],
         **(_racer(slot.racer) if slot.racer is not None else _heat(slot)),

@@ -61,6 +61,7 @@ class LiveCarSerializer(serializers.Serializer):
     number = serializers.IntegerField()
     racer = serializers.CharField()
     country = serializers.CharField(allow_blank=True)
+    speed = SpeedCommandSerializer(allow_null=True, help_text="The command that it drives by now.")
 
 
 class LiveSlotSerializer(LiveRacerSerializer):
@@ -73,7 +74,7 @@ class LiveSlotSerializer(LiveRacerSerializer):
     starts_at = serializers.IntegerField(allow_null=True, help_text="When it starts or started, in ms since 1970.")
     evaluation = serializers.CharField(allow_null=True, help_text="The public_id of its run, once it was shown.")
     reason = serializers.CharField(allow_blank=True, help_text="A reason code, such as why it is held.")
-    speed = SpeedCommandSerializer(allow_null=True, help_text="The command that the car on track drives by now.")
+    speed = SpeedCommandSerializer(allow_null=True, help_text="That of its first car.")
     heat = serializers.IntegerField(allow_null=True, help_text="The number of the duel in its round; null without.")
     cars = LiveCarSerializer(many=True, help_text="Who drives, by the numbers that the cars of its poses have.")
 

@@ -211,9 +211,9 @@ class LiveSlot(models.Model):
     ``evaluation``: its run, sealed until it has been shown. ``starts_at``: when it starts for everybody, by the
     server's clock. ``ends_at``: when its last step has been played; it tells how long the car drove, so it stays here
     until then. ``submission``: the run as a result of the race, from then on.
-    ``speed_log``: the commands that ``evaluation`` was driven with, each ``{"at_ms", "mode", "value", "by"}``.
-    ``speed_next``: one that is being computed, in ``speed_run``, the same run with one command more; ``speed_wish``:
-    what is commanded after it; ``speed_reason``: why the last one expired.
+    ``speed_log``: the commands that ``evaluation`` was driven with, each ``{"at_ms", "mode", "value", "by"}`` and of a
+    heat the number of the ``"car"``. ``speed_next``: one that is being computed, in ``speed_run``, the same run with
+    one command more; ``speed_wish``: what is commanded after it; ``speed_reason``: why the last one expired.
     """
 
     event = models.ForeignKey(LiveEvent, models.CASCADE, related_name="slots", verbose_name=_("live event"))

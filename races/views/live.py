@@ -196,7 +196,7 @@ def _shown(request: HttpRequest, race: Race, event: LiveEvent) -> dict[str, Any]
         "document": document,
         "current": on_track(slots),
         "next": up_next(slots),
-        "commanded": None if document["current"] is None else document["current"]["speed"],
+        "commanded": [car for car in (document["current"] or {}).get("cars", ()) if car["speed"] is not None],
         "standings": standings,
         "figures": figures,
         "figure_words": [] if figures is None else figure_words(figures),

@@ -27,6 +27,7 @@ from ...models import (
     Opponents,
     SlotState,
 )
+from ...speed_log import rules_with, start_log
 from ..duels import MAX_TRIES, counted_run, draw_duels, drive_on, starting_cars, walk_over
 from .roll import throw_away
 
@@ -60,12 +61,14 @@ def seal_heat(event: LiveEvent, slot: LiveSlot, now: datetime) -> bool:
     assert slot.duel is not None
     starting = starting_cars(slot.duel)
     front, *others = (_model_of(event, car) for car in starting)
+    racers = {one.entry_id: one for one in LiveRacer.objects.filter(event=event)}
+    log = start_log(event, [racers.get(car.entry_id) for car in starting])
     try:
         evaluation = queue_evaluation(
             owner=front.owner,
             model=front,
             track=event.race.track,
-            rules=race_rules(event.race),
+            rules=rules_with(race_rules(event.race), log),
             rivals=others,
             priority=URGENT,
             sealed=True,
@@ -74,7 +77,7 @@ def seal_heat(event: LiveEvent, slot: LiveSlot, now: datetime) -> bool:
     except UserFault as fault:
         LiveSlot.objects.filter(pk=slot.pk).update(reason_code=fault.code)
         return False
-    LiveSlot.objects.filter(pk=slot.pk).update(evaluation=evaluation, reason_code="")
+    LiveSlot.objects.filter(pk=slot.pk).update(evaluation=evaluation, reason_code="", speed_log=log)
     return True
 
 

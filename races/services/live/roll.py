@@ -6,7 +6,7 @@ from datetime import datetime
 from typing import TYPE_CHECKING
 
 from django.db import transaction
-from django.db.models import Max, Q, QuerySet
+from django.db.models import Max, QuerySet
 
 from core.events import record
 from evaluation.models import Evaluation, TrainedModel
@@ -15,9 +15,10 @@ from evaluation.services import discard_sealed
 from paddock.errors import UserFault
 
 from ...events import LIVE_CHANGED, of_race
-from ...models import Duel, Entry, LiveEvent, LiveRacer, LiveSlot, LiveState, Opponents, Race, SlotState
+from ...models import Entry, LiveEvent, LiveRacer, LiveSlot, LiveState, Opponents, Race, SlotState
 from ...models.live import UNDER_WAY
 from ...selectors.boards import ranks_of
+from ...selectors.live_speed import slots_of_racer
 from ...sensors import not_offered
 from ..cars import take_place
 from ..locks import lock_entry
@@ -42,7 +43,7 @@ def choose_model(*, event: LiveEvent, racer: Racer, model: TrainedModel, now: da
         raise UserFault("model_not_yours")
     entry = _entry(event, racer)
     mine = LiveRacer.objects.filter(event=event, entry=entry).first()
-    if mine is not None and _slots_of_racer(mine).filter(state__in=(SlotState.CALLED, SlotState.RUNNING)).exists():
+    if mine is not None and slots_of_racer(mine).filter(state__in=(SlotState.CALLED, SlotState.RUNNING)).exists():
         raise UserFault("live_called")
     missing = not_offered(model.sensors, event.race.sensors)
     if missing:
@@ -137,17 +138,11 @@ def model_of(racer: LiveRacer) -> TrainedModel | None:
 
 def drop_computed(racer: LiveRacer, *, but: TrainedModel | None, now: datetime) -> None:
     """Throw away what was computed ahead for a racer with another model than ``but``, and has not been launched."""
-    slots = _slots_of_racer(racer).filter(evaluation__sealed=True).exclude(state=SlotState.RUNNING)
+    slots = slots_of_racer(racer).filter(evaluation__sealed=True).exclude(state=SlotState.RUNNING)
     for slot in slots.select_related("evaluation"):
         evaluation = slot.evaluation
         if evaluation is not None and (but is None or slot.duel_id is not None or evaluation.model_id != but.pk):
             throw_away(slot, evaluation, now)
-
-
-def _slots_of_racer(racer: LiveRacer) -> QuerySet[LiveSlot]:
-    """Their attempts, or the heats that they are in."""
-    heats = Duel.objects.filter(cars__entry=racer.entry_id)
-    return LiveSlot.objects.filter(Q(racer=racer) | Q(duel__in=heats), event=racer.event_id)
 
 
 def throw_away(slot: LiveSlot, evaluation: Evaluation, now: datetime) -> None:

@@ -52,7 +52,7 @@ def prepare_ahead(*, event: LiveEvent, now: datetime) -> int:
         if model is None:
             LiveSlot.objects.filter(pk=slot.pk).update(reason_code="live_no_model")
             continue
-        log = start_log(event, slot.racer)
+        log = start_log(event, [slot.racer])
         try:
             evaluation = queue_evaluation(
                 owner=slot.racer.entry.racer,

@@ -5,7 +5,8 @@ one command more. It takes effect at a marked moment: :func:`effect_ms`. Until t
 the new one takes the place of the old at any time before that moment and nobody sees a jump. If it is not there by
 then, or is not equal, the command expires with a reason and the old run stays.
 
-While one is computed the next command waits, and the last that waits wins. Whether a run was adopted is told at the
+While one is computed the next command waits, and of each car the last that waits wins: of a duel one command is
+computed at a time, whoever of the two gave it. Whether a run was adopted is told at the
 moment of its effect and not before, and how long it takes is no part of anything: either would say how long the car
 still drives.
 """
@@ -30,8 +31,8 @@ from paddock.rules.speed import MODEL_SPEED, MODES, MOST_COMMANDS, VALUES, Speed
 from ...events import LIVE_CHANGED, of_race
 from ...models import LiveEvent, LiveRacer, LiveSlot, LiveState, SlotState
 from ...poses import CHUNK_MS, chunks_of
-from ...selectors.live_speed import commands_speed
-from ...speed_log import rules_with
+from ...selectors.live_speed import commands_speed, late_for, slot_driven_by, slots_of_racer
+from ...speed_log import car_of, rules_with, wishes_of
 from .roll import racers_of, throw_away
 from .sealing import prepare_after_commit
 
@@ -61,13 +62,13 @@ def command_start(
     """
     event, racer = _open(event, racer, by, now)
     command = _command(0, mode, value, by)
-    if racer.slots.filter(state=SlotState.CALLED).exists():
+    if slots_of_racer(racer).filter(state=SlotState.CALLED).exists():
         raise UserFault("live_speed_called")
     racer.speed = None if mode == MODEL_SPEED else {key: command[key] for key in ("mode", "value", "by")}
     racer.speed_at = now
     racer.save(update_fields=["speed", "speed_at"])
-    slots = racer.slots.filter(evaluation__sealed=True).exclude(state=SlotState.RUNNING).select_related("evaluation")
-    for slot in slots:
+    slots = slots_of_racer(racer).filter(evaluation__sealed=True).exclude(state=SlotState.RUNNING)
+    for slot in slots.select_related("evaluation"):
         if slot.evaluation is not None:
             throw_away(slot, slot.evaluation, now)
     prepare_after_commit(event, now)
@@ -83,17 +84,20 @@ def command_now(*, event: LiveEvent, racer: LiveRacer, by: Racer, mode: str, val
     Raises UserFault as :func:`_open`, ``live_speed_not_driving``, ``live_speed_full`` after 200 commands.
     """
     event, racer = _open(event, racer, by, now)
-    slot = LiveSlot.objects.filter(racer=racer, state=SlotState.RUNNING, ends_at__gt=now).first()
-    if slot is None or slot.starts_at is None:
+    driven = slot_driven_by(racer)
+    if driven is None or driven[0].starts_at is None or driven[0].ends_at is None or driven[0].ends_at <= now:
         raise UserFault("live_speed_not_driving")
-    command = _command(0, mode, value, by)
+    slot, car = driven
+    command = _command(0, mode, value, by) | {"car": car}
     if len(slot.speed_log or []) + (slot.speed_next is not None) >= MOST_COMMANDS:
         raise UserFault("live_speed_full", most=MOST_COMMANDS)
-    LiveSlot.objects.filter(pk=slot.pk).update(speed_reason=None)
+    LiveSlot.objects.filter(pk=slot.pk, speed_reason=late_for(car)).update(speed_reason=None)
     if slot.speed_next is None:
         _compute(event, slot, command, now)
     else:
-        slot.speed_wish = {key: command[key] for key in ("mode", "value", "by")}
+        # of each car the last one that waits wins, in the place of the one before
+        slot.speed_wish = [one for one in wishes_of(slot.speed_wish) if car_of(one) != car]
+        slot.speed_wish.append({key: command[key] for key in ("mode", "value", "by", "car")})
         slot.save(update_fields=["speed_wish"])
     LiveRacer.objects.filter(pk=racer.pk).update(speed_at=now)
     _tell(event, now)
@@ -162,11 +166,12 @@ def _settle(event: LiveEvent, slot: LiveSlot, now: datetime) -> int:
         return 0  # it expires at its moment, as one that is late does
     if not due:
         return 0
-    wish = slot.speed_wish
+    car, (wish, *others) = car_of(slot.speed_next), wishes_of(slot.speed_wish) or [None]
     forget_speed(slot, now)
-    LiveSlot.objects.filter(pk=slot.pk).update(speed_reason=None if adopted else "live_speed_late")
+    LiveSlot.objects.filter(pk=slot.pk).update(speed_reason=None if adopted else late_for(car))
     slot.refresh_from_db()
     if wish is not None and slot.ends_at is not None and now < slot.ends_at:
+        slot.speed_wish = others or None
         _compute(event, slot, wish, now)
     _tell(event, now)
     return 1
@@ -209,17 +214,19 @@ def _compute(event: LiveEvent, slot: LiveSlot, command: dict[str, Any], now: dat
     played = (now - slot.starts_at) // timedelta(milliseconds=1)
     coming = {**command, "at_ms": effect_ms(event, played)}
     old = Evaluation.with_sealed.select_related("owner", "model__owner", "track").get(pk=slot.evaluation_id)
+    rivals = old.rivals.select_related("model__owner", "model__network").order_by("number")
     run = queue_evaluation(
         owner=old.owner,
         model=old.model,
         track=old.track,
         rules=rules_with(RaceRules.from_dict(old.spec["rules"]), [*(slot.speed_log or []), coming]),
+        rivals=[rival.model for rival in rivals],
         priority=URGENT,
         checked=True,  # it was when the run was first computed, and it is on track
         sealed=True,
         now=now,
     )
-    slot.speed_next, slot.speed_run, slot.speed_wish = coming, run, None
+    slot.speed_next, slot.speed_run = coming, run
     slot.save(update_fields=["speed_next", "speed_run", "speed_wish"])
 
 
