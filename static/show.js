@@ -12,6 +12,7 @@
   const JUMP_M = 0.6; // a reset moves a car at once: nothing to glide over
   const TAIL_MS = 1500;
   const STILL_MS = 1000;
+  const LOST_MS = 30_000;
   const still = () => matchMedia("(prefers-reduced-motion: reduce)").matches;
 
   const clock = (ms) => {
@@ -114,15 +115,36 @@
     take(current) {
       const id = current && current.slot;
       if (id && id === (this.slot && this.slot.slot)) { this.slot = current; return; }
-      if (!id && !this.slot) return;
-      // what is left of a run that is over is played to its end before the next
-      if (!id && this.slot && !this.over) return;
+      if (!id) {
+        // what is left of a run that is over is played to its end; a launch that was undone is gone at once
+        if (this.slot && (this.clock.now() < this.slot.starts_at || this.isPlayed())) this.clear();
+        return;
+      }
       this.forget();
       this.slot = current;
       this.part("stage-card").hidden = !this.state || !["running", "paused"].includes(this.state.phase);
       this.part("who").textContent = current ? current.racer : "–";
       this.part("last-lap").textContent = this.part("best-lap").textContent = "–";
       this.part("tail").setAttribute("points", "");
+    }
+
+    // Whether there is nothing left to play: it was, or nothing came for long.
+    isPlayed() {
+      const end = this.car.t[this.car.t.length - 1] ?? 0;
+      const moment = this.clock.now() - this.slot.starts_at - this.state.behind_ms;
+      return (this.over && moment > end + 500) || moment > end + LOST_MS;
+    }
+
+    // Nobody is on track.
+    clear() {
+      this.forget();
+      this.part("car").setAttribute("hidden", "");
+      this.part("ghost").setAttribute("hidden", "");
+      this.part("tail").setAttribute("points", "");
+      this.part("clock").textContent = "";
+      this.part("who").textContent = this.root.dataset.nobody;
+      for (const name of ["lap-number", "speed", "steer", "last-lap", "best-lap"]) this.part(name).textContent = "–";
+      this.tell("state", this.state);
     }
 
     async fetch() {
@@ -158,6 +180,7 @@
         this.part("clock").textContent = this.root.dataset.soon.replace("%s", String(Math.ceil(soon / 1000)));
         return;
       }
+      if (!this.state.current && this.isPlayed()) { this.clear(); return; }
       const place = this.car.at(Math.max(0, moment));
       const shape = this.part("car");
       if (!place) return;
@@ -175,7 +198,6 @@
       this.part("steer").textContent = `${place.steer.toFixed(0)}°`;
       this.drawTail(place, moment);
       this.tell("frame", { moment, ...place });
-      if (this.over && moment > end + 500 && !this.state.current) { this.forget(); this.part("clock").textContent = ""; }
     }
 
     // The other cars of a duel.

@@ -43,14 +43,14 @@ def manage(data: Path, *arguments: str) -> subprocess.CompletedProcess:
 class Run:
     """A running ``manage.py run``."""
 
-    def __init__(self, data: Path, port: int | None = None) -> None:
+    def __init__(self, data: Path, port: int | None = None, **more: str) -> None:
         self.data, self.port = data, port or free_port()
         self.log = data.with_name(f"{data.name}-{self.port}.log")
         with self.log.open("wb") as output:
             self.process = subprocess.Popen(
                 [sys.executable, "manage.py", "run", "--port", str(self.port)],
                 cwd=CHECKOUT,
-                env=environment(data),
+                env=environment(data) | more,
                 stdout=output,
                 stderr=subprocess.STDOUT,
                 start_new_session=True,
