@@ -90,12 +90,14 @@ def _run(frames_in: int, frames_out: int) -> None:
     headers = [policy_header(metadata, space) for metadata, space in zip(job["metadata"], spaces, strict=True)]
     write_message(frames_out, {"headers": headers})
     pipes = [int(fd) for fd in sys.argv[1:]]
+    start = _Start(frames_in)
     clients = [
         PolicyClient(pipes[2 * number], pipes[2 * number + 1], header, **job["budget"])
         for number, header in enumerate(headers)
     ]
-    flag = _Start(frames_in)
-    policies = [_after(flag, client) for client in clients]
+    for client in clients:
+        client.before_first = start.wait
+    policies: list[Policy] = list(clients)
     if len(policies) > 1:
         policies = [_reporting(policy, number, frames_out) for number, policy in enumerate(policies)]
     first, *rivals = [
@@ -110,11 +112,11 @@ def _run(frames_in: int, frames_out: int) -> None:
         first.sensors,
         first.policy,
         on_progress=telling,
+        progress_due=telling.is_due,
         rivals=rivals,
         lidar_config=first.lidar_config,
         ground=ground,
     )
-    telling.finish()
     cars: list[RaceResult | CompetitorRun] = [result, *result.rivals]
     seconds = {**result.seconds, "policy": sum(client.seconds for client in clients)}  # without the wait for the start
     layout = json.dumps(result.layout, allow_nan=False, separators=(",", ":")).encode()
@@ -151,20 +153,14 @@ class _Telling:
     def __init__(self, frames_out: int) -> None:
         self._frames_out = frames_out
         self._sent = float("-inf")
-        self._held: Progress | None = None
+
+    def is_due(self) -> bool:
+        """Whether anybody could see another one; to make one takes 30 us too."""
+        return time.monotonic() - self._sent >= _PROGRESS_S
 
     def __call__(self, progress: Progress) -> None:
-        now = time.monotonic()
-        if now - self._sent < _PROGRESS_S:
-            self._held = progress
-            return
-        self._sent, self._held = now, None
+        self._sent = time.monotonic()
         write_message(self._frames_out, {"progress": progress.to_dict()})
-
-    def finish(self) -> None:
-        """Send the last one if it is still held."""
-        if self._held is not None:
-            write_message(self._frames_out, {"progress": self._held.to_dict()})
 
 
 class _Start:
@@ -179,16 +175,6 @@ class _Start:
         if not self._come:
             read_message(self._frames_in)
             self._come = True
-
-
-def _after(start: _Start, policy: Policy) -> Policy:
-    """``policy``, asked for the first time when the start message has come."""
-
-    def ask(readings: dict[str, np.ndarray]) -> np.ndarray:
-        start.wait()
-        return policy(readings)
-
-    return ask
 
 
 def _reporting(policy: Policy, number: int, frames_out: int) -> Policy:

@@ -6,13 +6,13 @@ import math
 import os
 import select
 import time
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from typing import Any
 
 import numpy as np
 
 from paddock.errors import UserFault
-from paddock.network.policy_wire import EXACT, EXCEEDED, REPLY, STEP, WAYS, reply_buffer, request_buffer
+from paddock.network.policy_wire import EXACT, EXCEEDED, REPLY, STEP, WAYS, observations_of, reply_buffer
 
 from .limits import POLICY_S
 
@@ -31,7 +31,8 @@ class PolicyClient:
 
     Raises UserFault: ``policy_late``, ``policy_late_exact`` (the same where most steps went the exact way),
     ``policy_died``, ``policy_protocol`` (anything but one reply to this step), ``non_finite_action``. After any of them
-    the pipes are of no use any more. ``seconds`` counts the time spent in it.
+    the pipes are of no use any more. ``seconds`` counts the time spent in it. ``before_first``, if it is set, is called
+    before the first request; what it waits for is not the network's time.
     """
 
     def __init__(
@@ -46,9 +47,11 @@ class PolicyClient:
         self._read_fd, self._write_fd = read_fd, write_fd
         self._step_deadline_s, self._overage_s, self._total_s = step_deadline_s, overage_s, total_s
         self._bank = overage_s
-        self._request, self._observations = request_buffer(header)
-        reply, self._action = reply_buffer(header)
-        self._reply_size = len(reply)
+        self._head = bytearray(STEP.size)
+        self._sensors = observations_of(header)
+        self._request_size = STEP.size + sum(dtype.itemsize * math.prod(shape) for _, dtype, shape in self._sensors)
+        reply, action = reply_buffer(header)
+        self._reply_size, self._reply_dtype = len(reply), action.dtype
         self._readable, self._writable = select.poll(), select.poll()
         self._readable.register(read_fd, select.POLLIN)
         self._writable.register(write_fd, select.POLLOUT)
@@ -56,48 +59,67 @@ class PolicyClient:
             if os.get_blocking(fd):  # the launcher's ends are not, and a locked process may not change them
                 os.set_blocking(fd, False)
         self._started = self._until = 0.0
+        self.before_first: Callable[[], None] = lambda: None
         self.step = 0
         self.seconds = 0.0
         self.counts = dict.fromkeys(WAYS, 0)
 
     def __call__(self, observation: Mapping[str, np.ndarray]) -> np.ndarray:
         """One step. ``observation`` must have exactly the header's sensors, dtypes and shapes (else ValueError)."""
-        self._fill(observation)
+        if not self.step:
+            self.before_first()
+        parts = self._parts(observation)
         self.step += 1
-        STEP.pack_into(self._request, 0, self.step)
-        self._started = time.monotonic()
-        self._until = self._started + min(self._step_deadline_s + self._bank, self._total_s - self.seconds)
-        self._send()
+        STEP.pack_into(self._head, 0, self.step)
+        self._started = started = time.monotonic()
+        self._until = started + min(self._step_deadline_s + self._bank, self._total_s - self.seconds)
+        self._send(parts)
         action = self._receive()
-        taken = time.monotonic() - self._started
+        taken = time.monotonic() - started
         self.seconds += taken
-        self._bank -= max(0.0, taken - self._step_deadline_s)
-        if not all(map(math.isfinite, action.tolist())):  # so few numbers are looked at faster without numpy
+        if taken > self._step_deadline_s:
+            self._bank -= taken - self._step_deadline_s
+        # a sum of finite ones is finite: float32 is far from what a float64 holds
+        if not math.isfinite(sum(action.tolist())) and not np.isfinite(action).all():
             raise UserFault("non_finite_action", step=self.step)
         return action
 
-    def _fill(self, observation: Mapping[str, np.ndarray]) -> None:
-        if observation.keys() != self._observations.keys():
-            raise ValueError(f"sensors {sorted(observation)} where {sorted(self._observations)} were agreed")
-        for name, place in self._observations.items():
-            value = observation[name]
-            if value.shape != place.shape or value.dtype != place.dtype:
-                raise ValueError(f"{name}: {value.dtype}{value.shape} where {place.dtype}{place.shape} was agreed")
-            np.copyto(place, value)
+    def _parts(self, observation: Mapping[str, np.ndarray]) -> list[Any]:
+        """A request, which the kernel puts together: the arrays go into the pipe from where they are."""
+        if len(observation) != len(self._sensors):
+            raise self._disagreed(observation)
+        parts: list[Any] = [self._head]
+        for name, dtype, shape in self._sensors:
+            value = observation.get(name)
+            if value is None:
+                raise self._disagreed(observation)
+            if value.shape != shape or value.dtype != dtype:
+                raise ValueError(f"{name}: {value.dtype}{value.shape} where {dtype}{shape} was agreed")
+            parts.append(value if value.flags.c_contiguous else np.ascontiguousarray(value))
+        return parts
 
-    def _send(self) -> None:
-        left: bytearray | memoryview = self._request
+    def _disagreed(self, observation: Mapping[str, np.ndarray]) -> ValueError:
+        agreed = [name for name, _, _ in self._sensors]
+        return ValueError(f"sensors {sorted(observation)} where {agreed} were agreed")
+
+    def _send(self, parts: list[Any]) -> None:
+        try:
+            written = os.writev(self._write_fd, parts)
+        except BlockingIOError:
+            written = 0
+        except BrokenPipeError:
+            raise self._died() from None
+        if written == self._request_size:  # as good as always: the pipe holds many requests
+            return
+        left = memoryview(b"".join(parts))[written:]
         while left:
+            self._wait(self._writable)
             try:
-                written = os.write(self._write_fd, left)
+                left = left[os.write(self._write_fd, left) :]
             except BlockingIOError:
-                self._wait(self._writable)
                 continue
             except BrokenPipeError:
                 raise self._died() from None
-            if written == len(left):
-                return
-            left = memoryview(left)[written:]
 
     def _receive(self) -> np.ndarray:
         reply = b""
@@ -117,7 +139,7 @@ class PolicyClient:
         if step != self.step or way not in self.counts:
             raise UserFault("policy_protocol", step=self.step)
         self.counts[way] += 1
-        return np.frombuffer(reply, self._action.dtype, offset=REPLY.size)
+        return np.frombuffer(reply, self._reply_dtype, offset=REPLY.size)
 
     def _wait(self, poller: select.poll) -> None:
         # Looked at once in any case: if this process was not scheduled in time, that is not the network's slowness.

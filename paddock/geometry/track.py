@@ -29,6 +29,9 @@ DIRECTIONS = (CCW, CW)
 WINDOW_M = 2.0  # how far from the hint a projection may land, along the centre line
 
 
+_made = tuple.__new__  # of a class and its values, without a call through Python
+
+
 class Projection(NamedTuple):
     """Where a point is, seen from the track. Distances in metres, angles in radians.
 
@@ -223,7 +226,9 @@ class TrackGeometry:
                 offset = (tx * (py - t * ey) - ty * (px - t * ex)) / math.sqrt(tx * tx + ty * ty)
                 if -reach <= offset <= reach:
                     distance = start + t * size
-                    return Projection(distance if distance < self.length else 0.0, offset, math.atan2(ty, tx), index)
+                    if distance >= self.length:
+                        distance = 0.0
+                    return _made(Projection, (distance, offset, math.atan2(ty, tx), index))
                 break
         if not (math.isfinite(x) and math.isfinite(y)):
             raise ValueError(f"cannot project a point that is not finite: ({x}, {y})")

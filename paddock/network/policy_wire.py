@@ -23,16 +23,21 @@ REPLY = struct.Struct("<II")
 WAYS = FAST, EXACT, CHECKED, EXCEEDED = range(4)
 
 
+def observations_of(header: dict[str, Any]) -> list[tuple[str, np.dtype, tuple[int, ...]]]:
+    """Name, dtype and shape of each sensor, in the order of a request."""
+    sensors = sorted(header["inputs"], key=lambda sensor: sensor["name"])
+    return [(sensor["name"], np.dtype(sensor["dtype"]).newbyteorder("<"), tuple(sensor["shape"])) for sensor in sensors]
+
+
 def request_buffer(header: dict[str, Any]) -> tuple[bytearray, dict[str, np.ndarray]]:
     """A request of the right size, and for each sensor an array of its dtype and shape that lies in it."""
-    sensors = sorted(header["inputs"], key=lambda sensor: sensor["name"])
-    buffer = bytearray(STEP.size + sum(_count(sensor) * np.dtype(sensor["dtype"]).itemsize for sensor in sensors))
+    sensors = observations_of(header)
+    buffer = bytearray(STEP.size + sum(math.prod(shape) * dtype.itemsize for _, dtype, shape in sensors))
     observations = {}
     offset = STEP.size
-    for sensor in sensors:
-        dtype = np.dtype(sensor["dtype"]).newbyteorder("<")
-        flat = np.frombuffer(buffer, dtype, _count(sensor), offset)
-        observations[sensor["name"]] = flat.reshape(sensor["shape"])
+    for name, dtype, shape in sensors:
+        flat = np.frombuffer(buffer, dtype, math.prod(shape), offset)
+        observations[name] = flat.reshape(shape)
         offset += flat.nbytes
     return buffer, observations
 
@@ -42,7 +47,3 @@ def reply_buffer(header: dict[str, Any]) -> tuple[bytearray, np.ndarray]:
     count = int(header["outputs"])
     buffer = bytearray(REPLY.size + 4 * count)
     return buffer, np.frombuffer(buffer, np.dtype("<f4"), count, REPLY.size)
-
-
-def _count(sensor: dict[str, Any]) -> int:
-    return math.prod(sensor["shape"])

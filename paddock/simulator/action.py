@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -66,10 +67,15 @@ class ActionSpace:
                 raise ValueError(f"a range needs low < high, not {low} and {high}")
         return cls(CONTINUOUS, steering=steering, speed=speed)
 
-    @property
+    @cached_property
     def size(self) -> int:
         """How many values a network must answer."""
         return len(self.actions) if self.kind == DISCRETE else 2
+
+    @cached_property
+    def commands(self) -> tuple[Action, ...]:
+        """The commands of a discrete list, made once."""
+        return tuple(Action(*action, index) for index, action in enumerate(self.actions))
 
     @property
     def ranges(self) -> list[list[float]] | None:
@@ -89,11 +95,10 @@ class ActionSpace:
         values: list[float] = output.tolist()  # so few numbers are looked at faster without numpy
         if len(values) != self.size:
             raise ValueError(f"the network answered {len(values)} values, the action space has {self.size}")
-        if not all(map(math.isfinite, values)):
+        if not math.isfinite(sum(values)) and not all(map(math.isfinite, values)):  # finite ones may add up to more
             raise UserFault("non_finite_action", step=step)
         if self.kind == DISCRETE:
-            index = values.index(max(values))
-            return Action(*self.actions[index], index)
+            return self.commands[values.index(max(values))]
         return Action(*_continuous(values, (self.steering, self.speed)), None)
 
 

@@ -25,6 +25,9 @@ MAX_STRIDE = 32
 _UNTURNED = (0.0, 0.0, 0.0, 1.0)
 
 
+_made = tuple.__new__  # of a class and its values, without a call through Python
+
+
 class Pose(NamedTuple):
     """Where the base of a car is: metres and radians, yaw in (-pi, pi]."""
 
@@ -71,7 +74,8 @@ class Car:
         """Where the base is now; asked of Bullet once, until the world moves."""
         if self._pose is None:
             (x, y, _), (qx, qy, qz, qw) = bullet.getBasePositionAndOrientation(self.body, self._client)
-            self._pose = Pose(x, y, math.atan2(2.0 * (qw * qz + qx * qy), 1.0 - 2.0 * (qy * qy + qz * qz)))
+            yaw = math.atan2(2.0 * (qw * qz + qx * qy), 1.0 - 2.0 * (qy * qy + qz * qz))
+            self._pose = _made(Pose, (x, y, yaw))
         return self._pose
 
     @property

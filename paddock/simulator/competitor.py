@@ -41,6 +41,7 @@ class Competitor:
         self.reward = 0.0  # written into the next row; a race has no reward function
         self._put_back: PutBack | None = None
         self._starts: list[float] = referee.track.cumulative.tolist()
+        self._length = referee.track.length
         car.place(referee.pose)
 
     @property
@@ -117,6 +118,13 @@ class Competitor:
         distance, _, _, segment = referee.odometer.place
         x, y = referee.nose
         seconds = referee.step * STEP_MS / 1000.0
+        over = referee.end_reason is not None
+        starts, after = self._starts, segment + 1  # the nearer end of the segment
+        if after < len(starts):
+            end = starts[after]
+        else:
+            after, end = 0, self._length
+        waypoint = after if end - distance < distance - starts[segment] else segment
         self.rows.append(
             _row(
                 Row,
@@ -130,11 +138,11 @@ class Competitor:
                     speed_mps,
                     -1 if index is None else index,
                     self.reward,
-                    status == LAP_COMPLETE or referee.end_reason is not None,
+                    over or status == LAP_COMPLETE,
                     referee.all_wheels_on_track,
                     referee.percent,
-                    self._closest_waypoint(distance, segment),
-                    referee.track.length,
+                    waypoint,
+                    self._length,
                     seconds,
                     status,
                     referee.pause_steps * STEP_MS / 1000.0 if status == PAUSE else 0.0,
@@ -143,13 +151,6 @@ class Competitor:
                 ),
             )
         )
-
-    def _closest_waypoint(self, distance: float, index: int) -> int:
-        """The nearer end of segment ``index`` for a point at ``distance``."""
-        starts = self._starts
-        after = index + 1 if index + 1 < len(starts) else 0
-        end = starts[after] if after else self.referee.track.length
-        return after if end - distance < distance - starts[index] else index
 
     def trace(self) -> Trace:
         """All rows so far."""

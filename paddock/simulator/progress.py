@@ -36,11 +36,11 @@ class Reach:
         spread = int(np.ceil(2 * STRIDE_M / step))
         wide = np.max([np.roll(gain, shift) for shift in range(-spread, spread + 1)], axis=0)
         index = np.minimum((track.cumulative / step).astype(int), count - 1)
-        self._gain = (_MARGIN * wide[index]).tolist()
+        self.gains: list[float] = (_MARGIN * wide[index]).tolist()
 
     def at(self, index: int) -> float:
         """Metres along the centre line from the segment ``index``."""
-        return self._gain[index]
+        return self.gains[index]
 
 
 def clear_distance(track: TrackGeometry) -> float:
@@ -73,7 +73,7 @@ class Odometer:
 
     def __init__(self, track: TrackGeometry, reach: Reach) -> None:
         self._track = track
-        self._reach = reach
+        self._gains = reach.gains
         self.metres = 0.0
         self.place: Projection = track.project(*track.point_at(0.0)[:2])
         self.seen = self.place  # where the nose was last seen, credited or not
@@ -92,11 +92,13 @@ class Odometer:
         Then nothing is credited, and the car is expected back near the last credited place.
         """
         before, _, _, index = self.place
-        place = self.seen = self._track.project(x, y, index)
+        track = self._track
+        place = self.seen = track.project(x, y, index)
         gained = place[0] - before
-        if not self._track.is_open:
-            gained = self._wrap(gained)
-        if abs(gained) > self._patience * self._reach.at(index):
+        if not track.is_open:
+            length = track.length  # _wrap, written out: this is asked in every step
+            gained = (gained + length / 2) % length - length / 2
+        if abs(gained) > self._patience * self._gains[index]:
             self._patience += 1  # a nose that hung over the inside of a hairpin may catch up
             return False
         self._patience = 1

@@ -152,6 +152,7 @@ def run_race(
     start_m: float | None = None,
     ground: PreparedTrack | None = None,
     disturbance: Disturbance | None = None,
+    progress_due: Callable[[], bool] = lambda: True,
 ) -> RaceResult:
     """Race one car, alone or against ``rivals`` in the same world, and return the result.
 
@@ -161,10 +162,10 @@ def run_race(
 
     ``policy`` gets a dict of sensor readings and returns the network's output. It may raise: the race of a car alone is
     then over without a result, and so it is for any error but a UserFault; of several cars the one whose policy raises
-    a UserFault retires, and its laps stand. ``on_progress`` is told every ``progress_every_steps`` control steps and at
-    the end. ``start_m`` (None: that of the rules) moves start and finish along the track, but no box. ``ground``: that
-    of this track, direction and theme, where somebody has built it up already. ``disturbance``: what is other than
-    usual for a car alone; no race of several has one.
+    a UserFault retires, and its laps stand. ``on_progress`` is told every ``progress_every_steps`` control steps where
+    ``progress_due`` then says so, and at the end. ``start_m`` (None: that of the rules) moves start and finish along
+    the track, but no box. ``ground``: that of this track, direction and theme, where somebody has built it up already.
+    ``disturbance``: what is other than usual for a car alone; no race of several has one.
 
     Raises UserFault where boxes or bots have no room, ValueError for more cars than a world takes and for several that
     are to be disturbed.
@@ -181,7 +182,7 @@ def run_race(
         first = race.cars[0]
         while not race.over:
             race.step()
-            if on_progress is not None and race.steps % progress_every_steps == 0 and not race.over:
+            if on_progress is not None and race.steps % progress_every_steps == 0 and not race.over and progress_due():
                 on_progress(progress_of(first, stage))
         if on_progress is not None:
             on_progress(progress_of(first, stage))
@@ -276,10 +277,10 @@ class _Race:
 
     def _step_alone(self) -> None:
         """The same where there is one: what it raises goes through."""
-        (car,) = self.cars
-        self._stage.step((None if car.pausing else self._ask(0, car),))
+        car = self.cars[0]
+        self._stage.step((None if car.referee.pause_steps > 0 else self._ask(0, car),))
         self.steps += 1
-        self.over = car.done
+        self.over = car.referee.end_reason is not None
 
     def _all_done(self) -> bool:
         return all([car.done for car in self.cars])

@@ -199,17 +199,19 @@ class Referee:
         odometer.move(*nose)
         self.pose = pose
         older, newer = self._noses
-        moved = min(math.dist(nose, older), math.dist(nose, newer))
         self._noses = (newer, nose)
-        self._standing = self._standing + 1 if moved <= STANDSTILL_M else 0
-        self._reversing = self._reversing + 1 if odometer.metres < before_m else 0
-        self.boxes.moved(odometer.metres)
+        stands = math.dist(nose, newer) <= STANDSTILL_M or math.dist(nose, older) <= STANDSTILL_M
+        self._standing = self._standing + 1 if stands else 0
+        metres = odometer.metres
+        self._reversing = self._reversing + 1 if metres < before_m else 0
+        if metres >= self.boxes.next_m:
+            self.boxes.moved(metres)
         # The common case, and four exact tests less.
-        seen = odometer.seen
-        self._clear = abs(seen[1]) < self._clear_m and self._clear_from < seen[0] < self._clear_to
-        if self._clear:
-            self.all_wheels_on_track = True
+        distance, offset, _, _ = odometer.seen
+        if -self._clear_m < offset < self._clear_m and self._clear_from < distance < self._clear_to:
+            self._clear = self.all_wheels_on_track = True
         else:
+            self._clear = False
             self._wheels_on = self._wheels(pose)
             self.all_wheels_on_track = all(self._wheels_on)
 

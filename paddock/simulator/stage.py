@@ -150,9 +150,27 @@ class Simulation:
 
     def step(self, actions: Sequence[Action | None]) -> None:
         """One control step. ``actions``: one for each competitor, None for those that pause or are done."""
+        if self.bots is None and len(self.competitors) == 1:
+            self._step_alone(*actions)
+            return
         if self.command(actions):  # while all stand still the world stands still with them
             self.world.step()
         self.judge()
+
+    def _step_alone(self, action: Action | None) -> None:
+        """The same of one car without bots, with fewer questions: it is the step of nearly every run."""
+        competitor = self.competitors[0]
+        referee = competitor.referee
+        if referee.end_reason is not None:
+            return
+        if referee.pause_steps > 0:
+            competitor.stand()
+        else:
+            assert action is not None, "a driving car needs an action"
+            competitor.command(action)
+            self.world.step()
+        competitor.move()
+        competitor.judge()
 
     def command(self, actions: Sequence[Action | None]) -> bool:
         """The first part of a step: hand out the actions. True where a car drives, so that the world must move on."""
