@@ -20,7 +20,9 @@ from .moving import tag_of
 # What the database does not tell changes too: a race opens, "in 5 minutes" becomes "in 4". So a page lives this long
 LIVES_S = 1.0
 PAGES = 200  # of one process; the one asked for longest ago makes way
-VIEWS = frozenset({"home", "race", "race_duels", "race_rules", "races", "season", "season_standings"})
+VIEWS = frozenset({"home", "race", "race_duels", "race_rules", "races", "season", "season_standings"}) | frozenset(
+    {"live_event", "live_state", "live_poses", "live_ghost", "live_screen", "live_overlay"}
+)
 _BEGINNINGS = ("/races/", "/seasons/")
 _MESSAGES = "messages"
 _TAKES_GZIP = re.compile(r"\bgzip\b(?!\s*;\s*q=0(\.0*)?\s*(,|$))")

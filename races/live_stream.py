@@ -132,7 +132,7 @@ def state_of(event: LiveEvent, now: datetime) -> tuple[Data, Data]:
     """The event as pages draw it, and its reactions; ``{"look": number}`` for one that is too large to be sent, where
     the number is another whenever it changed."""
     told = live_document(event, now)
-    state = {name: value for name, value in told.items() if name not in LEFT_OUT}
+    state = {name: value for name, value in told.items() if name not in LEFT_OUT} | {"drawn": bool(told["bracket"])}
     written = json.dumps(state).encode()
     return state if len(written) <= MOST_BYTES else {"look": zlib.crc32(written)}, told["reactions"]
 

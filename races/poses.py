@@ -17,6 +17,7 @@ from .replay import replay_data
 
 CHUNK_MS = 500
 _COLUMNS = ("t", "x", "y", "yaw", "v", "steer", "lap", "status")
+_LINE = ("t", "x", "y", "yaw")
 _BOT_COLUMNS = ("x", "y", "yaw")
 # what a spectator is told of besides crossing a line, by the status that a step begins to have
 _INCIDENTS = ("off_track", "crashed", "immobilized", "reversed", "time_up")
@@ -67,6 +68,23 @@ def cut(cars: Sequence[Columns], bots: Sequence[Columns], laps: Mapping[int, Lap
     )
     last = max([*(car["t"][-1] for car in cars if car["t"]), *(event["t"] for event in happened)], default=-1)
     return tuple(_chunk(n, cars, bots, happened) for n in range(last // CHUNK_MS + 1))
+
+
+def line_of(chunks: Sequence[Chunk], lap: int | None) -> dict[str, list[Any]]:
+    """The line of the car that was timed through chunks of a run, as columns ``t``, ``x``, ``y`` and ``yaw``: of lap
+    ``lap`` with ``t`` since its beginning, or of the whole run. Empty for a lap that was not completed."""
+    begins, ends = 0, None
+    if lap is not None:
+        crossed = [event for chunk in chunks for event in chunk["events"] if event["car"] == 0]
+        found = [event for event in crossed if event["kind"] == "lap" and event["lap"] == lap]
+        begins, ends = (found[0]["t"] - found[0]["ms"], found[0]["t"]) if found else (0, -1)
+    line: dict[str, list[Any]] = {name: [] for name in _LINE}
+    for chunk in chunks:
+        for car in chunk["cars"][:1]:
+            rows = [at for at, t in enumerate(car["t"]) if begins <= t and (ends is None or t <= ends)]
+            for name in _LINE:
+                line[name] += [car[name][at] - begins if name == "t" else car[name][at] for at in rows]
+    return line
 
 
 def _chunk(n: int, cars: Sequence[Columns], bots: Sequence[Columns], happened: Sequence[dict[str, Any]]) -> Chunk:

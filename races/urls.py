@@ -41,6 +41,7 @@ urlpatterns = [
     path("races/<slug:slug>/event/poses.json", live.live_poses, name="live_poses"),
     path("races/<slug:slug>/event/results.csv", afterwards.live_results_csv, name="live_results_csv"),
     path("races/<slug:slug>/event/laps.csv", afterwards.live_laps_csv, name="live_laps_csv"),
+    path("races/<slug:slug>/event/ghost.json", live.live_ghost, name="live_ghost"),
     path("races/<slug:slug>/event/mine/", live.live_mine, name="live_mine"),
     path("races/<slug:slug>/event/plan/", live.live_plan, name="live_plan"),
     path("races/<slug:slug>/event/speed/", live_speed.live_speed, name="live_speed"),

@@ -220,12 +220,18 @@
   let followed = "";
   let mine = "";
 
+  const tell = (name, detail) => document.dispatchEvent(new CustomEvent(`paddock:${name}`, { detail }));
+
+  // scripts that draw by themselves hear "paddock:stream" ({ up }), "paddock:news" ({ of }) and "paddock:said" ({ to, data })
   function hear(message) {
-    if (message.is === "up") { isUp = true; spread = message.spread ?? spread; }
-    else if (message.is === "down") isUp = false;
-    // "me" is written by the server with the reader's number
-    else if (message.is === "moved") moved(message.of && message.of.map((topic) => (topic === mine ? "me" : topic)));
-    else document.dispatchEvent(new CustomEvent(`paddock:${message.is}`, { detail: message }));
+    if (message.is === "up") { isUp = true; spread = message.spread ?? spread; tell("stream", { up: true }); }
+    else if (message.is === "down") { isUp = false; tell("stream", { up: false }); }
+    else if (message.is === "moved") {
+      // "me" is written by the server with the reader's number
+      const of = message.of && message.of.map((topic) => (topic === mine ? "me" : topic));
+      moved(of);
+      tell("news", { of });
+    } else tell(message.is, message);
   }
 
   function connect() {
@@ -257,10 +263,11 @@
     if (send) send({ is: "leave" });
     followed = "";
     isUp = false;
+    tell("stream", { up: false });
   }
 
   mine = body.dataset.streamAs ? `racer:${body.dataset.streamAs}` : "";
-  window.paddockMoves.follow = follow;
+  Object.assign(window.paddockMoves, { follow, moved });
   follow();
   let hidden = 0;
   document.addEventListener("visibilitychange", () => {

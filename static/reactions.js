@@ -43,8 +43,9 @@
     } catch { /* a reaction less */ }
   });
 
-  document.querySelector("[data-show]").addEventListener("show:state", ({ detail }) => {
-    show(detail.reactions);
+  const root = document.querySelector("[data-show]");
+  root.addEventListener("show:reactions", ({ detail }) => show(detail));
+  root.addEventListener("show:state", ({ detail }) => {
     form.hidden = !["lobby", "running", "paused", "ended"].includes(detail.phase);
   });
 })();

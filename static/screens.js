@@ -1,10 +1,11 @@
 // What screens of a live event draw from what show.js tells: the timing tower, sectors in their colours, the ghost of the
-// leader, who is next, countdown and podium. It asks for nothing but the poses of the leader's run, once that was shown.
+// leader, who is next, countdown and podium. It asks for nothing but the line of the leader's run, once that was shown.
 "use strict";
 
 (() => {
   const COUNT_MS = 200;
-  const BRACKET_MS = 5000;
+  const GHOST_MS = 4000; // all pages ask for the ghost of a new leader; before the next start there is time
+  const LIT_MS = 1800;
   const SLIDE_MS = 500;
   const still = () => matchMedia("(prefers-reduced-motion: reduce)").matches;
   const element = (tag, name, text = "") => {
@@ -19,6 +20,10 @@
     return `${Math.floor(whole / 60000)}:${rest}`;
   };
   const signed = (ms) => `${ms < 0 ? "−" : "+"}${(Math.abs(ms) / 1000).toFixed(3)}`;
+  const light = (line) => {
+    line.classList.add("lit");
+    setTimeout(() => line.classList.remove("lit"), LIT_MS);
+  };
   // purple: nobody was as quick; green: the racer never was; yellow: neither
   const colour = (ms, best, own) => (best == null || ms <= best ? "best" : own == null || ms <= own ? "own" : "slow");
 
@@ -27,6 +32,8 @@
       this.root = root;
       this.words = root.dataset;
       this.all = (name) => root.querySelectorAll(`[data-${name}]`);
+      this.wheels = [...this.all("wheel")];
+      this.shape = root.querySelector("[data-ghost]");
       this.ghost = null;
       this.forget();
       root.addEventListener("show:state", ({ detail }) => this.state(detail));
@@ -52,7 +59,7 @@
       const under = ["running", "paused", "ended"].includes(told.phase);
       this.root.dataset.phase = told.phase === "cancelled" ? "cancelled" : shows ? "podium" : under ? "running" : "before";
       // between two heats a big screen shows the bracket
-      this.root.toggleAttribute("data-between", told.bracket.length > 0 && under && !shows && !told.current && !this.root.show.slot);
+      this.root.toggleAttribute("data-between", told.drawn && under && !shows && !told.current && !this.root.show.slot);
       this.all("on-track").forEach((each) => { each.hidden = !told.current && !this.root.show.slot; });
       this.all("has-next").forEach((each) => { each.hidden = !told.next.length; });
       this.all("stage-tower").forEach((each) => { each.hidden = !told.standings.length; });
@@ -72,10 +79,12 @@
       const shown = rows.slice(0, Number(list.dataset.most) || rows.length);
       const drives = current && rows.find((row) => row.racer === current.racer);
       if (drives && !shown.includes(drives)) shown[shown.length - 1] = drives;
-      const before = new Map([...list.children].map((row) => [row.dataset.racer, row.getBoundingClientRect().top]));
       const text = JSON.stringify([shown, current && current.racer, best, own]);
       if (text === list.was) return;
+      const before = new Map(list.was ? [...list.children].map((row) => [row.dataset.racer, row.getBoundingClientRect().top]) : []);
+      const times = list.times || new Map();
       list.was = text;
+      list.times = new Map();
       list.replaceChildren(...shown.map((row) => {
         const line = element("li", current && current.racer === row.racer ? "driving" : "");
         line.dataset.racer = row.racer;
@@ -83,6 +92,8 @@
         (row.sectors || []).forEach((ms, at) => marks.append(element("i", colour(ms, best[at], (own[row.racer] || [])[at]))));
         const gap = row.score_ms == null ? "–" : row.gap_ms ? signed(row.gap_ms) : time(row.score_ms);
         line.append(element("span", "pos num", row.rank ?? "–"), element("span", "who name", row.racer), marks, element("span", "time num", gap));
+        list.times.set(row.racer, row.score_ms);
+        if (times.has(row.racer) && times.get(row.racer) !== row.score_ms) light(line);
         return line;
       }));
       if (still()) return;
@@ -94,6 +105,9 @@
     }
 
     next(list) {
+      const text = JSON.stringify(this.told.next);
+      if (text === list.was) return;
+      list.was = text;
       list.replaceChildren(...this.told.next.map((slot) => {
         const line = element("li", slot.state);
         line.append(element("span", "name", slot.racer), element("small", "", this.words.round.replace("%s", slot.round)));
@@ -121,19 +135,22 @@
       const [hours, minutes, seconds] = [Math.floor(left / 3600), Math.floor(left / 60) % 60, left % 60];
       const two = (number) => String(number).padStart(2, "0");
       this.all("countdown").forEach((each) => {
-        each.hidden = !waits;
-        each.textContent = hours ? `${hours}:${two(minutes)}:${two(seconds)}` : `${minutes}:${two(seconds)}`;
+        if (each.hidden === waits) each.hidden = !waits;
+        const text = hours ? `${hours}:${two(minutes)}:${two(seconds)}` : `${minutes}:${two(seconds)}`;
+        if (waits && each.textContent !== text) each.textContent = text;
       });
     }
 
     // --- what the car does -----------------------------------------------------------------------------------------
     frame({ moment, steer }) {
-      this.all("wheel").forEach((each) => { each.style.transform = `rotate(${-steer * 2}deg)`; });
-      const shape = this.root.querySelector("[data-ghost]");
-      if (!shape) return;
+      if (steer !== this.steer) {
+        this.steer = steer;
+        this.wheels.forEach((each) => { each.style.transform = `rotate(${-steer * 2}deg)`; });
+      }
+      if (!this.shape) return;
       const place = this.ghost && this.ghost.at(moment - (this.ghost.whole ? 0 : this.lapFrom));
-      shape.toggleAttribute("hidden", !place);
-      if (place) shape.setAttribute("transform", `translate(${place.x} ${place.y}) rotate(${place.yaw}) scale(${this.root.show.size})`);
+      if (place) this.root.show.put(this.shape, place);
+      else if (!this.shape.hasAttribute("hidden")) this.shape.setAttribute("hidden", "");
     }
 
     event(event) {
@@ -166,43 +183,24 @@
     // --- the leader's run, which was shown ---------------------------------------------------------------------------
     async fetchGhost() {
       const { leader } = this.told;
-      const wanted = leader ? `${leader.slot}:${leader.lap}` : "";
-      if (this.fetching || wanted === this.has || !this.root.querySelector("[data-ghost]")) return;
+      const wanted = leader ? `${leader.slot}:${leader.whole ? "" : leader.lap}` : "";
+      if (this.fetching || wanted === this.has || !this.shape) return;
+      if (!leader) { this.ghost = null; this.has = wanted; return; }
       this.fetching = true;
       try {
-        if (!leader) { this.ghost = null; this.has = wanted; return; }
+        if (this.has !== undefined) await new Promise((done) => setTimeout(done, Math.random() * GHOST_MS));
+        const query = new URLSearchParams({ slot: leader.slot, ...(leader.whole ? {} : { lap: leader.lap }) });
+        const answer = await fetch(`${this.root.dataset.ghostOf}?${query}`);
+        if (!answer.ok) throw new Error(String(answer.status));
+        const { t, x, y, yaw } = await answer.json();
         const car = new this.root.show.Track();
-        let from = 0;
-        for (let after = -1, more = true; more;) {
-          const answer = await fetch(`${this.root.dataset.poses}?slot=${leader.slot}&after=${after}`, { cache: "no-store" });
-          if (!answer.ok) throw new Error(String(answer.status));
-          const said = await answer.json();
-          for (const chunk of said.chunks) {
-            after = chunk.n;
-            if (chunk.cars[0]) car.add(chunk.cars[0]);
-            for (const event of chunk.events) if (event.car === 0 && event.kind === "lap" && event.lap === leader.lap) from = event.t - event.ms;
-          }
-          more = said.chunks.length > 0 && !said.over;
-        }
-        const end = car.t[car.t.length - 1];
-        const start = leader.whole ? 0 : from;
-        this.ghost = { whole: leader.whole, at: (moment) => (moment >= 0 && start + moment <= end ? car.at(start + moment) : null) };
+        Object.assign(car, { t, x, y, yaw });
+        this.ghost = { whole: leader.whole, at: (moment) => (moment >= 0 && moment <= t[t.length - 1] ? car.at(moment) : null) };
         this.has = wanted;
-      } catch { /* asked again with the next state */ } finally { this.fetching = false; }
+      } catch { setTimeout(() => this.fetchGhost(), 5000 + 5000 * Math.random()); } finally { this.fetching = false; }
+      if (this.told.leader && this.has === wanted) this.fetchGhost(); // another one may lead by now
     }
   }
 
   document.querySelectorAll("[data-show]").forEach((root) => { root.screen = new Screen(root); });
-
-  // --- a bracket fills itself ------------------------------------------------------------------------------------------
-  const bracket = document.getElementById("bracket");
-  if (bracket) {
-    setInterval(async () => {
-      try {
-        const answer = await fetch(location.href, { cache: "no-store" });
-        const fresh = new DOMParser().parseFromString(await answer.text(), "text/html").getElementById("bracket");
-        if (answer.ok && fresh && fresh.innerHTML !== bracket.innerHTML) bracket.replaceChildren(...fresh.childNodes);
-      } catch { /* asked again soon */ }
-    }, BRACKET_MS);
-  }
 })();

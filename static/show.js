@@ -1,43 +1,32 @@
 // Plays a live event: the run that is on track, at the same instant for everybody, from poses that come in chunks of half
-// a second once they have passed. Time is the server's, measured by round trips against a clock of the browser that only
-// counts up: what the reader's own clock says does not matter, and a browser that slept goes on where the show is.
-// The element [data-show] hears "show:state" (what the event is), "show:frame" (where the car is) and "show:event"
-// (a line crossed, off track, ...), for screens that draw more.
+// a second once they have passed (feed.js).
+// The element [data-show] hears "show:state" (what the event is), "show:reactions", "show:frame" (where the car is) and
+// "show:event" (a line crossed, off track, ...), for screens that draw more.
 "use strict";
 
 (() => {
-  const LOOK_MS = 1000;
-  const FETCH_MS = 500;
-  const SAMPLES = 8;
   const JUMP_M = 0.6; // a reset moves a car at once: nothing to glide over
   const TAIL_MS = 1500;
   const STILL_MS = 1000;
-  const LOST_MS = 30_000;
-  const still = () => matchMedia("(prefers-reduced-motion: reduce)").matches;
+  const FIGURES_MS = 100; // nobody reads faster
+  const LEFT_MS = 500; // so long a car stands where its run ended
+  const LOST_MS = 30000; // and so long one of whose run nothing more came
+  const CAR = 0.025 * 2.4; // of the map's longer side
+  const NONE = document.createElement("i"); // what a screen does not show
+  const EMPTY = { v: [], steer: [], lap: [], status: [] };
+  const still = matchMedia("(prefers-reduced-motion: reduce)");
 
   const clock = (ms) => {
     const whole = Math.max(0, Math.floor(ms));
     return `${Math.floor(whole / 60000)}:${String(Math.floor(whole / 1000) % 60).padStart(2, "0")}.${String(whole % 1000).padStart(3, "0")}`;
   };
 
-  // The server's clock: of the last round trips the shortest says best how far it is off.
-  class ServerClock {
-    constructor() { this.samples = []; }
-    add(sent, received, server) {
-      this.samples.push({ trip: received - sent, offset: server - (sent + received) / 2 });
-      if (this.samples.length > SAMPLES) this.samples.shift();
-      this.offset = this.samples.reduce((best, one) => (one.trip < best.trip ? one : best)).offset;
-    }
-    now() { return performance.now() + (this.offset ?? 0); }
-  }
-
   // The steps of a car, as they come, and where it is at a moment.
   class Track {
     constructor() { this.t = []; this.x = []; this.y = []; this.yaw = []; this.v = []; this.steer = []; this.lap = []; this.status = []; this.laps = []; this.index = 0; }
     add(columns) {
-      // a bot has a place and nothing else
-      for (const name of ["t", "x", "y", "yaw", "v", "steer", "lap", "status"]) this[name].push(...(columns[name] || columns.t));
-      for (const lap of columns.lap || []) if (!this.laps.includes(lap)) this.laps.push(lap);
+      for (const name of ["t", "x", "y", "yaw", "v", "steer", "lap", "status"]) this[name].push(...columns[name]);
+      for (const lap of columns.lap) if (!this.laps.includes(lap)) this.laps.push(lap);
     }
     at(moment) {
       const { t, x, y, yaw } = this;
@@ -51,7 +40,7 @@
       const turn = ((yaw[next] - yaw[i] + 540) % 360) - 180;
       return {
         i, x: glide ? x[i] + share * (x[next] - x[i]) : x[i], y: glide ? y[i] + share * (y[next] - y[i]) : y[i],
-        yaw: glide ? yaw[i] + share * turn : yaw[i], v: this.v[i], steer: this.steer[i], lap: this.laps.indexOf(this.lap[i]) + 1, status: this.status[i],
+        yaw: glide ? yaw[i] + share * turn : yaw[i], v: this.v[i] ?? 0, steer: this.steer[i] ?? 0, lap: this.laps.indexOf(this.lap[i]) + 1, status: this.status[i],
       };
     }
   }
@@ -59,177 +48,199 @@
   class Show {
     constructor(root) {
       this.root = root;
-      this.clock = new ServerClock();
-      const none = document.createElement("i"); // a screen shows some of it
-      this.part = (name) => root.querySelector(`[data-${name}]`) || none;
+      this.parts = new Map();
       this.Track = Track;
-      const map = root.querySelector("svg.overlay");
-      const box = map ? map.viewBox.baseVal : { width: 1, height: 1 };
-      this.size = 0.025 * Math.max(box.width, box.height);
+      const { follow: topic, show: state, poses } = root.dataset;
+      const hear = {
+        state: (told) => { this.state = told; this.take(told.current); this.tell("state", told); },
+        reactions: (counts) => this.tell("reactions", counts),
+        poses: (told) => this.add(told),
+      };
+      this.feed = new window.paddockFeed.Feed({ topic, state, poses }, hear);
+      this.clock = this.feed.clock;
       this.forget();
-      this.look();
-      setInterval(() => this.look(), LOOK_MS);
-      setInterval(() => this.fetch(), FETCH_MS);
-      document.addEventListener("visibilitychange", () => { if (!document.hidden) { this.look(); this.fetch(); } });
-      requestAnimationFrame(() => this.draw());
+      const map = root.querySelector("svg.overlay");
+      if (!map) return;
+      this.map = map;
+      new ResizeObserver(() => this.measure()).observe(map);
+      this.measure();
+    }
+
+    // An element of the page; a screen shows some of them.
+    part(name) {
+      const known = this.parts.get(name);
+      if (known && (known.isConnected || known === NONE)) return known;
+      const found = this.root.querySelector(`[data-${name}]`) || NONE;
+      this.parts.set(name, found);
+      return found;
+    }
+
+    // Where the map's coordinates are in pixels: asked for when its size changes, and never while cars are drawn.
+    measure() {
+      const [matrix, place] = [this.map.getScreenCTM(), this.map.parentNode.getBoundingClientRect()];
+      const box = this.map.viewBox.baseVal;
+      if (!matrix || !matrix.a) return;
+      this.pixels = { scale: matrix.a, x: matrix.e - place.left, y: matrix.f - place.top };
+      this.map.parentNode.style.setProperty("--mover", `${(CAR * Math.max(box.width, box.height) * matrix.a).toFixed(1)}px`);
     }
 
     forget() {
       this.slot = null;
-      this.after = -1;
+      this.feed.play(null);
+      this.clear();
+      this.best = null;
+      this.over = false;
+    }
+
+    clear() {
       this.car = new Track();
-      [...(this.rivals || []), ...(this.bots || [])].forEach((other) => other.shape.remove());
+      [...(this.rivals || []), ...(this.bots || [])].forEach(({ shape }) => shape.remove());
       this.rivals = [];
       this.bots = [];
       this.waiting = [];
-      this.best = null;
       this.lapFrom = 0;
-      this.over = false;
+      this.step = null;
+      this.drawnAt = -Infinity;
     }
 
     tell(name, detail) { this.root.dispatchEvent(new CustomEvent(`show:${name}`, { detail, bubbles: true })); }
 
-    async ask(address) {
-      const sent = performance.now();
-      const answer = await fetch(address, { headers: { Accept: "application/json" }, cache: "no-store" });
-      if (!answer.ok) throw new Error(String(answer.status));
-      const data = await answer.json();
-      this.clock.add(sent, performance.now(), data.now);
-      return data;
-    }
-
-    async look() {
-      if (document.hidden || this.looking) return;
-      this.looking = true;
-      try {
-        const state = await this.ask(this.root.dataset.show);
-        const seen = JSON.stringify({ ...state, now: 0, reactions: 0 });
-        if (this.seen !== undefined && this.seen !== seen && window.htmx) htmx.trigger(document.body, "paddock:show");
-        this.seen = seen;
-        this.state = state;
-        this.take(state.current);
-        this.tell("state", state);
-      } catch { /* the next look is soon */ } finally { this.looking = false; }
+    write(name, text) {
+      const part = this.part(name);
+      if (part === NONE || part.textContent === text) return;
+      const node = part.firstChild;
+      if (node && node === part.lastChild && node.nodeType === Node.TEXT_NODE) node.data = text;
+      else part.textContent = text;
     }
 
     take(current) {
       const id = current && current.slot;
-      if (id && id === (this.slot && this.slot.slot)) { this.slot = current; return; }
+      if (id && this.slot && id === this.slot.slot && current.starts_at === this.slot.starts_at) { this.slot = current; return; }
       if (!id) {
         // what is left of a run that is over is played to its end; a launch that was undone is gone at once
-        if (this.slot && (this.clock.now() < this.slot.starts_at || this.isPlayed())) this.clear();
+        if (this.slot && (this.clock.now() < this.slot.starts_at || this.isPlayed())) this.leave();
         return;
       }
       this.forget();
       this.slot = current;
+      this.feed.play(current);
       this.part("stage-card").hidden = !this.state || !["running", "paused"].includes(this.state.phase);
-      this.part("who").textContent = current ? current.racer : "–";
-      this.part("last-lap").textContent = this.part("best-lap").textContent = "–";
+      this.write("who", current.racer);
+      this.write("last-lap", "–");
+      this.write("best-lap", "–");
       this.part("tail").setAttribute("points", "");
-    }
-
-    // Whether there is nothing left to play: it was, or nothing came for long.
-    isPlayed() {
-      const end = this.car.t[this.car.t.length - 1] ?? 0;
-      const moment = this.clock.now() - this.slot.starts_at - this.state.behind_ms;
-      return (this.over && moment > end + 500) || moment > end + LOST_MS;
+      this.begin();
     }
 
     // Nobody is on track.
-    clear() {
+    leave() {
       this.forget();
       this.part("car").setAttribute("hidden", "");
       this.part("ghost").setAttribute("hidden", "");
       this.part("tail").setAttribute("points", "");
-      this.part("clock").textContent = "";
-      this.part("who").textContent = this.root.dataset.nobody;
-      for (const name of ["lap-number", "speed", "steer", "last-lap", "best-lap"]) this.part(name).textContent = "–";
+      this.write("clock", "");
+      this.write("who", this.root.dataset.nobody);
+      for (const name of ["lap-number", "speed", "steer", "last-lap", "best-lap"]) this.write(name, "–");
       this.tell("state", this.state);
     }
 
-    async fetch() {
-      if (!this.slot || this.over || this.fetching || this.clock.now() < this.slot.starts_at) return;
-      this.fetching = true;
-      const of = this.slot.slot;
-      try {
-        for (let more = true; more;) {
-          const said = await this.ask(`${this.root.dataset.poses}?slot=${of}&after=${this.after}`);
-          if (!this.slot || this.slot.slot !== of) return;
-          for (const chunk of said.chunks) {
-            if (chunk.n <= this.after) continue;
-            this.after = chunk.n;
-            if (chunk.cars[0]) this.car.add(chunk.cars[0]);
-            chunk.cars.slice(1).forEach((columns, at) => this.rival(at).track.add(columns));
-            // bots have a place for each step of the first car's
-            chunk.bots.forEach((columns, at) => this.bot(at).track.add({ ...columns, t: chunk.cars[0].t.slice(0, columns.x.length) }));
-            this.waiting.push(...chunk.events);
-          }
-          this.over = said.over;
-          more = said.chunks.length >= 100; // somebody came late: the rest at once
-        }
-      } catch { /* asked again soon */ } finally { this.fetching = false; }
+    // Poses have come. before: of the part of the run that this page never saw, what happened and which laps were begun.
+    add({ chunks, over, before }) {
+      if (before) {
+        this.clear();
+        this.car.laps = [...before.laps];
+        this.waiting = [...before.events];
+      }
+      for (const chunk of chunks) {
+        if (chunk.cars[0]) this.car.add(chunk.cars[0]);
+        chunk.cars.slice(1).forEach((columns, at) => this.rival(at).track.add(columns));
+        chunk.bots.forEach((columns, at) => this.bot(at).track.add({ ...EMPTY, ...columns, t: chunk.cars[0].t.slice(0, columns.x.length) }));
+        this.waiting.push(...chunk.events);
+      }
+      this.over = over;
+      this.begin();
     }
 
-    draw() {
+    // --- drawing: while somebody is on track, a frame moves cars, and nothing else ---------------------------------------
+    begin() {
+      if (this.drawing || !this.slot) return;
+      this.drawing = true;
       requestAnimationFrame(() => this.draw());
-      if (!this.slot || !this.state) return;
-      let moment = this.clock.now() - this.slot.starts_at - this.state.behind_ms;
-      if (still()) moment = Math.floor(moment / STILL_MS) * STILL_MS; // from place to place, without gliding
+    }
+
+    moment() {
+      const moment = this.clock.now() - this.slot.starts_at - this.state.behind_ms;
+      return still.matches ? Math.floor(moment / STILL_MS) * STILL_MS : moment; // from place to place, without gliding
+    }
+
+    // Whether there is nothing left to play: it was, or nothing came for long.
+    isPlayed() { return this.moment() > (this.car.t[this.car.t.length - 1] ?? 0) + (this.over ? LEFT_MS : LOST_MS); }
+
+    draw() {
+      this.drawing = Boolean(this.slot);
+      if (!this.slot) return;
+      requestAnimationFrame(() => this.draw());
+      if (!this.state || !this.clock.known) return;
       const soon = this.slot.starts_at - this.clock.now();
       if (soon > 0) {
-        this.part("clock").textContent = this.root.dataset.soon.replace("%s", String(Math.ceil(soon / 1000)));
+        this.write("clock", this.root.dataset.soon.replace("%s", String(Math.ceil(soon / 1000))));
         return;
       }
-      if (!this.state.current && this.isPlayed()) { this.clear(); return; }
+      if (!this.state.current && this.isPlayed()) { this.leave(); return; }
+      const moment = this.moment();
       const place = this.car.at(Math.max(0, moment));
-      const shape = this.part("car");
-      if (!place) return;
-      this.put(shape, place);
-      for (const other of [...this.rivals, ...this.bots]) {
-        const beside = other.track.at(Math.max(0, moment));
-        if (beside) this.put(other.shape, beside);
+      if (place) this.frame(place, moment);
+    }
+
+    frame(place, moment) {
+      this.put(this.part("car"), place);
+      for (const { shape, track } of [...this.rivals, ...this.bots]) {
+        const beside = track.at(Math.max(0, moment));
+        if (beside) this.put(shape, beside);
       }
       while (this.waiting.length && this.waiting[0].t <= moment) this.happen(this.waiting.shift());
-      const end = this.car.t[this.car.t.length - 1];
-      const at = Math.max(0, this.over ? Math.min(moment, end) : moment);
-      this.part("clock").textContent = clock(at - this.lapFrom);
-      this.part("lap-number").textContent = String(place.lap);
-      this.part("speed").textContent = `${place.v.toFixed(1)} m/s`;
-      this.part("steer").textContent = `${place.steer.toFixed(0)}°`;
-      this.drawTail(place, moment);
+      if (place.i !== this.step) { this.step = place.i; this.drawTail(place, moment); }
+      if (Math.abs(moment - this.drawnAt) >= FIGURES_MS) this.figures(place, moment);
       this.tell("frame", { moment, ...place });
     }
 
-    // The other cars of a duel.
-    rival(at) {
-      if (!this.rivals[at]) {
+    figures(place, moment) {
+      this.drawnAt = moment;
+      const end = this.car.t[this.car.t.length - 1];
+      const at = Math.max(0, this.over ? Math.min(moment, end) : moment);
+      this.write("clock", clock(at - this.lapFrom));
+      this.write("lap-number", String(place.lap));
+      this.write("speed", `${place.v.toFixed(1)} m/s`);
+      this.write("steer", `${place.steer.toFixed(0)}°`);
+    }
+
+    // The other cars of a duel, and the bots of the race.
+    rival(at) { return this.beside(this.rivals, at, "rival"); }
+
+    bot(at) { return this.beside(this.bots, at, "bot"); }
+
+    beside(others, at, kind) {
+      if (!others[at]) {
         const shape = this.part("car").cloneNode(true);
         shape.removeAttribute("data-car");
         shape.setAttribute("hidden", "");
-        shape.classList.add("rival");
-        shape.dataset.rival = String(at + 1);
-        this.part("car").before(shape);
-        this.rivals[at] = { shape, track: new Track() };
+        shape.classList.remove("standing");
+        shape.classList.add(kind);
+        shape.dataset[kind] = String(at + 1);
+        if (this.part("car") !== NONE) this.part("car").before(shape);
+        others[at] = { shape, track: new Track() };
       }
-      return this.rivals[at];
+      return others[at];
     }
 
-    bot(at) {
-      if (!this.bots[at]) {
-        const shape = this.part("car").cloneNode(true);
-        shape.removeAttribute("data-car");
-        shape.setAttribute("hidden", "");
-        shape.classList.add("bot");
-        this.part("bots").append(shape);
-        this.bots[at] = { shape, track: new Track() };
-      }
-      return this.bots[at];
-    }
-
+    // By its transform alone: neither style nor layout of anything else is worked out for it, and the map is not drawn anew.
     put(shape, place) {
-      shape.removeAttribute("hidden");
-      shape.setAttribute("transform", `translate(${place.x} ${place.y}) rotate(${place.yaw}) scale(${this.size})`);
-      shape.classList.toggle("standing", place.status === "pause");
+      if (!this.pixels) return;
+      if (shape.hasAttribute("hidden")) shape.removeAttribute("hidden");
+      const { scale, x, y } = this.pixels;
+      shape.style.transform = `translate(${(x + scale * place.x).toFixed(2)}px,${(y + scale * place.y).toFixed(2)}px) rotate(${place.yaw.toFixed(2)}deg)`;
+      const stands = place.status === "pause";
+      if (shape.stands !== stands) { shape.stands = stands; shape.classList.toggle("standing", stands); }
     }
 
     drawTail(place, moment) {
@@ -238,15 +249,15 @@
         if (i < place.i && Math.hypot(this.car.x[i] - this.car.x[i + 1], this.car.y[i] - this.car.y[i + 1]) > JUMP_M) break;
         points.push(`${this.car.x[i]},${this.car.y[i]}`);
       }
-      this.part("tail").setAttribute("points", `${place.x},${place.y} ${points.join(" ")}`);
+      this.part("tail").setAttribute("points", points.join(" "));
     }
 
     happen(event) {
       if (event.kind === "lap" && event.car === 0) {
         this.lapFrom = event.t;
-        this.part("last-lap").textContent = clock(event.ms);
+        this.write("last-lap", clock(event.ms));
         this.best = Math.min(this.best ?? event.ms, event.ms);
-        this.part("best-lap").textContent = clock(this.best);
+        this.write("best-lap", clock(this.best));
       }
       this.tell("event", event);
     }

@@ -29,7 +29,7 @@
 
   function down() {
     close();
-    if (isUp) tellAll({ is: "down" });
+    if (isUp || !failures) tellAll({ is: "down" });
     isUp = false;
     if (!pages.size) return;
     failures += 1;

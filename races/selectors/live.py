@@ -28,7 +28,7 @@ from ..models import (
     SlotState,
 )
 from ..models.live import OVER, TO_COME, UNDO_FOR
-from ..poses import Chunk, chunks_of, passed
+from ..poses import Chunk, chunks_of, line_of, passed
 from ..ranking import Standing, standing_in
 from .boards import ORDER
 from .visibility import can_organise, can_see_race, races_visible_to
@@ -240,6 +240,18 @@ def played(slot: LiveSlot, now: datetime, *, after: int = -1) -> tuple[list[Chun
     shown = chunks if slot.state == SlotState.DONE else chunks[:until]
     some = list(shown[first : first + MOST_CHUNKS])
     return some, slot.state == SlotState.DONE and first + len(some) >= len(chunks)
+
+
+def shown_line(slot: LiveSlot, now: datetime, lap: int | None) -> dict[str, Any] | None:
+    """The line of a run that was shown to its end, or of one of its laps (:func:`races.poses.line_of`), to be driven
+    beside; None for a run that was not, and for a lap that it has not completed."""
+    if slot.state != SlotState.DONE:
+        return None
+    chunks: list[Chunk] = []
+    while some := played(slot, now, after=chunks[-1]["n"] if chunks else -1)[0]:
+        chunks += some
+    line = line_of(chunks, lap)
+    return line if line["t"] else None
 
 
 def has_failed(slot: LiveSlot) -> bool:

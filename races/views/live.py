@@ -34,6 +34,7 @@ from races.selectors.live import (
     on_track,
     phase_of,
     running_order,
+    shown_line,
     up_next,
 )
 from races.selectors.terms import has_accepted
@@ -65,6 +66,17 @@ def live_poses(request: HttpRequest, slug: str) -> JsonResponse:
     _race, event = _event(request, slug)
     slot = slot_in(event, request.GET.get("slot", ""))
     return _unkept(JsonResponse(poses_document(slot, after_in(request.GET.get("after", "")))))
+
+
+@require_safe
+def live_ghost(request: HttpRequest, slug: str) -> JsonResponse:
+    """The line of a run that was shown, for others to be drawn beside: ``slot``, and which ``lap`` of it."""
+    _race, event = _event(request, slug)
+    lap = _number(request.GET.get("lap", "")) if "lap" in request.GET else None
+    line = shown_line(slot_in(event, request.GET.get("slot", "")), timezone.now(), lap)
+    if line is None or ("lap" in request.GET and lap is None):
+        raise Http404
+    return _unkept(JsonResponse(line))
 
 
 @login_required

@@ -121,8 +121,8 @@ def test_from_the_lobby_to_the_podium(browser, live_server, event):
         expect(watching.locator("[data-who]")).to_have_text(alias, timeout=LATE_MS)
         expect(watching.locator("[data-car]")).to_be_visible(timeout=LATE_MS)
         if number == 1:
-            before = watching.locator("[data-car]").get_attribute("transform")
-            expect(watching.locator("[data-car]")).not_to_have_attribute("transform", before, timeout=LATE_MS)
+            before = watching.locator("[data-car]").get_attribute("style")
+            expect(watching.locator("[data-car]")).not_to_have_attribute("style", before, timeout=LATE_MS)
             assert_in_step(watching, phone)
             late = window()
             late.goto(address)
