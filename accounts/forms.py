@@ -31,6 +31,8 @@ class LoginForm(allauth_forms.LoginForm):
     def __init__(self, *args: Any, **kwargs: Any) -> None:
         super().__init__(*args, **kwargs)
         self.fields["login"].label = _("Alias or e-mail address")
+        if "remember" in self.fields:
+            self.fields["remember"].label = _("Stay logged in")
         for field in self.fields.values():
             field.widget.attrs.pop("placeholder", None)
 

@@ -41,10 +41,14 @@ class GroupForm(forms.Form):
 def groups(request: HttpRequest) -> HttpResponse:
     """Listed groups, and the reader's own."""
     page = Paginator(groups_visible_to(request.user), MEMBERS_PER_PAGE).get_page(request.GET.get("page"))
-    mine = set()
+    mine: dict[int, bool] = {}
     if request.user.is_authenticated:
-        mine = set(request.user.group_memberships.values_list("group", flat=True))
-    return render(request, "accounts/groups/list.html", {"page": page, "mine": mine})
+        mine = {
+            group: confirmed_at is not None
+            for group, confirmed_at in request.user.group_memberships.values_list("group", "confirmed_at")
+        }
+    asked = {group for group, confirmed in mine.items() if not confirmed}
+    return render(request, "accounts/groups/list.html", {"page": page, "mine": mine, "asked": asked})
 
 
 @login_required

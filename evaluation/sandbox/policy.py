@@ -78,7 +78,7 @@ class PolicyProcess:
         if state == "memory":
             raise self._memory()
         if state == "refused":
-            raise UserFault("policy_refused", detail=_plain(answer.get("detail"), 200), version=version)
+            raise UserFault("policy_refused", detail=_plain(answer.get("detail"), 200).rstrip(". "), version=version)
         if state != "ready":
             raise UserFault("policy_protocol", step=0)
         self._cpu_from = self.process.cpu_seconds()

@@ -21,6 +21,14 @@ pytestmark = [*IN_A_BROWSER, pytest.mark.django_db(transaction=True)]
 expect = playwright.expect
 
 
+# where the words of a button stand
+WORDS = """(button) => {
+  const range = document.createRange();
+  range.selectNodeContents(button.firstChild);
+  return range.getBoundingClientRect().toJSON();
+}"""
+
+
 @pytest.fixture
 def browser(monkeypatch) -> Iterator:
     monkeypatch.setitem(os.environ, "DJANGO_ALLOW_ASYNC_UNSAFE", "true")
@@ -232,6 +240,9 @@ def test_everything_is_large_enough_for_a_thumb_at_360_px(browser, live_server, 
     for button in keeper.page.locator("[data-do]").all():
         box = button.bounding_box()
         assert box["height"] >= 48 and box["width"] >= 120 and box["x"] + box["width"] <= 360
+        words = button.evaluate(WORDS)
+        assert 0 < words["height"] <= 60, "its words stand in a line or two"
+        assert box["x"] <= words["left"] and words["right"] <= box["x"] + box["width"]
     assert keeper.page.evaluate("document.documentElement.scrollWidth") <= 360
     keeper.drive()
     keeper.page.get_by_role("button", name=re.compile("^Lap")).tap()

@@ -22,6 +22,7 @@ SAME = {
     "paddock",
     "api",
     "csv",
+    "pdf",
     "json",
     "atom",
     "icalendar",
