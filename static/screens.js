@@ -90,7 +90,7 @@
         line.dataset.racer = row.racer;
         const marks = element("span", "marks");
         (row.sectors || []).forEach((ms, at) => marks.append(element("i", colour(ms, best[at], (own[row.racer] || [])[at]))));
-        const gap = row.score_ms == null ? "–" : row.gap_ms ? signed(row.gap_ms) : time(row.score_ms);
+        const gap = row.points != null ? String(row.points) : row.score_ms == null ? "–" : row.gap_ms ? signed(row.gap_ms) : time(row.score_ms);
         line.append(element("span", "pos num", row.rank ?? "–"), element("span", "who name", row.racer), marks, element("span", "time num", gap));
         list.times.set(row.racer, row.score_ms);
         if (times.has(row.racer) && times.get(row.racer) !== row.score_ms) light(line);

@@ -125,22 +125,35 @@
       this.slot = current;
       this.feed.play(current);
       this.part("stage-card").hidden = !this.state || !["running", "paused"].includes(this.state.phase);
-      this.write("who", current.racer);
-      this.write("last-lap", "–");
-      this.write("best-lap", "–");
-      this.part("tail").setAttribute("points", "");
+      this.blank();
+      this.part("who").replaceChildren(...this.names(current));
       this.begin();
+    }
+
+    // Who drives; in a duel each in the colour of their car.
+    names(current) {
+      if (current.cars.length < 2) return [current.racer];
+      return current.cars.flatMap(({ number, racer }) => {
+        const name = document.createElement("span");
+        name.className = number ? "show-name rival" : "show-name";
+        name.textContent = racer;
+        return number ? [" – ", name] : [name];
+      });
+    }
+
+    // Nothing of the run before is left.
+    blank() {
+      this.part("car").setAttribute("hidden", "");
+      this.part("ghost").setAttribute("hidden", "");
+      this.part("tail").setAttribute("points", "");
+      for (const name of ["clock", "lap-number", "speed", "steer", "last-lap", "best-lap"]) this.write(name, name === "clock" ? "" : "–");
     }
 
     // Nobody is on track.
     leave() {
       this.forget();
-      this.part("car").setAttribute("hidden", "");
-      this.part("ghost").setAttribute("hidden", "");
-      this.part("tail").setAttribute("points", "");
-      this.write("clock", "");
+      this.blank();
       this.write("who", this.root.dataset.nobody);
-      for (const name of ["lap-number", "speed", "steer", "last-lap", "best-lap"]) this.write(name, "–");
       this.tell("state", this.state);
     }
 

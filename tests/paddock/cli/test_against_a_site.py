@@ -8,9 +8,11 @@ import os
 import subprocess
 import sys
 import zipfile
+from datetime import timedelta
 
 import pytest
 from django.core.cache import cache
+from django.core.management import call_command
 from django.utils import timezone
 
 from accounts.tokens import create_token
@@ -19,6 +21,9 @@ from evaluation.services import queue_evaluation, run_next_evaluation
 from paddock.cli import sending
 from paddock.rules.race import RaceRules
 from paddock.simulator import engine
+from races.poses import CHUNK_MS, chunks_of
+from races.services import enter_race
+from races.services.live import begin_live, choose_model, command_now, launch, plan_live, prepare_ahead, tick_live
 from tests.factories import a_race, a_racer, a_track
 from tests.shared import CHECKOUT
 from training.golden.cars import HOUSE_CARS
@@ -134,6 +139,42 @@ def test_several_cars_are_proven_together(paddock, log_in, site):
     RivalResult.objects.update(end_reason="retired", retired_code="non_finite_action", retired_params={"step": 3})
     unproven = paddock("verify", run.public_id, "--trace-only")
     assert unproven.status == 3 and "Not proven, but for the files" in unproven.out
+
+
+def test_a_live_run_with_a_speed_command_is_proven(paddock, log_in, race, capsys):
+    """Shown live, commanded while it was played, revealed: driven by the real engine from the first step on."""
+    alice, bob, now = a_racer("alice"), log_in("bob"), timezone.now()
+    type(race).objects.update(organiser=alice, ranking_method="best", minimum_laps=1)
+    race.refresh_from_db()
+    model = TrainedModel.objects.get(public_id=paddock("upload", *CAR, "--json").json["public_id"])
+    enter_race(race=race, racer=bob, now=now)
+    starts = now + timedelta(minutes=5)
+    event = plan_live(race=race, by=alice, now=now, starts_at=starts, rounds=1, attempt_ms=10_000, speed_control=True)
+    choose_model(event=event, racer=bob, model=model, now=now)
+    begin_live(event=event, by=alice, seen=None, now=now)
+    prepare_ahead(event=event, now=now)
+    assert run_next_evaluation(worker="w")
+    slot = launch(event=event, by=alice, seen=None, now=now)
+    old = chunks_of(Result.with_sealed.get(evaluation=slot.evaluation_id))
+    command_now(event=event, racer=slot.racer, by=bob, mode="multiplier", value=0.5, now=slot.starts_at)
+    assert run_next_evaluation(worker="w")
+    tick_live(now=slot.starts_at + timedelta(seconds=1))
+    slot.refresh_from_db()
+    new = chunks_of(Result.with_sealed.get(evaluation=slot.evaluation_id))
+    (effect,) = (one["at_ms"] // CHUNK_MS for one in slot.speed_log)
+    assert effect == 8, "3 s and a twentieth of 10 s, on the next whole second"
+    assert new[:effect] == old[:effect], "to the bit"
+    assert new[effect:] != old[effect:]
+    assert max(new[-1]["cars"][0]["v"]) < max(old[-1]["cars"][0]["v"])
+    tick_live(now=slot.ends_at + timedelta(seconds=2))
+
+    run = the_run()
+    for how, proof in (((), "network"), (("--trace-only",), "trace")):
+        told = paddock("verify", run.public_id, "--json", *how)
+        assert told.status == 0, (told.out, told.err)
+        assert (told.json["proof"], told.json["proven"]) == (proof, True)
+    call_command("verify", run.public_id)
+    assert "is the same" in capsys.readouterr().out
 
 
 def test_another_engine_of_the_site_is_said(paddock, log_in, race, monkeypatch):
