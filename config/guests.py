@@ -14,6 +14,7 @@ from django.http import HttpRequest, HttpResponse
 from django.utils.cache import get_conditional_response, patch_vary_headers
 
 from core.unchanged import Unchanged, is_shared
+from races.spoilers import COOKIE, HEADER, PARAMETER
 
 from .moving import tag_of
 
@@ -92,7 +93,9 @@ class SharedPages:
 def _is_guests(request: HttpRequest) -> bool:
     if request.method != "GET" or "HTTP_AUTHORIZATION" in request.META:
         return False
-    if settings.SESSION_COOKIE_NAME in request.COOKIES or _MESSAGES in request.COOKIES:
+    if any(name in request.COOKIES for name in (settings.SESSION_COOKIE_NAME, _MESSAGES, COOKIE)):
+        return False
+    if PARAMETER in request.GET or HEADER in request.headers:
         return False
     if request.path != "/" and not request.path.startswith(_BEGINNINGS):
         return False

@@ -116,6 +116,7 @@ MIDDLEWARE = [
     "allauth.account.middleware.AccountMiddleware",
     "config.learners.NoMailForLearners",
     "config.staff_factor.SecondFactorOfStaff",
+    "config.spoilers.NoSpoilers",
     "config.our_faults.OurFaults",
 ]
 

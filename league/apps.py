@@ -17,7 +17,7 @@ class LeagueConfig(AppConfig):
         from races.signals import board_changed
         from races.validation import register_hold, register_time_check
 
-        from . import streams
+        from . import spoilers, streams
         from .eligibility import check_division
         from .receivers import drop_webhooks, follow_board
         from .selectors.boards import cut_shown
@@ -36,6 +36,7 @@ class LeagueConfig(AppConfig):
             register_reader(reader)
         register_time_check(check_round_times)
         streams.register()
+        spoilers.register()
         register_hold(hold_season)
         register_official(is_official)
         register_final(is_final)

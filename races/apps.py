@@ -12,7 +12,7 @@ class RacesConfig(AppConfig):
         from core.pages import register_slots
         from evaluation.signals import evaluation_ended
 
-        from . import queues, streams, track_figures, video_words
+        from . import queues, spoiler_pages, streams, track_figures, video_words
         from .board_triggers import installed_after_migrate
         from .eligibility import register as check_races
         from .events import register_audiences
@@ -30,8 +30,11 @@ class RacesConfig(AppConfig):
         track_figures.register()
         register_audiences()
         streams.register()
+        spoiler_pages.register()
         register_slots(
             {
+                "foot.links": "races/spoilers/foot.html",
+                "garage.result": "races/spoilers/garage_result.html",
                 "garage.actions": "races/own/to_runs.html",
                 "garage.row": "races/own/drive_model.html",
                 "model.actions": "races/own/drive_model.html",

@@ -48,7 +48,7 @@ def live_document(event: LiveEvent, now: datetime) -> dict[str, Any]:
         "racers": []
         if begun
         else [_racer(racer) | {"here": racer.here_at is not None} for racer in live_racers(event)],
-        "standings": [_row(row) for row in standings],
+        "standings": [row_document(row) for row in standings],
         "bracket": bracket_document(event),
         "winner": None if event.winner is None else event.winner.racer.alias,
         "podium": _podium(event, standings),
@@ -140,7 +140,7 @@ def _in_lobby(racer: LiveRacer) -> dict[str, Any]:
     return {**_racer(racer), "here": racer.here_at is not None}
 
 
-def _row(row: LiveRow) -> dict[str, Any]:
+def row_document(row: LiveRow) -> dict[str, Any]:
     standing: Standing | None = row.standing
     return {
         "rank": row.rank,

@@ -335,6 +335,7 @@ register(
         "live_reaction_unknown": _("There is no such reaction. Those that are: %(known)s."),
         "live_reactions_closed": _("Nobody reacts now: from the lobby until ten minutes after the end."),
         "live_reactions_too_many": _("That were many reactions. Wait ten seconds."),
+        "results_hidden": _("You hide results until you have watched the race. Watch it, or have its results shown."),
         "results_not_yet": _("The results are there once the race, or its live event, has ended."),
         "certificate_no_place": _("%(racer)s has no place in this race, so there is no certificate."),
         "live_undo_late": _("That can no longer be undone: two minutes have passed, or it has gone on since."),

@@ -11,7 +11,7 @@ from evaluation.models import Evaluation, State
 from evaluation.services import finish_evaluation
 from races.models import LiveEvent, LiveRacer, LiveSlot, Race
 from races.services import enter_race
-from races.services.live import begin_live, choose_model, launch, plan_live, prepare_ahead, tick_live
+from races.services.live import begin_live, choose_model, end_live, launch, plan_live, prepare_ahead, tick_live
 from tests.factories import a_model, a_race, a_racer, laps, outcome, start
 
 START = timedelta(hours=2)
@@ -78,3 +78,25 @@ def show(event: LiveEvent, slot: LiveSlot, by: Racer, now: datetime) -> datetime
     tick_live(now=over)
     slot.refresh_from_db()
     return over
+
+
+def an_ended_show(
+    now: datetime,
+    alice: Racer,
+    *,
+    laps: dict[str, tuple[int, ...]] | None = None,
+    race: Race | None = None,
+    end: bool = True,
+) -> LiveEvent:
+    """An event that was driven and, unless told otherwise, ended: carl before dora and bob, who led first."""
+    laps = laps or {"bob": (9_000, 9_400), "carl": (8_000,), "dora": (8_500, 10_000, 8_700)}
+    event = begun(a_show(now, alice, list(laps), order="as_entered", race=race), alice, now)
+    for name, times in laps.items():
+        prepare_ahead(event=event, now=now)
+        compute(slot_of(event, name), now, *times)
+        now = show(event, slot_of(event, name), alice, now)
+        event.refresh_from_db()
+    if end:
+        end_live(event=event, by=alice, seen=event.version, now=now)
+        event.refresh_from_db()
+    return event

@@ -58,6 +58,13 @@ class Racer(AbstractBaseUser, PermissionsMixin):
         _("picture"), max_length=32, unique=True, null=True, editable=False, help_text=_("Empty: the drawn one.")
     )
     avatar_bytes = models.PositiveIntegerField(default=0, db_default=0, editable=False)
+    hides_results_since = models.DateTimeField(
+        _("hides results since"),
+        null=True,
+        blank=True,
+        editable=False,
+        help_text=_("Results of races from then on are hidden from the racer until they watched them. Empty: none."),
+    )
     is_house = models.BooleanField(_("house car"), default=False)
     is_staff = models.BooleanField(_("admin"), default=False)
     is_active = models.BooleanField(_("active"), default=True)

@@ -18,6 +18,7 @@ from core.jobs.kinds import JobKind, register
 
 from ..models import Mail, Notice
 from ..notices import sentence
+from ..spoilers import told_instead
 from .notices import choice_of, stopping_token
 from .telling import verified_addresses
 
@@ -82,7 +83,7 @@ def _message(notice: Notice, address: str, server: Any) -> EmailMessage:
     token = stopping_token(notice.racer_id, notice.kind)
     stop = f"{settings.SITE_URL}{reverse('notices_stop', args=[token])}"
     with translation.override(choice_of(notice.racer).language):
-        text = sentence(notice)
+        text = told_instead(notice) or sentence(notice)
         body = "\n\n".join(
             [
                 _("Hello %(racer)s,") % {"racer": notice.racer.alias},

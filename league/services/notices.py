@@ -17,6 +17,7 @@ from races.models import Race
 
 from ..models import Mail, Notice, NoticeChoice, NoticeKind
 from ..models.notice import NOT_MAILED
+from ..selectors.notices import notices_of
 from .telling import Told, concerned, tell
 
 logger = logging.getLogger(__name__)
@@ -37,8 +38,8 @@ def announce(*, race: Race, text: str, now: datetime) -> int:
 
 
 def mark_read(*, racer: Racer, now: datetime, notice: int | None = None) -> int:
-    """Mark one of the racer's notices as read, or all of them; returns how many were unread."""
-    unread = Notice.objects.filter(racer=racer, read_at=None, hidden=False)
+    """Mark one of the racer's notices as read, or all that are shown to them; returns how many were unread."""
+    unread = notices_of(racer).filter(read_at=None).order_by()
     if notice is not None:
         unread = unread.filter(pk=notice)
     return unread.update(read_at=now)

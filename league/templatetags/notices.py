@@ -7,6 +7,7 @@ from django import template
 from accounts.models import Racer
 from league.models import Notice
 from league.notices import sentence
+from league.selectors.notices import notices_of
 
 register = template.Library()
 MOST = 99
@@ -15,7 +16,7 @@ MOST = 99
 @register.simple_tag
 def unread_notices(racer: Racer) -> str:
     """How many notices a racer has not read, as it stands beside the bell: empty for none, at most ``99+``."""
-    count = Notice.objects.filter(racer=racer, read_at=None, hidden=False)[: MOST + 1].count()
+    count = notices_of(racer).filter(read_at=None)[: MOST + 1].count()
     return f"{MOST}+" if count > MOST else str(count or "")
 
 

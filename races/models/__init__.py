@@ -49,6 +49,7 @@ from .timing import (
     Timekeeper,
     TimingSensor,
 )
+from .watched import WatchedRace
 
 __all__ = [
     "COUNTDOWN",
@@ -101,6 +102,7 @@ __all__ = [
     "Timekeeper",
     "TimingSensor",
     "Visibility",
+    "WatchedRace",
     "car_of",
     "default_sensors",
     "new_invitation",

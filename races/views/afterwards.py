@@ -4,16 +4,19 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable
 
-from django.http import HttpRequest, HttpResponse
-from django.shortcuts import get_object_or_404, redirect
+from django.http import Http404, HttpRequest, HttpResponse, JsonResponse
+from django.shortcuts import get_object_or_404, redirect, render
 from django.urls import reverse
 from django.utils import timezone
+from django.views.decorators.csrf import ensure_csrf_cookie
 from django.views.decorators.http import require_safe
 
 from paddock.errors import UserFault
+from races.afterwards.again import again_document
 from races.afterwards.certificate import certificate, placed, require_settled
 from races.afterwards.results import event_csv, laps_csv, results_pdf
-from races.models import LiveEvent, Race
+from races.models import LiveEvent, LiveState, Race
+from races.replay import map_size
 from races.selectors.live import live_events_visible_to
 
 from .common import tell_fault, too_many, visible_race
@@ -55,9 +58,36 @@ def live_laps_csv(request: HttpRequest, slug: str) -> HttpResponse:
     return _lines(request, slug, "laps", laps_csv)
 
 
-def _lines(request: HttpRequest, slug: str, what: str, lines: Callable[[LiveEvent], Iterable[str]]) -> HttpResponse:
+@require_safe
+@ensure_csrf_cookie
+def live_again(request: HttpRequest, slug: str) -> HttpResponse:
+    """The show once more, from its first run to the podium, by the page's own clock. It tells no result by itself."""
+    race, event = _event(request, slug)
+    if event.state != LiveState.ENDED:
+        return redirect("live_event", slug)
+    size = map_size(race.track) if race.track.has_shape else None
+    response = render(request, "races/live/again.html", {"race": race, "phase": "running", "map_size": size})
+    response["Cache-Control"] = "private, no-store"
+    return response
+
+
+@require_safe
+def live_again_data(request: HttpRequest, slug: str) -> HttpResponse:
+    """What its page plays: every step with how the event stood. 404 before the end."""
+    _race, event = _event(request, slug)
+    try:
+        return JsonResponse(again_document(event, timezone.now()))
+    except UserFault as fault:
+        raise Http404 from fault
+
+
+def _event(request: HttpRequest, slug: str) -> tuple[Race, LiveEvent]:
     race = visible_race(request, slug)
-    event = get_object_or_404(live_events_visible_to(request.user), race=race)
+    return race, get_object_or_404(live_events_visible_to(request.user), race=race)
+
+
+def _lines(request: HttpRequest, slug: str, what: str, lines: Callable[[LiveEvent], Iterable[str]]) -> HttpResponse:
+    race, event = _event(request, slug)
     try:
         require_settled(race, timezone.now())
     except UserFault as fault:

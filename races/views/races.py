@@ -39,6 +39,7 @@ from races.selectors.team_boards import team_board
 from races.selectors.terms import has_accepted
 from races.selectors.timing import beside, can_keep_time
 from races.sensors import not_offered
+from races.spoilers import spoilers_of
 
 from .common import visible_race
 from .latest import LatestRun, latest_run
@@ -164,7 +165,8 @@ def race_context(request: HttpRequest, shown: Race, entry: Entry | None = None, 
     now = timezone.now()
     state = shown.state_at(now)
     entry = entry if looked_up else entry_of(shown, request.user)
-    latest: LatestRun | None = latest_run(entry, queue=False)
+    hides = spoilers_of(request).hides(shown)
+    latest: LatestRun | None = None if hides else latest_run(entry, queue=False)
     context = {
         "race": shown,
         "state": state,
@@ -173,7 +175,8 @@ def race_context(request: HttpRequest, shown: Race, entry: Entry | None = None, 
         "ranking_rule": rule_for(shown).rule(shown),
         "can_organise": can_organise(request.user, shown),
         "can_keep_time": can_keep_time(request.user, shown),
-        "has_results": is_settled(shown, now),
+        "has_results": not hides and is_settled(shown, now),
+        "hides": hides,
         "left": shown.max_submissions - entry.submission_count if entry else shown.max_submissions,
     }
     if request.user.is_authenticated and state in (RaceState.OPEN, RaceState.UPCOMING):

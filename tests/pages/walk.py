@@ -60,6 +60,7 @@ NO_PAGES = {
     *("standings_file", "submit", "theme", "training_best", "training_evaluate", "training_last", "training_live"),
     *("report_again", "report_live", "report_stop"),
     *("training_logs", "training_metrics", "training_sb3", "training_stop", "training_trace", "video_file"),
+    *("live_laps_csv", "live_results_csv", "race_certificate", "race_results_pdf"),
     *("car_choose", "guest_link", "race_laps_csv", "race_timing_worker", "sensor_revoke"),
     *("timekeeper_dismiss", "timekeeper_name"),
     *("cup_starter", "live_act", "live_mine", "live_poses", "live_react", "live_state", "notices_bell", "stream"),

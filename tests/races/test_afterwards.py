@@ -18,11 +18,11 @@ from races.afterwards.results import event_csv, laps_csv, results_pdf
 from races.afterwards.runs import driven_runs
 from races.afterwards.statistics import figures_of
 from races.afterwards.words import figure_words
-from races.models import Entry, LiveEvent, LiveRacer, LiveState, Race, Visibility
-from races.services.live import cancel_live, end_live, prepare_ahead
+from races.models import Entry, LiveRacer, LiveState, Race, Visibility
+from races.services.live import cancel_live
 from races.views import afterwards as views
 from tests.factories import a_race, a_racer
-from tests.live_shows import a_live_race, a_show, begun, compute, show, slot_of
+from tests.live_shows import a_live_race, a_show, an_ended_show, begun, compute, slot_of
 
 pytestmark = pytest.mark.django_db
 ADDRESS = "https://paddock.example/races/race-night/"
@@ -31,21 +31,6 @@ ADDRESS = "https://paddock.example/races/race-night/"
 @pytest.fixture
 def alice():
     return a_racer("alice")
-
-
-def an_ended_show(now, alice, *, laps=None, race=None, end=True) -> LiveEvent:
-    """Bob leads, carl takes the lead from him, dora comes second."""
-    laps = laps or {"bob": (9_000, 9_400), "carl": (8_000,), "dora": (8_500, 10_000, 8_700)}
-    event = begun(a_show(now, alice, list(laps), order="as_entered", race=race), alice, now)
-    for name, times in laps.items():
-        prepare_ahead(event=event, now=now)
-        compute(slot_of(event, name), now, *times)
-        now = show(event, slot_of(event, name), alice, now)
-        event.refresh_from_db()
-    if end:
-        end_live(event=event, by=alice, seen=event.version, now=now)
-        event.refresh_from_db()
-    return event
 
 
 def as_(racer) -> Client:
