@@ -38,8 +38,21 @@ from .races import race_context
 
 SESSIONS_PER_PAGE = 30
 # What the timekeeper's page is made of besides itself, so that it can be loaded again without a network.
-_STYLES = ("base", "layout", "forms", "board", "pages", "race", "narrow", "league", "timing")
-_SCRIPTS = ("paddock.js", "timing-store.js", "timing.js", "mark.svg")
+_STYLES = (
+    "base",
+    "layout",
+    "forms",
+    "board",
+    "pages",
+    "race",
+    "report",
+    "live",
+    "screens",
+    "narrow",
+    "league",
+    "timing",
+)
+_SCRIPTS = ("paddock.js", "moves.js", "stream.js", "timing-store.js", "timing.js", "mark.svg")
 # What the page says that only its script knows when; %s stands for a figure.
 _WORDS = {
     "unsent": gettext_lazy("%s sessions have not been sent yet."),

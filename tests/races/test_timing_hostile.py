@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import csv
+import re
 import uuid
 
 import pytest
@@ -101,3 +102,12 @@ def test_who_holds_a_revoked_token_is_told_so_and_times_nothing(race, organiser,
         answer = client.post(address, {"number": 1, "at_ms": 0}, content_type="application/json", **headers)
         assert answer.status_code in (401, 403) and code in answer.content.decode(), answer.content
     assert not Crossing.objects.exists()
+
+
+def test_the_browser_keeps_every_file_of_the_timekeepers_page(race, organiser, client):
+    """Else the page comes without a network in pieces."""
+    client.force_login(organiser)
+    page = client.get(reverse("race_timing", args=[race.slug])).content.decode()
+    named = set(re.findall(r'(?:href|src)="(/static/[^"]+\.(?:css|js|svg))"', page))
+    worker = client.get(reverse("race_timing_worker", args=[race.slug])).content.decode()
+    assert len(named) > 10 and {file for file in named if file.replace("-", "\\u002D") not in worker} == set()
