@@ -55,7 +55,7 @@ def _measure(car: AdmittedCar, slug: str, seed: int) -> dict[str, Any]:
     outcomes: list[DriveOutcome] = []
     for at in range(0, len(drives), MOST_IN_CHUNK):
         chunk = tuple(drives[at : at + MOST_IN_CHUNK])
-        job = DriveJob(car.onnx, car.metadata, None, chunk)
+        job = DriveJob(car.onnx, car.metadata, car.facts, chunk)
         clock = Clock()  # it looks for the processes once: each chunk has its own
         outcomes += drive_all(job, on_progress=clock.look).drives
         cpu_s += clock.seconds

@@ -26,11 +26,12 @@ class Car:
 
 @dataclass(frozen=True)
 class AdmittedCar:
-    """A car that passed the gate."""
+    """A car that passed the gate, with what the gate found out, which a run is told."""
 
     name: str
     onnx: bytes
     metadata: dict[str, Any]
+    facts: dict[str, Any]
     parameters: int
     macs: int
 
@@ -49,4 +50,5 @@ def cars() -> list[Car]:
 def admitted(car: Car) -> AdmittedCar:
     """Convert and gate, as an upload does. Raises UserFault."""
     package = admit([UploadPart(name, io.BytesIO(content)) for name, content in car.files])
-    return AdmittedCar(car.name, package.onnx, package.metadata.to_dict(), package.parameters, package.macs)
+    metadata, facts = package.metadata.to_dict(), package.facts.to_dict()
+    return AdmittedCar(car.name, package.onnx, metadata, facts, package.parameters, package.macs)

@@ -15,6 +15,7 @@ from typing import Any
 import numpy as np
 
 from paddock.geometry.track import TrackGeometry
+from paddock.network.bound import NetworkFacts
 from paddock.network.session import load
 from paddock.rules.race import OBJECT_AVOIDANCE, RaceRules
 from paddock.simulator.action import ActionSpace
@@ -108,6 +109,9 @@ def _network(car: AdmittedCar) -> Callable[[np.ndarray], object]:
     specs = [sensor_spec(name) for name in sorted(car.metadata["sensor"])]
     space = ActionSpace.from_metadata(car.metadata)
     inputs = [{"name": spec.name, "dtype": spec.dtype, "shape": list(spec.shape)} for spec in specs]
-    policy = Policy(load(car.onnx), {"inputs": inputs, "outputs": space.size, "ranges": space.ranges})
+    policy = Policy(
+        load(car.onnx, NetworkFacts.from_dict(car.facts)),
+        {"inputs": inputs, "outputs": space.size, "ranges": space.ranges},
+    )
     (sensor,) = specs
     return lambda frame: policy.answer({sensor.name: frame.reshape(sensor.shape)})

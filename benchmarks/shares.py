@@ -87,7 +87,8 @@ def measure(
         figures += _of_runs(found)
     house = cars[-1]
     if "many" in parts:
-        figures.append(at_once(RaceJob(track, RaceRules(laps=4 * laps), house.onnx, house.metadata), runs=runs))
+        job = RaceJob(track, RaceRules(laps=4 * laps), house.onnx, house.metadata, facts=house.facts)
+        figures.append(at_once(job, runs=runs))
     if "renderer" in parts:
         ratio = renderers.compare(house, track, steps=300)["ratio"]
         what = f"A run of {house.name} without a sandbox, by the same with TinyRenderer"

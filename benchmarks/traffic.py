@@ -44,6 +44,7 @@ def compare(car: AdmittedCar, track: TrackGeometry, *, laps: int, runs: int) -> 
             ),
             car.onnx,
             car.metadata,
+            facts=car.facts,
         )
         for kind, options in KINDS.items()
     }

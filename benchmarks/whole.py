@@ -29,7 +29,7 @@ IN_BULLET_AND_NETWORK = ("physics", "network")
 
 def measure(car: AdmittedCar, track: TrackGeometry, *, laps: int, runs: int) -> dict[str, Any]:
     """The medians of ``runs`` evaluations in a fresh process that is pinned to one core, with all its children."""
-    job = RaceJob(track, RaceRules(laps=laps), car.onnx, car.metadata)
+    job = RaceJob(track, RaceRules(laps=laps), car.onnx, car.metadata, facts=car.facts)
     # A fresh process: the memory of this one is not that of an evaluation.
     with ProcessPoolExecutor(1, multiprocessing.get_context("spawn")) as pool:
         found = pool.submit(_runs, job, runs).result()

@@ -37,7 +37,7 @@ from paddock.simulator.metrics import metrics_json
 from paddock.simulator.race import CompetitorRun, Entrant, Policy, Progress, RaceResult, run_race
 from paddock.simulator.sensors import policy_header
 from paddock.simulator.stage import PreparedTrack
-from paddock.simulator.world import make_ready
+from paddock.simulator.world import make_ready, new_world
 
 from .sandbox.frames import FrameError, read_message, write_message
 from .sandbox.policy_client import PolicyClient
@@ -105,6 +105,7 @@ def _run(frames_in: int, frames_out: int) -> None:
         for metadata, space, policy in zip(job["metadata"], spaces, policies, strict=True)
     ]
     telling = _Telling(frames_out)
+    world = new_world()  # never closed: that takes two milliseconds, and it ends with this process
     result = run_race(
         ground.track,
         rules,
@@ -116,6 +117,7 @@ def _run(frames_in: int, frames_out: int) -> None:
         rivals=rivals,
         lidar_config=first.lidar_config,
         ground=ground,
+        world=world,
     )
     cars: list[RaceResult | CompetitorRun] = [result, *result.rivals]
     seconds = {**result.seconds, "policy": sum(client.seconds for client in clients)}  # without the wait for the start

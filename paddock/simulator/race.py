@@ -25,6 +25,7 @@ from .referee import LAPS_DONE, RETIRED, Lap
 from .speeds import commanded_speeds
 from .stage import PreparedTrack, Simulation
 from .trace import LABELS, Trace
+from .world import World
 
 Policy = Callable[[dict[str, np.ndarray]], np.ndarray]
 
@@ -153,6 +154,7 @@ def run_race(
     ground: PreparedTrack | None = None,
     disturbance: Disturbance | None = None,
     progress_due: Callable[[], bool] = lambda: True,
+    world: World | None = None,
 ) -> RaceResult:
     """Race one car, alone or against ``rivals`` in the same world, and return the result.
 
@@ -165,7 +167,8 @@ def run_race(
     a UserFault retires, and its laps stand. ``on_progress`` is told every ``progress_every_steps`` control steps where
     ``progress_due`` then says so, and at the end. ``start_m`` (None: that of the rules) moves start and finish along
     the track, but no box. ``ground``: that of this track, direction and theme, where somebody has built it up already.
-    ``disturbance``: what is other than usual for a car alone; no race of several has one.
+    ``disturbance``: what is other than usual for a car alone; no race of several has one. ``world``: one with these
+    physics that nobody has used; whoever hands it over closes it, when there is time.
 
     Raises UserFault where boxes or bots have no room, ValueError for more cars than a world takes and for several that
     are to be disturbed.
@@ -176,7 +179,7 @@ def run_race(
         raise ValueError("only a car alone is disturbed")
     begun = perf_counter()
     entrants = [Entrant(action_space, sensors, policy, lidar_config), *rivals]
-    with Simulation(ground or PreparedTrack(track, rules.direction, theme), rules, physics) as stage:
+    with Simulation(ground or PreparedTrack(track, rules.direction, theme), rules, physics, world) as stage:
         begins_m = rules.start_m if start_m is None else start_m
         race = _Race(stage, entrants, begins_m, rules.speed_commands, disturbance)
         first = race.cars[0]

@@ -21,7 +21,7 @@ def make_ready() -> None:
     _ready.append(world)
 
 
-def new_world(physics: CarPhysics) -> World:
+def new_world(physics: CarPhysics = PADDOCK_CAR) -> World:
     """A world that nobody has used: the one that was made ready, if there is one with these physics."""
     return _ready.pop() if _ready and _ready[-1].physics == physics else World(physics)
 

@@ -5,6 +5,8 @@ from __future__ import annotations
 import subprocess
 import sys
 
+from evaluation.sandbox.policy_process import rehearse
+
 PAGE = 4096
 COPY = 24 * 1024 * 1024
 # Two copies are made and given back, then two more: how many new pages do these take?
@@ -51,3 +53,7 @@ def test_a_pending_request_does_not_wait_for_memory() -> None:
     asked = "import sys", "os.write(ask, b'x')", *fetched
     count = "print(resource.getrusage(resource.RUSAGE_SELF).ru_minflt - before)", "sys.exit()"
     assert new_pages(*asked, *count) < 100
+
+
+def test_what_every_network_meets_is_met_once() -> None:
+    rehearse()  # where it fails nobody hears of it
