@@ -13,7 +13,16 @@ from typing import Any
 from paddock.errors import UserFault
 
 from ..live_document import live_document, row_document, slot_document
-from ..models import DuelCompetitor, LiveEvent, LiveRacer, LiveState, Opponents, SlotPhase
+from ..models import (
+    PLAYED_BEHIND,
+    REVEALED_AFTER,
+    DuelCompetitor,
+    LiveEvent,
+    LiveRacer,
+    LiveState,
+    Opponents,
+    SlotPhase,
+)
 from ..ranking import Standing
 from ..selectors.live import LiveRow, live_racers
 from ..selectors.live_screens import Leader, ShownRun, best_sectors, best_sectors_by_racer, leader_of
@@ -49,7 +58,8 @@ def again_document(event: LiveEvent, now: datetime) -> dict[str, Any]:
         starts_ms = at + COUNTDOWN_MS
         assert slot.starts_at is not None
         assert slot.ends_at is not None
-        ends_ms = starts_ms + last["behind_ms"] + round((slot.ends_at - slot.starts_at).total_seconds() * 1000)
+        played = slot.ends_at - slot.starts_at + PLAYED_BEHIND + REVEALED_AFTER
+        ends_ms = starts_ms + round(played.total_seconds() * 1000)
         quiet = last | {"phase": LiveState.RUNNING.value, "podium": [], "winner": None, "current": None, "bracket": []}
         coming = [each | {"state": "waiting"} for each in told[number + 1 : number + 1 + NEXT]]
         current = told[number] | {"starts_at": starts_ms}
