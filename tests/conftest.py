@@ -19,6 +19,7 @@ from django.utils import translation
 
 from paddock.simulator.camera import compiled
 from tests import costs, database, emptied, kept, postgres
+from tests.pages import browsing
 
 PACK = 20
 
@@ -79,8 +80,13 @@ def pytest_collection_finish(session: pytest.Session) -> None:
     gc.freeze()
 
 
-def pytest_runtest_teardown(item: pytest.Item) -> None:
-    translation.deactivate()  # a test that reads Korean leaves the next one English
+@pytest.hookimpl(wrapper=True)
+def pytest_runtest_teardown(item: pytest.Item, nextitem: pytest.Item | None) -> Iterator[None]:
+    try:
+        return (yield)
+    finally:
+        translation.deactivate()  # a test that reads Korean leaves the next one English
+        browsing.after(item, nextitem)
 
 
 @pytest.hookimpl(tryfirst=True)

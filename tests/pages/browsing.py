@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import ExitStack, contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -25,19 +26,63 @@ IN_A_BROWSER = [
     pytest.mark.xdist_group("browser"),
     pytest.mark.skipif(not CHROMIUM.exists(), reason="Chromium is not installed (apt-get install chromium)"),
 ]
+ASYNC_UNSAFE = "DJANGO_ALLOW_ASYNC_UNSAFE"
 BACKEND = "django.contrib.auth.backends.ModelBackend"
 
 
+class _Shared:
+    """The one Chromium of a process: starting one takes longer than most of what is done in it."""
+
+    def __init__(self) -> None:
+        self._held: ExitStack | None = None
+        self._browser: Browser | None = None
+
+    def have(self) -> Browser:
+        if self._browser is None or not self._browser.is_connected():
+            self.close()
+            playwright = pytest.importorskip("playwright.sync_api", reason="Playwright is not installed")
+            with ExitStack() as held:
+                driver = held.enter_context(playwright.sync_playwright())
+                self._browser = driver.chromium.launch(executable_path=str(CHROMIUM), args=FLAGS)
+                held.callback(self._browser.close)
+                # Playwright's loop runs in this thread until it is closed, and the tests read the database beside it
+                held.callback(os.environ.pop, ASYNC_UNSAFE, None)
+                os.environ[ASYNC_UNSAFE] = "true"
+                self._held = held.pop_all()
+        return self._browser
+
+    def close(self) -> None:
+        held, self._held, self._browser = self._held, None, None
+        if held is not None:
+            held.close()
+
+
+_SHARED = _Shared()
+
+
 @contextmanager
-def chromium() -> Iterator[Browser]:
-    """A Chromium without a window."""
-    playwright = pytest.importorskip("playwright.sync_api", reason="Playwright is not installed")
-    with playwright.sync_playwright() as driver:
-        opened = driver.chromium.launch(executable_path=str(CHROMIUM), args=FLAGS)
-        try:
-            yield opened
-        finally:
-            opened.close()
+def chromium(new: bool = False) -> Iterator[Browser]:
+    """A Chromium without a window, in which nothing is open: that of the test before, where there was one.
+
+    ``new``: one that has just been started. In one that has had a service worker before, a network that a test cuts
+    was seen to let requests through.
+    """
+    if new:
+        _SHARED.close()
+    opened = _SHARED.have()
+    before = opened.contexts
+    try:
+        yield opened
+    finally:
+        for context in opened.contexts:
+            if context not in before:
+                context.close()
+
+
+def after(item: pytest.Item, nextitem: pytest.Item | None) -> None:
+    """Close the Chromium when the next test needs none: some of them start loops of their own."""
+    if nextitem is None or nextitem.get_closest_marker("browser") is None:
+        _SHARED.close()
 
 
 def visitor(browser: Browser, address: str, racer: Racer | None = None, **options: object) -> BrowserContext:

@@ -21,8 +21,7 @@ SHOTS = os.environ.get("PADDOCK_SHOTS")
 
 @pytest.fixture(scope="module")
 def browser() -> Iterator:
-    with pytest.MonkeyPatch.context() as patch, chromium() as opened:
-        patch.setitem(os.environ, "DJANGO_ALLOW_ASYNC_UNSAFE", "true")  # Playwright's loop runs in this thread
+    with chromium() as opened:
         yield opened
 
 

@@ -5,7 +5,6 @@ looked at both ways, and its colours in the other theme at each width."""
 from __future__ import annotations
 
 import json
-import os
 from collections.abc import Iterator
 from itertools import cycle
 
@@ -41,9 +40,7 @@ OTHER_DATES = r"""() => {
 
 
 @pytest.fixture
-def site(live_server, wakes, video_wakes, trainings_taken_on, monkeypatch: pytest.MonkeyPatch) -> Site:
-    # Playwright's loop runs in this thread, and the tests read the database beside it
-    monkeypatch.setitem(os.environ, "DJANGO_ALLOW_ASYNC_UNSAFE", "true")
+def site(live_server, wakes, video_wakes, trainings_taken_on) -> Site:
     return make_site()
 
 

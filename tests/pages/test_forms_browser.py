@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 import re
 from collections.abc import Mapping
 
@@ -26,9 +25,8 @@ PRESSED = """button => {
 
 
 @pytest.fixture
-def cast(monkeypatch: pytest.MonkeyPatch, wakes, video_wakes, trainings_taken_on) -> Cast:
+def cast(wakes, video_wakes, trainings_taken_on) -> Cast:
     """The world with everybody in it, and no broker."""
-    monkeypatch.setitem(os.environ, "DJANGO_ALLOW_ASYNC_UNSAFE", "true")  # Playwright's loop runs in this thread
     return Cast(make_world())
 
 

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import os
-
 import pytest
 from django.utils import timezone
 
@@ -17,9 +15,8 @@ pytestmark = [*IN_A_BROWSER, pytest.mark.django_db(transaction=True)]
 
 
 @pytest.fixture
-def race(monkeypatch: pytest.MonkeyPatch) -> Race:
+def race() -> Race:
     """A race by invitation with two boxes on the road."""
-    monkeypatch.setitem(os.environ, "DJANGO_ALLOW_ASYNC_UNSAFE", "true")  # Playwright's loop runs in this thread
     return a_race(
         timezone.now(),
         slug="friends",

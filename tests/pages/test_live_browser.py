@@ -3,7 +3,6 @@ and the wizard says what is wrong."""
 
 from __future__ import annotations
 
-import os
 from collections.abc import Iterator
 from dataclasses import replace
 from datetime import datetime, timedelta
@@ -39,8 +38,7 @@ WRITE_VIDEO, POSTER = drawing.write_video, drawing.poster  # before a test puts 
 
 @pytest.fixture(scope="module")
 def browser() -> Iterator:
-    with pytest.MonkeyPatch.context() as patch, chromium() as opened:
-        patch.setitem(os.environ, "DJANGO_ALLOW_ASYNC_UNSAFE", "true")  # Playwright's loop runs in this thread
+    with chromium() as opened:
         yield opened
 
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 from datetime import timedelta
 
 import pytest
@@ -17,8 +16,7 @@ PASSWORD = "a long enough passphrase"
 pytestmark = [*IN_A_BROWSER, pytest.mark.django_db(transaction=True)]
 
 
-def test_a_racer_logs_in_once_more_and_enters_the_race(live_server, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setitem(os.environ, "DJANGO_ALLOW_ASYNC_UNSAFE", "true")  # Playwright's loop runs in this thread
+def test_a_racer_logs_in_once_more_and_enters_the_race(live_server) -> None:
     now = timezone.now()
     race = a_race(now, slug="next-race", opens_at=now + timedelta(days=1), closes_at=now + timedelta(days=2))
     racer = a_racer("sleeper")

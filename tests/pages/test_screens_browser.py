@@ -30,8 +30,7 @@ SHOTS = os.environ.get("PADDOCK_TEST_SHOTS", "")  # a folder, for who wants to l
 
 
 @pytest.fixture
-def browser(monkeypatch) -> Iterator:
-    monkeypatch.setitem(os.environ, "DJANGO_ALLOW_ASYNC_UNSAFE", "true")  # Playwright's loop runs in this thread
+def browser() -> Iterator:
     with chromium() as opened:
         yield opened
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 import re
 from collections.abc import Iterator
 from datetime import UTC, datetime, timedelta
@@ -44,8 +43,6 @@ class Clock:
 def clock(monkeypatch: pytest.MonkeyPatch, settings, wakes: list[dict]) -> Clock:
     clock = Clock()
     monkeypatch.setattr("django.utils.timezone.now", lambda: clock.now)
-    # Playwright's loop runs in this thread, and the tests read the database beside it
-    monkeypatch.setitem(os.environ, "DJANGO_ALLOW_ASYNC_UNSAFE", "true")
     settings.SESSION_COOKIE_AGE = 10 * 365 * 24 * 3600
     return clock
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 import re
 
 import pytest
@@ -24,8 +23,7 @@ AUTHENTICATOR = {
 pytestmark = [*IN_A_BROWSER, pytest.mark.django_db(transaction=True)]
 
 
-def test_a_racer_logs_in_with_a_passkey_and_with_an_app(live_server, settings, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setitem(os.environ, "DJANGO_ALLOW_ASYNC_UNSAFE", "true")  # Playwright's loop runs in this thread
+def test_a_racer_logs_in_with_a_passkey_and_with_an_app(live_server, settings) -> None:
     cache.clear()
     settings.SITE_URL = live_server.url
     Racer.objects.create_user("alice", "alice@example.org", PASSWORD)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 from collections.abc import Iterator
 from dataclasses import replace
 from datetime import timedelta
@@ -28,8 +27,7 @@ LATE_MS = 20_000
 
 
 @pytest.fixture
-def browser(monkeypatch) -> Iterator:
-    monkeypatch.setitem(os.environ, "DJANGO_ALLOW_ASYNC_UNSAFE", "true")  # Playwright's loop runs in this thread
+def browser() -> Iterator:
     with chromium() as opened:
         yield opened
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 import re
 from collections.abc import Iterator
 from datetime import timedelta
@@ -30,9 +29,8 @@ WORDS = """(button) => {
 
 
 @pytest.fixture
-def browser(monkeypatch) -> Iterator:
-    monkeypatch.setitem(os.environ, "DJANGO_ALLOW_ASYNC_UNSAFE", "true")
-    with chromium() as opened:
+def browser(request) -> Iterator:
+    with chromium(new="network" in request.node.name) as opened:
         yield opened
 
 
