@@ -7,8 +7,12 @@ from collections.abc import Iterator
 from contextlib import ExitStack, contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING
+from unittest.mock import patch
 
 import pytest
+from django.contrib.staticfiles.handlers import StaticFilesHandler
+from django.http import HttpRequest
+from django.http.response import HttpResponseBase
 from django.test import Client
 
 if TYPE_CHECKING:
@@ -30,6 +34,16 @@ ASYNC_UNSAFE = "DJANGO_ALLOW_ASYNC_UNSAFE"
 BACKEND = "django.contrib.auth.backends.ModelBackend"
 
 
+_SERVE = StaticFilesHandler.serve
+
+
+def _kept(handler: StaticFilesHandler, request: HttpRequest) -> HttpResponseBase:
+    """Browsers keep styles and scripts, as those of a real site: none changes while the tests run."""
+    answer = _SERVE(handler, request)
+    answer.headers.setdefault("Cache-Control", "max-age=600")
+    return answer
+
+
 class _Shared:
     """The one Chromium of a process: starting one takes longer than most of what is done in it."""
 
@@ -46,6 +60,7 @@ class _Shared:
                 self._browser = driver.chromium.launch(executable_path=str(CHROMIUM), args=FLAGS)
                 held.callback(self._browser.close)
                 # Playwright's loop runs in this thread until it is closed, and the tests read the database beside it
+                held.enter_context(patch.object(StaticFilesHandler, "serve", _kept))
                 held.callback(os.environ.pop, ASYNC_UNSAFE, None)
                 os.environ[ASYNC_UNSAFE] = "true"
                 self._held = held.pop_all()
