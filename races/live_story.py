@@ -9,24 +9,16 @@ from typing import Any
 
 from django.utils.translation import gettext as _
 
-from .models import PLAYED_BEHIND, LiveEvent, LiveSlot
+from .live_story_duels import heats_told
+from .models import PLAYED_BEHIND, LiveEvent, LiveSlot, Opponents
 from .poses import cut
 from .ranking import Standing
 from .replay import SECTORS
 from .selectors.live import on_track, played, running_order
 from .selectors.live_screens import ShownRun, shown_runs
+from .story_words import TRACED, Sentence, incident, seconds
 
-TRACED = 6  # of so many runs also what a car did between two lines is told; reading all of them would take seconds
 MESSAGES = 20
-
-
-@dataclass(frozen=True)
-class Sentence:
-    """A sentence. ``at``: when it was seen; ``kind``: what it is about, for its colour."""
-
-    at: datetime
-    kind: str
-    text: str
 
 
 @dataclass
@@ -54,8 +46,11 @@ def story_of(event: LiveEvent, now: datetime) -> list[Sentence]:
         happened = list(_played(run.slot, seen_at)) if run.slot.pk in traced else _by_laps(run)
         told += _of_run(run.slot, run.alias, happened, known)
         told += _outcome(run, known)
-    playing = on_track(running_order(event))
-    if playing is not None and playing.racer is not None:
+    order = running_order(event)
+    playing = on_track(order)
+    if event.race.opponents == Opponents.MODELS:
+        told += heats_told(event, order, now)
+    elif playing is not None and playing.racer is not None:
         told += _of_run(playing, playing.racer.entry.racer.alias, list(_played(playing, seen_at)), known, now)
     for said in event.log.filter(action="message", undone_at=None).order_by("-pk")[:MESSAGES]:
         if said.told.get("message"):
@@ -100,7 +95,7 @@ def _of_run(
         elif event["kind"] == "lap":
             yield from _lap(at, alias, event, known)
         else:
-            yield Sentence(at, "incident", _incident(event["kind"]) % {"racer": alias, "lap": event["lap"]})
+            yield Sentence(at, "incident", incident(event["kind"]) % {"racer": alias, "lap": event["lap"]})
 
 
 def _sector(at: datetime, alias: str, event: dict[str, Any], so_far: int, known: _Known) -> Iterator[Sentence]:
@@ -149,16 +144,6 @@ def _lap(at: datetime, alias: str, event: dict[str, Any], known: _Known) -> Iter
     known.own[alias] = min(ms, own or ms)
 
 
-def _incident(kind: str) -> str:
-    return {
-        "off_track": _("%(racer)s leaves the track in lap %(lap)s."),
-        "crashed": _("%(racer)s hits something in lap %(lap)s."),
-        "immobilized": _("%(racer)s stands still in lap %(lap)s."),
-        "reversed": _("%(racer)s drives the wrong way in lap %(lap)s."),
-        "time_up": _("The time of %(racer)s is up."),
-    }[kind]
-
-
 def _outcome(run: ShownRun, known: _Known) -> Iterator[Sentence]:
     """How the racer stands once the run was shown."""
     at = run.slot.done_at
@@ -185,5 +170,4 @@ def _outcome(run: ShownRun, known: _Known) -> Iterator[Sentence]:
 
 
 def _in(alias: str, ms: int, gap_ms: int, **more: Any) -> dict[str, Any]:
-    minutes = f"{ms // 60_000}:{ms / 1000 % 60:06.3f}" if ms >= 60_000 else f"{ms / 1000:.3f} s"
-    return {"racer": alias, "time": minutes, "gap": f"{gap_ms / 1000:.3f} s", **more}
+    return {"racer": alias, "time": seconds(ms), "gap": f"{gap_ms / 1000:.3f} s", **more}

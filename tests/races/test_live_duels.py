@@ -13,6 +13,7 @@ from evaluation.services import finish_evaluation
 from paddock.errors import UserFault
 from races.api.live import poses_document
 from races.live_document import live_document
+from races.live_story import story_of
 from races.models import Draw, Duel, DuelCompetitor, DuelState, Entry, LiveEvent, LiveSlot, LiveState, SlotState
 from races.selectors import duels_of
 from races.selectors.live import console_rows
@@ -172,6 +173,26 @@ class TestBracket:
             at = show_next(event, alice, at)
         end_live(event=event, by=alice, seen=None, now=at)
         assert event.winner.racer.alias == "car-1"
+
+
+class TestStory:
+    def test_a_heat_is_told_once_it_was_seen(self, alice, now):
+        event, at = begun(a_live_draw(now, alice, 2), alice)
+        assert story_of(event, at) == []
+        compute(slots(event)[0], at)
+        slot = launch(event=event, by=alice, seen=None, now=at)
+        told = [each.text for each in story_of(event, slot.starts_at + timedelta(seconds=11.4))]
+        assert told == ["car-1 – car-2 are on track, round 1."]
+        told = [each.text for each in story_of(event, slot.starts_at + timedelta(seconds=13))]
+        assert "car-1: lap 1 in 10.000 s." in told
+        assert not any("wins" in text for text in told)
+        over = slot.ends_at + timedelta(seconds=3)
+        tick_live(now=over)
+        assert "car-1 wins the heat, before car-2." in [each.text for each in story_of(event, over)]
+        assert not any("final" in each.text for each in story_of(event, over)), "one of two heats"
+        over = show_next(event, alice, over)
+        assert story_of(event, over)[0].text == "car-1 has won the final against car-2."
+        assert "car-2 – car-1 are on track, round 1." in [each.text for each in story_of(event, over)]
 
 
 class TestSealed:

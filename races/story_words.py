@@ -1,0 +1,35 @@
+"""Sentences of a live event, and the words that its stories share."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from datetime import datetime
+
+from django.utils.translation import gettext as _
+
+TRACED = 6  # of so many runs also what a car did between two lines is told; reading all of them would take seconds
+
+
+@dataclass(frozen=True)
+class Sentence:
+    """A sentence. ``at``: when it was seen; ``kind``: what it is about, for its colour."""
+
+    at: datetime
+    kind: str
+    text: str
+
+
+def incident(kind: str) -> str:
+    """What went wrong with ``racer`` in ``lap``."""
+    return {
+        "off_track": _("%(racer)s leaves the track in lap %(lap)s."),
+        "crashed": _("%(racer)s hits something in lap %(lap)s."),
+        "immobilized": _("%(racer)s stands still in lap %(lap)s."),
+        "reversed": _("%(racer)s drives the wrong way in lap %(lap)s."),
+        "time_up": _("The time of %(racer)s is up."),
+    }[kind]
+
+
+def seconds(ms: int) -> str:
+    """A time of a story: ``8.531 s``, from a minute on ``1:08.531``."""
+    return f"{ms // 60_000}:{ms / 1000 % 60:06.3f}" if ms >= 60_000 else f"{ms / 1000:.3f} s"
