@@ -93,8 +93,10 @@ def _slower(metadata: dict[str, Any], share: float) -> dict[str, Any]:
     return metadata
 
 
-def a_night(*, cars: int = 6, attempt_s: int = 24, rounds: int = 1, **plan: Any) -> dict[str, Any]:
-    """A time trial, its lobby open, everybody entered; who is odd in the list has chosen a model."""
+def a_night(
+    *, cars: int = 6, choose: int = 3, attempt_s: int = 24, rounds: int = 1, starts_s: int = 1800, **plan: Any
+) -> dict[str, Any]:
+    """A time trial, its lobby open, everybody entered; all but the first ``choose`` have chosen a model."""
     from django.utils import timezone
 
     from accounts.models import Racer
@@ -118,12 +120,15 @@ def a_night(*, cars: int = 6, attempt_s: int = 24, rounds: int = 1, **plan: Any)
     )
     soon = now + timedelta(minutes=30)
     event = plan_live(race=race, by=alice, now=now, starts_at=soon, rounds=rounds, attempt_ms=attempt_s * 1000, **plan)
-    LiveEvent.objects.filter(pk=event.pk).update(lobby_opens_at=now - timedelta(minutes=1))
     for number, alias in enumerate(list(FIELD)[:cars]):
         racer, model = a_car(alias)
         enter_race(race=race, racer=racer, now=now)
-        if number >= 3 or plan.get("chosen"):
+        if number >= choose:
             choose_model(event=event, racer=racer, model=model, now=now)
+    now = timezone.now()  # uploading takes its time
+    LiveEvent.objects.filter(pk=event.pk).update(
+        lobby_opens_at=now - timedelta(minutes=1), starts_at=now + timedelta(seconds=starts_s)
+    )
     return {"sessions": sessions(["alice", *list(FIELD)[:cars]]), "race": race.slug}
 
 

@@ -125,6 +125,7 @@ def test_from_the_lobby_to_the_podium(browser, live_server, event):
             late = window()
             late.goto(address)
             expect(late.locator("[data-car]")).to_be_visible(timeout=LATE_MS)
+            assert_awake_after_an_hour(window(), address, watching)
         play(event, watching, alias)
         expect(watching.locator("#live-parts table")).to_contain_text(alias, timeout=LATE_MS)
     organising.reload()
@@ -150,6 +151,31 @@ def test_a_place_is_dragged(browser, live_server, event):
     rows.nth(2).drag_to(rows.nth(0))
     expect(page.locator(".console-slot").first).to_contain_text("dora")
     assert LiveSlot.objects.order_by("position").first().racer.entry.racer.alias == "dora"
+
+
+def assert_awake_after_an_hour(page, address: str, other) -> None:
+    """A browser whose clock stood still for an hour is in step again within seconds."""
+    from playwright.sync_api import expect
+
+    hour_ms = 3_600_000
+
+    def an_hour_before(route) -> None:
+        answer = route.fetch()
+        told = answer.json()
+        route.fulfill(response=answer, json=told | {"now": told["now"] - hour_ms})
+
+    page.route("**/*.json*", an_hour_before)
+    page.goto(address)
+    says = "() => document.querySelector('[data-show]').show.clock.now()"
+    page.wait_for_function("() => document.querySelector('[data-show]').show.state")
+    assert page.evaluate(says) < timezone.now().timestamp() * 1000 - hour_ms / 2
+    page.unroute("**/*.json*")
+    for _ in range(200):
+        if abs(page.evaluate(says) - timezone.now().timestamp() * 1000) < 250:
+            break
+        page.wait_for_timeout(100)
+    assert_in_step(page, other)
+    expect(page.locator("[data-car]")).to_be_visible(timeout=LATE_MS)
 
 
 def assert_in_step(one, other) -> None:

@@ -9,7 +9,7 @@ import pytest
 from core.events import Event
 from evaluation.models import Evaluation, Result
 from paddock.errors import UserFault
-from races.models import Entry, LiveLog, LiveSlot, LiveState, SlotState, Submission
+from races.models import Entry, LiveEvent, LiveLog, LiveSlot, LiveState, SlotState, Submission
 from races.selectors import board, can_see_evaluation
 from races.selectors.live import live_standings, played
 from races.services.live import (
@@ -207,6 +207,26 @@ class TestEnd:
         tick_live(now=now + timedelta(hours=7))
         event.refresh_from_db()
         assert event.state == LiveState.ENDED
+
+    def test_an_organiser_who_leaves_takes_no_run_along(self, alice, now):
+        event = begun(a_show(now, alice, ["bob", "carl"], order="as_entered"), alice, now)
+        compute(slot_of(event, "bob"), now, 9_000)
+        launch(event=event, by=alice, seen=None, now=now)
+        alice.delete()
+        slot = slot_of(event, "bob")
+        tick_live(now=slot.ends_at + timedelta(seconds=3))
+        assert Submission.objects.filter(is_live=True).count() == 1
+        event = LiveEvent.objects.get()
+        with pytest.raises(UserFault) as caught:
+            end_live(event=event, by=a_racer("eve"), seen=None, now=slot.ends_at + timedelta(minutes=1))
+        assert caught.value.code == "race_not_yours"
+        staff = a_racer("stella", is_staff=True)
+        compute(slot_of(event, "carl"), slot.ends_at + timedelta(minutes=1), 9_500)
+        launch(event=event, by=staff, seen=None, now=slot.ends_at + timedelta(minutes=2))
+        tick_live(now=slot_of(event, "carl").ends_at + timedelta(seconds=3))
+        tick_live(now=slot.ends_at + timedelta(hours=7))
+        event.refresh_from_db()
+        assert (event.state, event.winner.racer.alias) == (LiveState.ENDED, "bob")
 
     def test_one_that_nobody_begins_is_called_off(self, alice, now):
         event = a_show(now, alice, ["bob"])
