@@ -20,13 +20,17 @@
   const AT_START = 3; // round trips when something begins; later one now and then
   const AGAIN_MS = 30000;
   const OFF_MS = 250;
+  const SLEPT_MS = 10000;
 
   // The server's clock: of the last round trips the shortest says best how far it is off.
   class ServerClock {
     constructor() { this.forget(); }
     forget() { this.samples = []; }
     add(sent, received, server) {
-      this.samples.push({ trip: received - sent, offset: server - (sent + received) / 2 });
+      const fresh = { trip: received - sent, offset: server - (sent + received) / 2 };
+      // each is off by half its trip at most: what cannot both be true is of before and after a sleep
+      this.samples = this.samples.filter((one) => Math.abs(one.offset - fresh.offset) <= (one.trip + fresh.trip) / 2 + OFF_MS);
+      this.samples.push(fresh);
       if (this.samples.length > SAMPLES) this.samples.shift();
       this.offset = this.samples.reduce((best, one) => (one.trip < best.trip ? one : best)).offset;
     }
@@ -145,7 +149,10 @@
 
     // --- asking ------------------------------------------------------------------------------------------------------
     tick() {
+      const asleep = Date.now() - (this.tickedAt ?? Infinity) > SLEPT_MS; // the other clock may have stood still
+      this.tickedAt = Date.now();
       if (document.hidden) return;
+      if (asleep) this.wake();
       const now = performance.now();
       if (now >= this.lookAt && (!this.streams || this.missed || this.looked !== undefined)) this.look();
       if (this.current && now - this.measuredAt > AGAIN_MS) this.measure(1);
