@@ -42,6 +42,7 @@ PARTS: dict[str, tuple[str, tuple[str, ...], tuple[str, ...]]] = {
     "slow": ("slow", (), ("--connections", "200", "--seconds", "2")),
     "spectators": ("spectators", (), ("--seconds", "2", "--rate", "100")),
     "streams": ("streams", (), ("--streams", "50", "--seconds", "20")),
+    "live": ("live", (), ("--quick",)),
     "processors": ("processors", (), ("--quick",)),
 }
 LIMIT_S = 3600

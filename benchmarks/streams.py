@@ -101,7 +101,7 @@ class _Guest:
             waited, self._waits = self._waits, []
             self._last_at = time.monotonic()
             try:
-                await self._page()
+                await self._page(waited)
             except (OSError, ValueError, asyncio.IncompleteReadError):
                 self.fails += 1
                 continue
@@ -110,11 +110,12 @@ class _Guest:
             if self._waits:
                 await asyncio.sleep(max(1.0, 2 * self._spread) + random.random() * self._spread)
 
-    async def _page(self) -> None:
+    async def _page(self, waited: list[int]) -> None:
         incoming, outgoing = await asyncio.open_connection(self._host, self._port)
         try:
             lines = [b"GET %s HTTP/1.1" % self._path.encode(), b"Host: %s:%d" % (self._host.encode(), self._port)]
             lines += [b"X-Paddock-Parts: 1", b"Accept-Encoding: gzip", b"Connection: close"]
+            lines.append(b"X-Paddock-At: %d" % max(waited))
             if self._tag:
                 lines.append(b"If-None-Match: " + self._tag)
             outgoing.write(b"\r\n".join([*lines, b"", b""]))

@@ -13,10 +13,11 @@ from django.conf import settings
 from django.http import HttpRequest, HttpResponse
 from django.utils.cache import get_conditional_response, patch_vary_headers
 
+from core.streams.reading import last_numbered
 from core.unchanged import Unchanged, is_shared
 from races.spoilers import COOKIE, HEADER, PARAMETER
 
-from .moving import tag_of
+from .moving import ASKS, KNOWS, tag_of
 
 # What the database does not tell changes too: a race opens, "in 5 minutes" becomes "in 4". So a page lives this long
 LIVES_S = 1.0
@@ -60,6 +61,9 @@ class SharedPages:
     Whoever has a session or a token is no guest and always gets a page of their own. A page is kept only if it was
     made for nobody: answered 200, without a cookie and without a CSRF token. It is given only to who asked before it
     was begun or while nothing at all has been committed since, so nothing that was taken back is shown a moment longer.
+
+    Pages that were told on the stream what moved say up to which event (:data:`KNOWS`). When hundreds of them ask at
+    once, beside workers who commit all the time, they get one that was begun after that event, at most a second old.
     """
 
     def __init__(self, get_response: Answer) -> None:
@@ -69,7 +73,9 @@ class SharedPages:
     def __call__(self, request: HttpRequest) -> HttpResponse:
         if not _is_guests(request):
             return self.get_response(request)
-        found = self._pages.get(_key(request), LIVES_S, lambda: self._made(request))
+        found = self._pages.get(
+            _key(request), LIVES_S, lambda: self._made(request), number=_number(request), newest=last_numbered
+        )
         return _given(request, found) if isinstance(found, _Page) else found
 
     def process_view(self, request: HttpRequest, view: Any, args: Any, kwargs: Any) -> None:
@@ -100,6 +106,11 @@ def _is_guests(request: HttpRequest) -> bool:
     if request.path != "/" and not request.path.startswith(_BEGINNINGS):
         return False
     return is_shared()
+
+
+def _number(request: HttpRequest) -> int | None:
+    told = request.headers.get(KNOWS, "")
+    return int(told) if ASKS in request.headers and told.isascii() and told.isdecimal() and len(told) < 19 else None
 
 
 def _key(request: HttpRequest) -> tuple:

@@ -16,6 +16,7 @@ from django.utils.cache import get_conditional_response
 from django.utils.http import quote_etag
 
 ASKS = "X-Paddock-Parts"  # what moves.js sends
+KNOWS = "X-Paddock-At"  # and, where the stream told it, up to which event the page knows that something moved
 _NEVER_THE_SAME = re.compile(rb'(name="csrfmiddlewaretoken" value="|data-stream-at=")[^"]*')
 _THE_TIME = re.compile(rb'"now": \d+, ')
 Answer = Callable[[HttpRequest], HttpResponse]

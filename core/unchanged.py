@@ -21,6 +21,7 @@ class _Kept(Generic[T]):
 
     lock: threading.Lock = field(default_factory=threading.Lock)
     version: object = None
+    number: int = -1
     begun_at: float = 0.0
     value: T | None = None
 
@@ -40,22 +41,35 @@ class Unchanged(Generic[T]):
         self._kept: OrderedDict[Hashable, _Kept[T]] = OrderedDict()
         self._lock = threading.Lock()
 
-    def get(self, key: Hashable, lives_s: float, make: Callable[[], tuple[T, bool]]) -> T:
+    def get(
+        self,
+        key: Hashable,
+        lives_s: float,
+        make: Callable[[], tuple[T, bool]],
+        *,
+        number: int | None = None,
+        newest: Callable[[], int] | None = None,
+    ) -> T:
         """The value of ``key``. ``make`` gives a new one, and whether others may have it too.
+
+        ``number``: of the last thing that happened, as far as who asks was told; they are content with a value that
+        is young enough and was begun when ``newest()`` was as much, whatever else has been committed since.
 
         Not inside of a transaction: what it sees is its own (see :func:`is_shared`).
         """
         asked_at = time.monotonic()
         kept = self._of(key)
         with kept.lock:
+            is_young = time.monotonic() - kept.begun_at <= lives_s
+            if number is not None and kept.version is not None and is_young and kept.number >= number:
+                return kept.value  # type: ignore[return-value]
             version = database_version()
-            is_new = kept.begun_at >= asked_at or (
-                kept.version == version and time.monotonic() - kept.begun_at <= lives_s
-            )
+            is_new = kept.begun_at >= asked_at or (kept.version == version and is_young)
             if kept.version is not None and is_new:
                 return kept.value  # type: ignore[return-value]
             kept.version = kept.value = None
             begun_at = time.monotonic()
+            kept.number = newest() if newest is not None else -1
             value, for_all = make()
             if for_all:
                 kept.version, kept.begun_at, kept.value = version, begun_at, value

@@ -19,6 +19,7 @@
   const SAMPLES = 8;
   const AT_START = 3; // round trips when something begins; later one now and then
   const AGAIN_MS = 30000;
+  const SPREAD_MS = 5000;
   const OFF_MS = 250;
   const SLEPT_MS = 10000;
 
@@ -207,6 +208,8 @@
     async measure(times) {
       if (this.measuring) return;
       this.measuring = true;
+      // what begins, begins for all: they do not all ask at once
+      if (this.clock.known && times > 1) await new Promise((done) => setTimeout(done, SPREAD_MS * Math.random()));
       for (let time = 0; time < times; time += 1) {
         if (time) await new Promise((done) => setTimeout(done, 300 + 700 * Math.random()));
         this.measuredAt = performance.now();

@@ -159,6 +159,8 @@
     try {
       const headers = { "X-Paddock-Parts": "1" };
       if (state.tag) headers["If-None-Match"] = state.tag;
+      if (state.number) headers["X-Paddock-At"] = state.number;
+      state.number = 0;
       const answer = await fetch(address, { headers, cache: "no-store", signal: AbortSignal.timeout(15000) });
       if (answer.redirected || [401, 403, 404, 410].includes(answer.status)) {
         if (address === location.href.split("#")[0]) location.reload(); // it is not for this reader any more
@@ -185,9 +187,10 @@
     follow();
   }
 
-  function soon(address) {
-    if (!asked.has(address)) asked.set(address, { at: -Infinity });
+  function soon(address, number = 0) {
+    if (!asked.has(address)) asked.set(address, { at: -Infinity, number: 0 });
     const state = asked.get(address);
+    state.number = Math.max(state.number, number);
     if (state.timer) return;
     const gap = Math.max(0, state.at + Math.max(GAP_MS, 2 * spread) - performance.now());
     state.timer = setTimeout(() => ask(address), gap + Math.random() * spread);
@@ -205,12 +208,12 @@
   });
 
   let missed = false;
-  function moved(topics) {
+  function moved(topics, number = 0) {
     if (document.hidden) { missed = true; return; }
     const all = topics && new Set(topics);
     partsOf().filter((part) => !all || topicsOf(part).some((topic) => all.has(topic))).forEach((part) => {
       if (part.hasAttribute("hx-get")) nudge(part);
-      else if (part.id) soon(addressOf(part));
+      else if (part.id) soon(addressOf(part), number);
     });
   }
   document.addEventListener("paddock:raced", () => { if (!isUp) moved(null); });
@@ -229,7 +232,7 @@
     else if (message.is === "moved") {
       // "me" is written by the server with the reader's number
       const of = message.of && message.of.map((topic) => (topic === mine ? "me" : topic));
-      moved(of);
+      moved(of, message.at ?? 0);
       tell("news", { of });
     } else tell(message.is, message);
   }

@@ -58,7 +58,7 @@
       tellAll({ is: "up", spread });
     });
     on("beat", ({ spread }) => tellAll({ is: "up", spread }));
-    on("message", ({ of }) => tellAll({ is: "moved", of }));
+    on("message", ({ of, at }) => tellAll({ is: "moved", of, at: at ? Math.max(...at) : null }));
     on("reload", () => tellAll({ is: "moved", of: null }));
     on("said", ({ to, data }) => tellAll({ is: "said", to, data }));
     on("gone", () => { tellAll({ is: "moved", of: null }); down(); });

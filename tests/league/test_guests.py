@@ -11,7 +11,9 @@ from django.test import Client
 from django.utils import timezone
 
 from config import guests
+from core.streams.reading import newest
 from league.views import home as home_page
+from races.events import record_board
 from races.models import Race, Visibility
 from races.selectors import shared_board
 from races.views import races as race_pages
@@ -65,6 +67,28 @@ def test_a_board_is_rendered_once_for_all_guests(race, made):
         assert answer["Cache-Control"] == "private, no-cache"
     unchanged = client.get(at, headers={"If-None-Match": answers[0]["ETag"]})
     assert (unchanged.status_code, unchanged.content) == (304, b"")
+
+
+def test_pages_that_know_of_an_event_share_one_that_was_begun_after_it(race, made):
+    """Also while workers commit all the time, and whatever number somebody makes up."""
+    client, at = Client(), race.get_absolute_url()
+
+    def asked(number: int) -> int:
+        Race.objects.filter(pk=race.pk).update(description=f"Commit before {len(made)} {number}")
+        client.get(at, headers={"X-Paddock-Parts": "1", "X-Paddock-At": str(number)})
+        return len(made)
+
+    record_board(race)
+    first = newest()
+    assert [asked(first) for _ in range(3)] == [1, 1, 1]
+    assert asked(first + 1) == 2, "nobody had made one that knows so much"
+    assert asked(first + 1) == 3, "and nobody can: there is no such event"
+    record_board(race)
+    second = newest()
+    assert [asked(second) for _ in range(3)] == [4, 4, 4]
+    assert asked(first) == 4, "who knows less is content with it"
+    client.get(at)
+    assert len(made) == 5, "who was told nothing gets what is now"
 
 
 def test_a_changed_board_is_rendered_again_immediately(race, made, now, wakes):
