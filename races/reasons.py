@@ -337,6 +337,9 @@ register(
         "live_reactions_too_many": _("That were many reactions. Wait ten seconds."),
         "results_hidden": _("You hide results until you have watched the race. Watch it, or have its results shown."),
         "results_not_yet": _("The results are there once the race, or its live event, has ended."),
+        "highlights_none": _(
+            "Nothing in this live event makes a highlight: nobody finished a lap, crashed or saved a car."
+        ),
         "certificate_no_place": _("%(racer)s has no place in this race, so there is no certificate."),
         "live_undo_late": _("That can no longer be undone: two minutes have passed, or it has gone on since."),
     },

@@ -42,6 +42,7 @@ urlpatterns = [
     path("races/<slug:slug>/event/poses.json", live.live_poses, name="live_poses"),
     path("races/<slug:slug>/event/again/", afterwards.live_again, name="live_again"),
     path("races/<slug:slug>/event/again.json", afterwards.live_again_data, name="live_again_data"),
+    path("races/<slug:slug>/event/highlights/", afterwards.live_highlights, name="live_highlights"),
     path("races/<slug:slug>/event/results.csv", afterwards.live_results_csv, name="live_results_csv"),
     path("races/<slug:slug>/event/laps.csv", afterwards.live_laps_csv, name="live_laps_csv"),
     path("races/<slug:slug>/event/ghost.json", live.live_ghost, name="live_ghost"),

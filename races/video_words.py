@@ -10,7 +10,7 @@ from evaluation.models import Evaluation
 from videos.hooks import Runs, register_runs
 
 from .honours import race_of_marks
-from .models import Race
+from .models import Duel, Race, Submission
 from .names import named, names_track
 from .selectors.visibility import can_see_evaluation, evaluations_visible_to
 
@@ -40,6 +40,15 @@ def fastest_sectors_of(evaluation: Evaluation) -> Sequence[int | None]:
     return marked.fastest_sectors_ms if marked else ()
 
 
+def shown_together(runs: Sequence[str]) -> bool:
+    """Whether all these runs were shown in one race and stand in it still: nobody who drives in them has left it."""
+    wanted = set(runs)
+    sent = Submission.objects.filter(evaluation__public_id__in=wanted, is_live=True, entry__withdrawn_at=None)
+    found = dict(sent.values_list("evaluation__public_id", "entry__race"))
+    found |= dict(Duel.objects.filter(evaluation__public_id__in=wanted).values_list("evaluation__public_id", "race"))
+    return set(found) == wanted and len(set(found.values())) == 1
+
+
 def register() -> None:
     """Tell the videos what this room knows of runs."""
     register_runs(
@@ -48,6 +57,7 @@ def register() -> None:
             visible_to=evaluations_visible_to,
             titles=titles_of,
             fastest_sectors_ms=fastest_sectors_of,
+            shown_together=shown_together,
             related=("evaluation__submission__entry__race", "evaluation__duel__race"),
         )
     )

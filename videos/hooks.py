@@ -22,9 +22,11 @@ if TYPE_CHECKING:
 class Runs:
     """What is known of runs above this room.
 
-    ``can_see``: whether somebody may see a run, and its twin ``visible_to``: all runs that they may see. ``titles``: of
-    a run in a language, the title of its video and the line below. ``fastest_sectors_ms``: the times that its sectors
-    are held against for purple, empty for a run that takes no marks. ``related``: what of a run to read with it.
+    ``can_see``: whether somebody may see a run, and its twin ``visible_to``: all runs that they may see.
+    ``titles``: of a run in a language, the title of its video and the line below. ``fastest_sectors_ms``: the times
+    that its sectors are held against for purple, empty for a run that takes no marks. ``related``: what of a run to
+    read with it. ``shown_together``: whether all these runs, by their ids, still stand as they were shown to
+    everybody who may see the first.
     """
 
     can_see: Callable[[Viewer, Evaluation], bool]
@@ -32,6 +34,7 @@ class Runs:
     titles: Callable[[Evaluation, str], tuple[str, str]]
     fastest_sectors_ms: Callable[[Evaluation], Sequence[int | None]]
     related: tuple[str, ...] = ()
+    shown_together: Callable[[Sequence[str]], bool] = lambda runs: False
 
 
 _known: list[Runs] = []

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 from django.conf import settings
 from django.db import models
 from django.db.models import Q
@@ -15,6 +17,7 @@ from evaluation.models import SHA256
 from paddock.rules.race import MAX_CARS
 
 WHOLE = 0  # the part that is the whole run
+REEL = 32_000  # and the one that is moments of several runs; more than any run has laps
 
 
 class VideoState(models.TextChoices):
@@ -33,7 +36,8 @@ class Video(Job):
     """One video of a finished run: of the whole run or one lap, following one car, with words in one language.
 
     ``car``: the number of the car that is followed, 0 for the evaluation's own. ``part``: 0 for the whole run, else a
-    lap of that car.
+    lap of that car, or :data:`REEL`: the moments of several runs that ``segments`` has (:class:`videos.reel.Segment`),
+    whose first run is ``evaluation``.
     ``fingerprint``: of all that the file shows (:meth:`videos.run.VideoRun.fingerprint`); another one now, and the
     file shows somebody's old name or colours. ``asks``: how often ``asked_by`` asked for it on the day of ``asked_at``.
     """
@@ -45,6 +49,7 @@ class Video(Job):
     car = models.PositiveSmallIntegerField(_("car followed"), default=0)
     part = models.PositiveSmallIntegerField(_("part"), default=WHOLE, help_text=_("0: the whole run, else a lap."))
     language = models.CharField(_("language"), max_length=8)
+    segments: models.JSONField[Any, Any] = models.JSONField(_("moments"), null=True, blank=True)
 
     state = models.CharField(_("state"), max_length=8, choices=VideoState.choices, default=VideoState.WAITING)
     progress = models.PositiveSmallIntegerField(_("progress"), default=0, help_text=_("Per cent."))
@@ -80,6 +85,10 @@ class Video(Job):
             models.CheckConstraint(condition=Q(car__lt=MAX_CARS), name="video_car_in_range"),
             models.CheckConstraint(condition=Q(progress__lte=100), name="video_progress_in_range"),
             models.CheckConstraint(condition=~Q(language=""), name="video_has_language"),
+            models.CheckConstraint(
+                condition=Q(part=REEL, segments__isnull=False) | Q(part__lt=REEL, segments=None),
+                name="video_reel_has_moments",
+            ),
             models.CheckConstraint(
                 condition=Q(state="failed") & ~Q(reason_code="") | ~Q(state="failed") & Q(reason_code=""),
                 name="video_failed_for_a_reason",

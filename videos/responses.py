@@ -15,7 +15,7 @@ from core.storage_faults import storage_at_work
 from evaluation.files import as_download
 
 from .hooks import runs
-from .models import WHOLE, Video, VideoState
+from .models import REEL, WHOLE, Video, VideoState
 from .selectors import shown_video, videos_visible_to
 from .services import forget_lost_file, note_watched
 
@@ -72,7 +72,7 @@ def video_response(
 
 def file_name(video: Video) -> str:
     """What a video is downloaded as: its run, the car unless it is the run's own, the part."""
-    part = "run" if video.part == WHOLE else f"lap{video.part}"
+    part = {WHOLE: "run", REEL: "highlights"}.get(video.part, f"lap{video.part}")
     car = f"-car{video.car}" if video.car else ""
     return f"{video.evaluation.public_id}{car}-{part}.mp4"
 

@@ -17,7 +17,7 @@ from evaluation.services.results import read_layout, read_trace
 from paddock.errors import UserFault
 
 from .hooks import runs
-from .models import WHOLE, Video
+from .models import REEL, WHOLE, Video
 
 if TYPE_CHECKING:
     from videos.drawing import VideoScene
@@ -72,7 +72,7 @@ class VideoRun:
         return next(lap["time_ms"] for lap in self.car(car).result.laps if lap["number"] == part)
 
     @cached_property
-    def _shown(self) -> list[Any]:
+    def shown(self) -> list[Any]:
         """All that a picture of this run shows, whichever part and car: what changes it makes another video."""
         track = self.evaluation.track
         return [
@@ -89,11 +89,15 @@ class VideoRun:
     def fingerprint(self, car: int, part: int, language: str) -> str:
         """64 hexadecimal digits that change with anything that the video would show: names, looks, traces, words, the
         form of the picture. How fast others have become since (the purple of sectors) is not part of it."""
-        shown = json.dumps([car, part, language, *self._shown])
+        shown = json.dumps([car, part, language, *self.shown])
         return hashlib.sha256(shown.encode()).hexdigest()
 
     def is_current(self, video: Video) -> bool:
         """Whether a ready video shows what it would show if it were made now."""
+        if video.part == REEL:
+            from .reel import Reel
+
+            return video.fingerprint == Reel.of(video).fingerprint()
         return video.fingerprint == self.fingerprint(video.car, video.part, video.language)
 
     def scene(self, car: int, part: int, language: str) -> VideoScene:

@@ -13,7 +13,7 @@ from django.db.models import Q, QuerySet
 from evaluation.models import Evaluation, State
 
 from .hooks import runs
-from .models import UNDER_WAY, Video, VideoState
+from .models import REEL, UNDER_WAY, Video, VideoState
 from .run import VideoRun
 
 if TYPE_CHECKING:
@@ -95,8 +95,8 @@ def shown_video(video: Video, run: VideoRun | None = None) -> ShownVideo:
 
 
 def videos_of(run: VideoRun) -> list[ShownVideo]:
-    """All videos of a run, the one asked for last first. Two queries more for each that waits."""
-    videos = Video.objects.filter(evaluation=run.evaluation).select_related("asked_by")
+    """All videos of a run alone, the one asked for last first. Two queries more for each that waits."""
+    videos = Video.objects.filter(evaluation=run.evaluation, part__lt=REEL).select_related("asked_by")
     for video in (found := list(videos)):
         video.evaluation = run.evaluation
     return [shown_video(video, run) for video in found]

@@ -38,7 +38,7 @@ def driven_runs(event: LiveEvent) -> list[DrivenRun]:
     related = ("racer__entry__racer", "racer__entry__race", "duel__evaluation", "evaluation")
     slots = LiveSlot.objects.filter(event=event, state=SlotState.DONE).select_related(*related)
     found = list(slots.prefetch_related(HEAT_CARS).order_by("done_at", "position", "pk"))
-    runs = {slot.pk: _run_of(slot) for slot in found}
+    runs = {slot.pk: run_of(slot) for slot in found}
     results = Result.objects.filter(evaluation__in=[run for run in runs.values() if run is not None])
     laps: dict[int | None, dict[int, list]] = {}
     for result in results.only("evaluation", "laps").prefetch_related("rivals"):
@@ -52,6 +52,6 @@ def driven_runs(event: LiveEvent) -> list[DrivenRun]:
     ]
 
 
-def _run_of(slot: LiveSlot) -> int | None:
+def run_of(slot: LiveSlot) -> int | None:
     """The evaluation that a slot showed; None for a walkover."""
     return slot.duel.evaluation_id if slot.duel is not None else slot.evaluation_id

@@ -4,20 +4,25 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable
 
+from django.contrib.auth.decorators import login_required
 from django.http import Http404, HttpRequest, HttpResponse, JsonResponse
 from django.shortcuts import get_object_or_404, redirect, render
 from django.urls import reverse
 from django.utils import timezone
 from django.views.decorators.csrf import ensure_csrf_cookie
-from django.views.decorators.http import require_safe
+from django.views.decorators.http import require_POST, require_safe
 
-from paddock.errors import UserFault
+from accounts.who import racer_of
+from paddock.errors import PaddockError, UserFault
 from races.afterwards.again import again_document
 from races.afterwards.certificate import certificate, placed, require_settled
+from races.afterwards.highlights import evaluations_of, moments_of, segments_of
 from races.afterwards.results import event_csv, laps_csv, results_pdf
 from races.models import LiveEvent, LiveState, Race
 from races.replay import map_size
 from races.selectors.live import live_events_visible_to
+from videos.responses import page_language
+from videos.services import ask_for_reel
 
 from .common import tell_fault, too_many, visible_race
 
@@ -79,6 +84,25 @@ def live_again_data(request: HttpRequest, slug: str) -> HttpResponse:
         return JsonResponse(again_document(event, timezone.now()))
     except UserFault as fault:
         raise Http404 from fault
+
+
+@login_required
+@require_POST
+def live_highlights(request: HttpRequest, slug: str) -> HttpResponse:
+    """Ask for a video of the event's highlights."""
+    _race, event = _event(request, slug)
+    try:
+        segments = segments_of(moments_of(event), page_language())
+        ask_for_reel(
+            evaluations=evaluations_of(segments),
+            segments=segments,
+            by=racer_of(request),
+            language=page_language(),
+            now=timezone.now(),
+        )
+    except PaddockError as fault:
+        tell_fault(request, fault)
+    return redirect(f"{reverse('live_event', args=[slug])}#highlights")
 
 
 def _event(request: HttpRequest, slug: str) -> tuple[Race, LiveEvent]:

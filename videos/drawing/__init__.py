@@ -5,7 +5,7 @@ Importing this room loads neither PyAV nor OpenCV: both are loaded by the first 
 """
 
 from .scene import FULL, MAX_SECONDS, Form, Stopped, VideoCar, VideoFacts, VideoScene, Words
-from .writing import poster, write_video
+from .writing import poster, write_reel, write_video
 
 __all__ = [
     "FULL",
@@ -17,5 +17,6 @@ __all__ = [
     "VideoScene",
     "Words",
     "poster",
+    "write_reel",
     "write_video",
 ]

@@ -8,7 +8,7 @@ import numpy as np
 
 from . import palette, shapes
 from .brush import Sticker, disc, fill, rounded
-from .lettering import figures, shortened, write
+from .lettering import figures, mask, shortened, write
 from .panel import car_picture
 from .scene import Words
 from .take import Actor, Take
@@ -51,6 +51,17 @@ def result_card(take: Take, words: Words) -> Sticker:
         write(pixels, text, _PAD * unit, y, 16 * unit, palette.MUTED, palette.SURFACE)
     _foot(pixels, _figures(take, words), (high - _FOOT) * unit, unit)
     return card
+
+
+def caption(take: Take) -> Sticker:
+    """What is written below a moment of a run, on a ground of its own."""
+    unit = take.form.height / 720.0
+    size, pad = 24 * unit, 16 * unit
+    text = shortened(take.scene.caption, size, True, round(take.form.width - 120 * unit))
+    wide = mask(text, size, True).shape[1] + 2 * pad
+    sticker = Sticker.card(round(wide), round(52 * unit), 10 * unit, palette.SURFACE, palette.LINE_STRONG)
+    write(sticker.pixels, text, pad, 9 * unit, size, palette.TEXT, palette.SURFACE, bold=True)
+    return sticker
 
 
 def _in_order(take: Take) -> list[Actor]:

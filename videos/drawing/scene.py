@@ -96,7 +96,9 @@ class VideoScene:
     ``cars``: one to four; ``followed``: the ``number`` of the one that the picture follows. ``layout``: boxes and bots
     as in ``EvaluationOutcome.layout`` (:func:`evaluation.services.results.read_layout`), in metres and radians, a bot
     with a pose for each row of car 0's trace. ``order``: the numbers of the cars, winner first (empty: as in ``cars``).
-    ``lap``: show this lap of the followed car only (from 1); None for the whole run. ``fastest_sectors_ms``: of
+    ``lap``: show this lap of the followed car only (from 1); None for the whole run. ``window``: show what
+    happened from the first of these ms to the second alone, without the card at the end; ``caption``: what is written
+    below it. ``fastest_sectors_ms``: of
     everybody in the race, for the purple of the sectors; None or empty where the run has no race.
 
     Raises UserFault ``video_no_car`` for no car, more than four, or two with one number; ``video_lap_unknown``.
@@ -110,6 +112,8 @@ class VideoScene:
     layout: Mapping[str, list] = field(default_factory=lambda: _NO_LAYOUT)
     order: Sequence[int] = ()
     lap: int | None = None
+    window: tuple[int, int] | None = None
+    caption: str = ""
     fastest_sectors_ms: Sequence[int | None] = ()
     words: Words = field(default_factory=Words)
 

@@ -74,6 +74,8 @@ def prepare(scene: VideoScene, form: Form) -> Take:
         if lap is None:
             raise UserFault("video_lap_unknown", lap=scene.lap, laps=len(laps))
         start, end = float(lap.start_ms), float(lap.end_ms)
+    if scene.window is not None:
+        start, end = max(start, float(scene.window[0])), min(end, float(scene.window[1]))
     if not 0.0 <= start < end or start > hero_steps.t[-1]:
         raise UserFault("video_no_steps")
     if end - start > 1000.0 * MAX_SECONDS:
@@ -101,7 +103,7 @@ def prepare(scene: VideoScene, form: Form) -> Take:
         [bot for bot in bots if len(bot)],
         [(float(box["x"]), float(box["y"]), float(box["yaw"])) for box in scene.layout.get("boxes") or ()],
         follow(hero_steps, times, form.fps, _view_m(form)),
-        round(CARD_MS * form.fps / 1000.0),
+        round(CARD_MS * form.fps / 1000.0) if scene.window is None else 0,
         scene.words if is_drawable("".join(vars(scene.words).values())) else Words(),
     )
 

@@ -6,7 +6,7 @@ import secrets
 import shutil
 import tempfile
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, BinaryIO
@@ -48,15 +48,38 @@ def write_video(
     if not isinstance(out, Path):
         with tempfile.TemporaryDirectory(prefix="video-") as folder:
             whole = Path(folder) / "video.mp4"
-            facts = _write_frames(take, whole, on_progress, is_stopped)
+            facts = _write_frames([take], whole, on_progress, is_stopped)
             with whole.open("rb") as file:
                 shutil.copyfileobj(file, out)
         return facts
     unfinished = out.with_name(f".{secrets.token_hex(8)}.mp4")
     try:
         unfinished.touch(exist_ok=False)
-        facts = _write_frames(take, unfinished, on_progress, is_stopped)
+        facts = _write_frames([take], unfinished, on_progress, is_stopped)
         unfinished.replace(out)
+    finally:
+        unfinished.unlink(missing_ok=True)
+    return facts
+
+
+def write_reel(
+    scenes: Sequence[VideoScene],
+    path: Path,
+    *,
+    on_progress: Callable[[float], None] = lambda share: None,
+    is_stopped: Callable[[], bool] = lambda: False,
+    form: Form = FULL,
+) -> VideoFacts:
+    """Draw several scenes into one file, one after the other, each with its caption. As :func:`write_video`, but that
+    ``path`` is always a path."""
+    from .take import prepare
+
+    takes = [prepare(scene, form) for scene in scenes]
+    unfinished = path.with_name(f".{secrets.token_hex(8)}.mp4")
+    try:
+        unfinished.touch(exist_ok=False)
+        facts = _write_frames(takes, unfinished, on_progress, is_stopped)
+        unfinished.replace(path)
     finally:
         unfinished.unlink(missing_ok=True)
     return facts
@@ -94,7 +117,7 @@ class Painter:
     def __init__(self, take: Take) -> None:
         import numpy as np
 
-        from .card import result_card
+        from .card import caption, result_card
         from .panel import Panel
         from .view import View
 
@@ -103,6 +126,7 @@ class Painter:
         self._panel = Panel(take)
         self._view = View(take, take.form.width, take.form.height - self._panel.height)
         self._card = result_card(take, take.words)
+        self._caption = caption(take) if take.scene.caption else None
         self._last: np.ndarray | None = None
         self._ended = -1  # the last frame of the end that the picture shows
 
@@ -119,6 +143,10 @@ class Painter:
     def _paint(self, number: int) -> None:
         self._view.paint(self._picture, number)
         self._panel.paint(self._picture, number)
+        if self._caption is not None:
+            height = self._caption.cover.shape[0]
+            margin = round(24 * self._take.form.height / 720.0)
+            self._caption.put(self._picture, margin, self._take.form.height - height - margin, 1.0)
 
     def _end(self, number: int) -> None:
         """The card comes in over the last picture, which darkens."""
@@ -141,31 +169,34 @@ class Painter:
 
 
 def _write_frames(
-    take: Take, path: Path, on_progress: Callable[[float], None], is_stopped: Callable[[], bool]
+    takes: Sequence[Take], path: Path, on_progress: Callable[[float], None], is_stopped: Callable[[], bool]
 ) -> VideoFacts:
     from .encode import Encoder
 
     drawing = encoding = 0.0
     told = time.monotonic()
-    with _one_thread(), Encoder(path, take.form) as encoder:
-        painter = Painter(take)
-        for number in range(take.frames):
-            if is_stopped():
-                raise Stopped
-            began = time.process_time()
-            picture = painter.frame(number)
-            drawn = time.process_time()
-            encoder.add(picture)
-            drawing += drawn - began
-            encoding += time.process_time() - drawn
-            if time.monotonic() - told >= _TELL_EVERY_S:
-                on_progress(number / take.frames)
-                told = time.monotonic()
+    written, frames = 0, sum(take.frames for take in takes)
+    with _one_thread(), Encoder(path, takes[0].form) as encoder:
+        for take in takes:
+            painter = Painter(take)
+            for number in range(take.frames):
+                if is_stopped():
+                    raise Stopped
+                began = time.process_time()
+                picture = painter.frame(number)
+                drawn = time.process_time()
+                encoder.add(picture)
+                written += 1
+                drawing += drawn - began
+                encoding += time.process_time() - drawn
+                if time.monotonic() - told >= _TELL_EVERY_S:
+                    on_progress(written / frames)
+                    told = time.monotonic()
     on_progress(1.0)
-    width, height, fps = take.form
+    width, height, fps = takes[0].form
     return VideoFacts(
-        frames=take.frames,
-        duration_ms=round(1000.0 * take.frames / fps),
+        frames=frames,
+        duration_ms=round(1000.0 * frames / fps),
         width=width,
         height=height,
         size=path.stat().st_size,

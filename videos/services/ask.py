@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from datetime import datetime
 from typing import TYPE_CHECKING
@@ -15,8 +16,9 @@ from evaluation.models import Evaluation
 from evaluation.quotas import STORAGE
 from paddock.errors import UserFault
 
-from ..models import Video, VideoState
+from ..models import REEL, Video, VideoState
 from ..quotas import A_DAY, VIDEOS_A_DAY, VIDEOS_AT_ONCE
+from ..reel import Segment, length_of
 from ..run import VideoRun, check_language
 from .files import NO_FILE, delete_files_on_commit
 from .jobs import VIDEOS
@@ -57,27 +59,45 @@ def ask_for_video(
                 raise
 
 
+def ask_for_reel(
+    *, evaluations: Sequence[Evaluation], segments: Sequence[Segment], by: Racer, language: str, now: datetime
+) -> Asked:
+    """Put a video of moments of several runs into the queue, as :func:`ask_for_video` does; there is one for each first
+    run and language. ``evaluations``: the finished runs of the ``segments``. That ``by`` may see them, and who sees the
+    first sees all of them, is the caller's word.
+
+    Raises UserFault ``video_run_not_finished``, ``video_language``, ``video_too_long``, ``videos_off``,
+    ``storage_full``, ``videos_at_once``, ``videos_a_day``.
+    """
+    by_id = {one.public_id: one for one in evaluations}
+    run = VideoRun.of(by_id[segments[0].run])
+    of = {"evaluation": run.evaluation, "car": 0, "part": REEL, "language": check_language(language)}
+    return _ask(run, of, by, now, [one.told() for one in segments])
+
+
 @transaction.atomic
-def _ask(run: VideoRun, of: dict, by: Racer, now: datetime) -> Asked:
+def _ask(run: VideoRun, of: dict, by: Racer, now: datetime, segments: list[dict] | None = None) -> Asked:
     hold(by)
     video = Video.objects.filter(**of).first()
     if video is not None:
         video.evaluation = run.evaluation
-        if video.is_under_way or (video.state == VideoState.READY and run.is_current(video)):
+        stands = video.state == VideoState.READY and video.segments == segments and run.is_current(video)
+        if video.is_under_way or stands:
             return Asked(video, queued=False)
-    _refuse(run, of, by, now)
+    length_ms = run.length_ms(of["car"], of["part"]) if segments is None else sum(map(length_of, segments))
+    _refuse(length_ms, by, now)
     if video is None:
-        video = Video.objects.create(**of, asked_by_id=by.pk, asked_at=now)
+        video = Video.objects.create(**of, segments=segments, asked_by_id=by.pk, asked_at=now)
         VIDEOS.wake()
-    elif not _ask_again(video, by, now):
+    elif not _ask_again(video, by, now, segments):
         return Asked(Video.objects.get(**of), queued=False)  # somebody else did in this very moment
     return Asked(video, queued=True)
 
 
-def _refuse(run: VideoRun, of: dict, by: Racer, now: datetime) -> None:
+def _refuse(length_ms: int, by: Racer, now: datetime) -> None:
     if not settings.VIDEOS:
         raise UserFault("videos_off")
-    seconds = run.length_ms(of["car"], of["part"]) / 1000
+    seconds = length_ms / 1000
     if seconds > settings.VIDEO_SECONDS:
         raise UserFault("video_too_long", seconds=round(seconds), limit=settings.VIDEO_SECONDS)
     limit_mb = limit_of(by, STORAGE.name)
@@ -89,12 +109,12 @@ def _refuse(run: VideoRun, of: dict, by: Racer, now: datetime) -> None:
             raise UserFault(quota.name, limit=limit)
 
 
-def _ask_again(video: Video, by: Racer, now: datetime) -> bool:
+def _ask_again(video: Video, by: Racer, now: datetime, segments: list[dict] | None) -> bool:
     """Put a row whose video failed or is stale back into the queue; its old files go."""
     again = video.asked_by_id == by.pk and video.asked_at > now - A_DAY
     as_seen = Video.objects.filter(pk=video.pk, state=video.state, ended_at=video.ended_at)
     asks = video.asks + 1 if again else 1
-    changed = VIDEOS.begin_anew(as_seen, asked_by=by.pk, asked_at=now, asks=asks, **NO_FILE)
+    changed = VIDEOS.begin_anew(as_seen, asked_by=by.pk, asked_at=now, asks=asks, segments=segments, **NO_FILE)
     if changed:
         delete_files_on_commit([video.file.name, video.poster.name])
         video.refresh_from_db()

@@ -8,9 +8,9 @@ from datetime import datetime, timedelta
 from django.db.models import Q
 from django.utils import timezone
 
-from evaluation.models import TrainedModel
+from evaluation.models import Evaluation, TrainedModel
 
-from ..models import Video, VideoState
+from ..models import REEL, Video, VideoState
 from ..selectors import videos_to_purge
 from .files import FOLDER, NO_FILE, delete_files, delete_files_on_commit, storage
 
@@ -35,7 +35,11 @@ def forget_lost_file(*, video: Video, now: datetime) -> bool:
 
 def remove_videos_of_model(*, model: TrainedModel) -> int:
     """Delete all videos in which a model drives, files included. How many."""
-    _, counts = Video.objects.filter(Q(evaluation__model=model) | Q(evaluation__rivals__model=model)).delete()
+    mine = Q(evaluation__model=model) | Q(evaluation__rivals__model=model)
+    runs = Evaluation.objects.filter(Q(model=model) | Q(rivals__model=model)).values_list("public_id", flat=True)
+    reels = list(Video.objects.filter(part=REEL).only("pk", "segments")) if (in_runs := set(runs)) else []
+    shown = [reel.pk for reel in reels if any(one["run"] in in_runs for one in reel.segments)]
+    _, counts = Video.objects.filter(mine | Q(pk__in=shown)).delete()
     return counts.get("videos.Video", 0)
 
 

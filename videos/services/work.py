@@ -18,7 +18,8 @@ from core.jobs.work import never, run_next
 from evaluation.models import Evaluation
 from paddock.errors import PlatformFault
 
-from ..models import Video
+from ..models import REEL, Video
+from ..reel import Reel
 from ..run import VideoRun
 from .jobs import VIDEOS, DrawnVideo, finish_video
 
@@ -72,6 +73,13 @@ def _draw(video: Video, path: Path, tell: Callable[[int], None], should_stop: Ca
     ``storage_failed``."""
     from videos import drawing
 
+    if video.part == REEL:
+        reel = Reel.of(video)
+        scenes, fingerprint = reel.scenes(), reel.fingerprint()
+        facts = drawing.write_reel(
+            scenes, path, on_progress=lambda share: tell(int(99 * share)), is_stopped=should_stop
+        )
+        return DrawnVideo(path, drawing.poster(scenes[-1]), facts, fingerprint)
     related = ("result", "track", "owner", "model", "submission__entry__race", "duel__race")
     run = VideoRun.of(Evaluation.objects.select_related(*related).get(pk=video.evaluation_id))
     what = (video.car, video.part, video.language)
