@@ -30,6 +30,7 @@ from .selectors.live import played
 LEFT_OUT = ("now", "order", "bracket", "reactions")
 RECENT = 8  # chunks of the past that a late-comer draws: twice and more of what pages play behind
 LOOKED_EVERY_S, RARELY_S = 1.0, 5.0
+LEAST_S = 0.2  # between two looks, however much happens on the site
 AFTER_S = 0.01  # a chunk is asked for so long after it has passed
 MOST_BYTES = 32 * 1024  # of a state; a larger one is asked for by the pages
 
@@ -48,19 +49,22 @@ class Telling:
         self._begins: datetime | None = None
         self._slot: int | None = None
         self._after = -1
+        self._until = 0
         self._is_played = False
         self._rests_s = 0.0
+        self._has_moved = False
 
     def next(self, moved: bool) -> tuple[list[Data], float]:
         """What is new now, and for how long nothing will be unless something moves. ``moved``: something did."""
         now = timezone.now()
         said: list[Data] = []
-        if moved or now.timestamp() - self._looked_at >= self._rests_s:
+        self._has_moved |= moved
+        if now.timestamp() - self._looked_at >= (LEAST_S if self._has_moved else self._rests_s):
             said += self._looked(now)
         return said + self._poses(now), self._pause(now)
 
     def _looked(self, now: datetime) -> list[Data]:
-        self._looked_at = now.timestamp()
+        self._looked_at, self._has_moved = now.timestamp(), False
         event = event_of(self._race)
         self._event = None if event is None else event.pk
         if event is None:
@@ -95,10 +99,15 @@ class Telling:
             self._after = chunks[-1]["n"]
         if over:
             self._slot, self._is_played = None, False
-        return [{"poses": {"slot": slot.pk, "chunks": chunks, "over": over}}] if chunks or over else []
+        # that there is nothing more, while it is not revealed, is said too: pages would ask where it is
+        until, before = passed(slot.starts_at, now), self._until
+        self._until = until
+        is_said = bool(chunks) or over or 0 < until != before
+        return [{"poses": {"slot": slot.pk, "chunks": chunks, "over": over}}] if is_said else []
 
     def _pause(self, now: datetime) -> float:
-        pause = max(self._looked_at + self._rests_s - now.timestamp(), 0.0)
+        rests_s = LEAST_S if self._has_moved else self._rests_s
+        pause = max(self._looked_at + rests_s - now.timestamp(), 0.0)
         if self._is_played and self._begins is not None:
             ends = self._begins + (passed(self._begins, now) + 1) * timedelta(milliseconds=CHUNK_MS)
             pause = min(pause, (ends - now).total_seconds() + AFTER_S)

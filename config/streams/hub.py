@@ -143,6 +143,8 @@ class Hub:
     # --- what is told -------------------------------------------------------------------------------------------------
     def _ring(self) -> None:
         self._rang.set()
+        for stage in self._stages.values():  # they look for themselves, while the events are numbered
+            stage.moved.set()
 
     async def _follow(self) -> None:
         """Read what happened, and tell it: when the bell rings, and now and then without."""

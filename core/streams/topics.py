@@ -31,7 +31,7 @@ class Backstage(Protocol):
         """What ``question(*arguments)`` answers, in a thread that may ask the database."""
 
     async def rest(self, seconds: float) -> bool:
-        """Wait so long, or until the topic moves. Whether it moved."""
+        """Wait so long, or until the topic moves or something else happens. Whether it did."""
 
 
 @dataclass(frozen=True)

@@ -22,6 +22,7 @@ from tests.pages.test_live_walls import a_trace
 
 pytestmark = pytest.mark.django_db
 CHUNK = timedelta(milliseconds=500)
+LOOKS_AGAIN = timedelta(seconds=0.21)
 
 
 @pytest.fixture
@@ -98,6 +99,15 @@ def test_the_end_of_a_run_is_told_with_its_last_chunks(event, clock, now):
     assert not any("poses" in one for one in telling.next(moved=True)[0])
 
 
+def test_a_run_that_waits_for_its_reveal_says_that_there_is_nothing_more(event, clock, now):
+    telling = Telling(str(event.race_id))
+    for half in (60, 61, 62):
+        clock[0] = now + half * CHUNK
+        said = [one["poses"] for one in telling.next(moved=False)[0] if "poses" in one]
+        assert [one["over"] for one in said] == [False] and (half == 60 or said[0]["chunks"] == [])
+        assert not [one for one in telling.next(moved=False)[0] if "poses" in one], "once"
+
+
 def test_who_comes_in_the_middle_gets_the_last_seconds_and_what_happened_before(event, clock, now):
     clock[0] = now + timedelta(seconds=20)
     poses = welcome(str(event.race_id))["poses"]
@@ -113,16 +123,20 @@ def test_a_state_is_told_when_it_changed_and_reactions_apart(event, clock, now, 
     telling = Telling(str(event.race_id))
     told = [name for one in telling.next(moved=True)[0] for name in one]
     assert told == ["reactions", "state"]
+    clock[0] += LOOKS_AGAIN
     assert telling.next(moved=True)[0] == []
     say_to_spectators(event=event, message="Hello", by=alice, seen=None, now=now)
-    (said,) = telling.next(moved=True)[0]
+    said, pause = telling.next(moved=True)
+    assert said == [] and pause == pytest.approx(0.2, abs=1e-3), "it has just looked"
+    clock[0] += LOOKS_AGAIN
+    (said,) = telling.next(moved=False)[0]
     assert said["state"]["message"] == "Hello" and "order" not in said["state"]
     react(event=event, kind="clap", session="s", address="a", now=now)
+    clock[0] += LOOKS_AGAIN
     assert telling.next(moved=True)[0] == [{"reactions": {**telling._reactions, "clap": 1}}]
-    clock[0] = now + timedelta(seconds=0.2)
     pause_live(event=event, by=alice, seen=None, now=now)
     assert telling.next(moved=False)[0] == [], "it is looked at once a second"
-    clock[0] = now + timedelta(seconds=1.3)
+    clock[0] += timedelta(seconds=1)
     assert any("state" in one for one in telling.next(moved=False)[0]), "and without being told that it moved"
 
 
