@@ -55,6 +55,7 @@
       this.told = told;
       const slot = told.current && told.current.slot;
       if (slot && slot !== this.slot) { this.forget(); this.slot = slot; }
+      if (this.slot && !slot && !this.root.show.slot) this.forget(); // nobody is on track: no sectors are left
       const shows = told.podium.length && !told.current;
       const under = ["running", "paused", "ended"].includes(told.phase);
       this.root.dataset.phase = told.phase === "cancelled" ? "cancelled" : shows ? "podium" : under ? "running" : "before";
