@@ -108,6 +108,9 @@ def _decided_by(race: Race, slot: LiveSlot, duels: Duels) -> TreeTie | None:
     for each in duels.rounds:
         for tie in each.ties:
             if (tie.tie.round, tie.tie.number) == (duel.round, tie_of(duel.number, race.duel_heats)):
-                last = max(tie.heats, key=lambda heat: heat.duel.decided_at or slot.done_at, default=None)
-                return tie if tie.tie.winner is not None and last is not None and last.duel.pk == duel.pk else None
+                decided = [
+                    (heat.duel.decided_at, heat.duel.pk) for heat in tie.heats if heat.duel.decided_at is not None
+                ]
+                is_last = bool(decided) and max(decided)[1] == duel.pk
+                return tie if tie.tie.winner is not None and is_last else None
     return None

@@ -166,13 +166,13 @@ def _settle(event: LiveEvent, slot: LiveSlot, now: datetime) -> int:
         return 0  # it expires at its moment, as one that is late does
     if not due:
         return 0
-    car, (wish, *others) = car_of(slot.speed_next), wishes_of(slot.speed_wish) or [None]
+    car, wishes = car_of(slot.speed_next), wishes_of(slot.speed_wish)
     forget_speed(slot, now)
     LiveSlot.objects.filter(pk=slot.pk).update(speed_reason=None if adopted else late_for(car))
     slot.refresh_from_db()
-    if wish is not None and slot.ends_at is not None and now < slot.ends_at:
-        slot.speed_wish = others or None
-        _compute(event, slot, wish, now)
+    if wishes and slot.ends_at is not None and now < slot.ends_at:
+        slot.speed_wish = wishes[1:] or None
+        _compute(event, slot, wishes[0], now)
     _tell(event, now)
     return 1
 
