@@ -223,6 +223,8 @@ def fetched(show: Show, viewer: str) -> Iterator[tuple[str, int, bytes]]:
         if re.search(r"logout|/stream/", address):
             continue
         answer = client.get(address)
+        # what a page that there is not has been asked for is said back on the next one
+        client.cookies.pop("messages", None)
         yield address, answer.status_code, body(answer).replace(address.encode(), b"")
 
 
