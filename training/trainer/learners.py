@@ -208,7 +208,7 @@ class Learner:
     def act(self, rows: np.ndarray) -> np.ndarray:
         """What the policy does without exploring, for rows (n, length): the outputs of the network as raced."""
         policy = self.model.policy
-        policy.set_training_mode(False)
+        _at_rest(policy)
         with torch.no_grad():
             seen = torch.from_numpy(rows)
             if self.sac:
@@ -219,7 +219,7 @@ class Learner:
         """For one row (1, length): the outputs as of :meth:`act`, and what it expects to earn from here on, by PPO's
         value, by the lower of SAC's critics for what it would do."""
         policy = self.model.policy
-        policy.set_training_mode(False)
+        _at_rest(policy)
         with torch.no_grad():
             seen = torch.from_numpy(rows)
             if not self.sac:
@@ -291,6 +291,12 @@ class Learner:
             member = zipfile.ZipInfo("model_metadata.json")  # with a date of its own: a locked process asks no clock
             archive.writestr(member, json.dumps(self.spec.metadata, indent=2))
         return file.getvalue()
+
+
+def _at_rest(policy: Any) -> None:
+    """Out of the mode of learning; to say so again to every layer takes longer than a layer."""
+    if policy.training:
+        policy.set_training_mode(False)
 
 
 def _means(told: list[tuple[float, float, float]]) -> Losses:
