@@ -16,7 +16,7 @@ SHELL = "every page"  # where the buttons in the head of the page stand
 # the same part of a page, asked for by itself or under another tab
 PARTS = {"race_rules": "race", "race_runs": "race", "race_live": "race", "evaluation_live": "evaluation"}
 PARTS |= {"video_live": "evaluation", "training_live": "training"}
-ANYWHERE = {"training_first"}  # the same button wherever a car is asked for
+ANYWHERE = {"training_first", "spoilers"}  # the same button wherever a car, or a hidden result, is asked for
 OF_DJANGO = ("_addanother", "_continue")  # twins of Save in the admin site
 NO_PAGES = ("api/", "admin/", "i18n/", "health/")  # the admin site is walked by its registry
 A_FILE = re.compile(r"\.\w+$|\\\.\(|<str:name>$|/(export|print)/<\w+:form>/$")

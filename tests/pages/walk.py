@@ -60,6 +60,7 @@ NO_PAGES = {
     *("standings_file", "submit", "theme", "training_best", "training_evaluate", "training_last", "training_live"),
     *("report_again", "report_live", "report_stop"),
     *("training_logs", "training_metrics", "training_sb3", "training_stop", "training_trace", "video_file"),
+    "live_again",  # of an event that has ended: tests/pages/test_again_browser.py
     *("live_again_data", "live_highlights", "live_laps_csv", "live_results_csv"),
     *("race_certificate", "race_results_pdf"),
     *("car_choose", "guest_link", "race_laps_csv", "race_timing_worker", "sensor_revoke"),
@@ -255,7 +256,8 @@ def _paths(world, season, trained, training, pair, vehicle, token) -> dict[str, 
             *("/accounts/2fa/webauthn/", "/accounts/2fa/webauthn/add/"),
         ],
         "admin": [
-            *("/", "/seasons/new/", "/workers/", "/workers/evaluations/failed/?hours=0", "/races/open-race/", "/usage/")
+            *("/", "/seasons/new/", "/workers/", "/workers/evaluations/failed/?hours=0", "/races/open-race/", "/usage/"),
+            "/spoilers/",
         ],
     }
 
