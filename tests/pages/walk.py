@@ -256,7 +256,14 @@ def _paths(world, season, trained, training, pair, vehicle, token) -> dict[str, 
             *("/accounts/2fa/webauthn/", "/accounts/2fa/webauthn/add/"),
         ],
         "admin": [
-            *("/", "/seasons/new/", "/workers/", "/workers/evaluations/failed/?hours=0", "/races/open-race/", "/usage/"),
+            *(
+                "/",
+                "/seasons/new/",
+                "/workers/",
+                "/workers/evaluations/failed/?hours=0",
+                "/races/open-race/",
+                "/usage/",
+            ),
             "/spoilers/",
         ],
     }

@@ -12,17 +12,21 @@ from django.urls import reverse
 from django.utils import timezone
 
 from paddock.errors import UserFault
+from races.afterwards.again import again_document
 from races.afterwards.certificate import certificate, placed
+from races.afterwards.highlights import moments_of
 from races.afterwards.paper import Paper
 from races.afterwards.results import event_csv, laps_csv, results_pdf
 from races.afterwards.runs import driven_runs
 from races.afterwards.statistics import figures_of
 from races.afterwards.words import figure_words
 from races.models import Entry, LiveRacer, LiveState, Race, Visibility
-from races.services.live import cancel_live
+from races.services.live import cancel_live, end_live
 from races.views import afterwards as views
 from tests.factories import a_race, a_racer
 from tests.live_shows import a_live_race, a_show, an_ended_show, begun, compute, slot_of
+from tests.races.test_live_duels import a_live_draw, show_next
+from tests.races.test_live_duels import begun as drawn_and_begun
 
 pytestmark = pytest.mark.django_db
 ADDRESS = "https://paddock.example/races/race-night/"
@@ -195,3 +199,28 @@ def test_runs_that_were_not_shown_are_no_part_of_it(alice, now):
     compute(slot_of(other, "carl"), now, 30_000)
     assert driven_runs(other) == []
     assert other.state == LiveState.RUNNING
+
+
+def test_duels_have_figures_highlights_and_are_watched_again(alice, now):
+    """Heats are runs of several cars; nobody leads by time."""
+    event, at = drawn_and_begun(a_live_draw(now, alice, 3), alice)
+    for _ in range(4):
+        at = show_next(event, alice, at)
+    end_live(event=event, by=alice, seen=None, now=at)
+    event.refresh_from_db()
+    runs = driven_runs(event)
+    assert len(runs) == 8
+    assert [run.alias for run in runs[:4]] == ["car-2", "car-3", "car-3", "car-2"]
+    figures = figures_of(event)
+    assert (figures.runs, figures.lead_changes, figures.closest_ms) == (8, None, None)
+    assert figures.laps == sum(len(run.complete) for run in runs) > 0
+    told = again_document(event, at)
+    assert [len(step["state"]["current"]["cars"]) for step in told["steps"]] == [2] * 4
+    assert told["steps"][0]["state"]["standings"][0]["rank"] is None
+    assert told["steps"][-1]["after"]["standings"][0]["points"] > 0
+    assert told["end"]["podium"][0] == "car-1"
+    assert "".join(laps_csv(event)).count("\r\n") == 1 + sum(len(run.laps) for run in runs)
+    entry = Entry.objects.get(race=event.race, racer__alias="car-1")
+    assert placed(event.race, entry, at).rank == 1
+    closest = next((one for one in moments_of(event) if one.kind == "closest"), None)
+    assert closest is None or closest.run.slot.duel_id is not None
