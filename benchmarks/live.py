@@ -170,6 +170,7 @@ def _spectators(site: str, path: str, topics: tuple[str, str], count: int, late_
 
 def _show(seconds: float) -> tuple[Any, Any, Any]:
     """A live event under way with a run of so many seconds, computed and sealed; its organiser; and a quiet one."""
+    from django.db import transaction
     from django.utils import timezone
 
     from core import wakeup
@@ -184,7 +185,6 @@ def _show(seconds: float) -> tuple[Any, Any, Any]:
     ringing, wakeup.publish = wakeup.publish, lambda *_, **__: None  # these are no cars that could drive
     names = [f"racer{number}" for number in range(20)]
     race = a_live_race(now, alice, name="Race night", slug="race-night")
-    event = begun(a_show(now, alice, names, race=race, order="as_entered"), alice, now)
     lap_ms = 7_300
     steps, centre = round(seconds * 15), race.track.geometry.centre
     rows = []
@@ -197,12 +197,14 @@ def _show(seconds: float) -> tuple[Any, Any, Any]:
         for number in range(1, round(seconds * 1000) // lap_ms + 1)
     ]
     told = replace(outcome(laps), trace_csv="\n".join([HEADER, *rows, ""]).encode())
-    for slot in LiveSlot.objects.filter(event=event, evaluation__sealed=True):
-        assert slot.evaluation_id is not None
-        run = start(Evaluation.with_sealed.get(pk=slot.evaluation_id), timezone.now())
-        assert run.lease is not None
-        if not finish_evaluation(pk=run.pk, lease=run.lease, outcome=told, now=timezone.now()):
-            raise SiteError("a worker of the site took a run that is to be shown")
+    with transaction.atomic():  # no worker of the site sees them before they are computed
+        event = begun(a_show(now, alice, names, race=race, order="as_entered"), alice, now)
+        for slot in LiveSlot.objects.filter(event=event, evaluation__sealed=True):
+            assert slot.evaluation_id is not None
+            run = start(Evaluation.with_sealed.get(pk=slot.evaluation_id), timezone.now())
+            assert run.lease is not None
+            if not finish_evaluation(pk=run.pk, lease=run.lease, outcome=told, now=timezone.now()):
+                raise SiteError("a worker of the site took a run that is to be shown")
     quiet = a_show(now, alice, [], race=a_live_race(now, alice, name="Quiet", slug="quiet"))
     wakeup.publish = ringing
     return event, alice, quiet

@@ -5,7 +5,7 @@ Nothing here reads a sealed run but :func:`played`, which hands out what has pas
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from datetime import datetime, timedelta
 from typing import TYPE_CHECKING, Any
@@ -39,6 +39,8 @@ if TYPE_CHECKING:
     from accounts.models import Racer
 
 UP_NEXT = 3
+SOON = timedelta(hours=24)
+TOLD_OF = 3  # live events on a page of many races
 PODIUM = 3
 MOST_CHUNKS = 120  # a minute in one answer
 
@@ -95,6 +97,29 @@ def live_to_come(racer: Racer | AnonymousUser | None, now: datetime, *, within: 
     """What is live now or begins soon, as far as the racer may see it, the first first."""
     events = live_events_visible_to(racer).exclude(state__in=OVER).filter(race__cancelled_at=None)
     return events.filter(starts_at__lte=now + within).order_by("starts_at", "pk")
+
+
+@dataclass(frozen=True)
+class LiveNow:
+    """A live event as pages of other things tell of it. ``current``: who drives now; ``next``: who comes then."""
+
+    event: LiveEvent
+    phase: str
+    current: LiveSlot | None
+    next: list[LiveSlot]
+
+
+def live_now(racer: Racer | AnonymousUser | None, now: datetime, races: Iterable[int] | None = None) -> list[LiveNow]:
+    """What is live now or within a day: the first few, as far as the racer may see them. ``races``: ids of the only
+    races that are asked for. One query where there is none."""
+    events = live_to_come(racer, now, within=SOON)
+    if races is not None:
+        events = events.filter(race__in=list(races))
+    found = []
+    for event in events[:TOLD_OF]:
+        slots = running_order(event) if event.begun_at is not None else []
+        found.append(LiveNow(event, phase_of(event, now), on_track(slots), up_next(slots)))
+    return found
 
 
 def phase_of(event: LiveEvent, now: datetime) -> str:

@@ -8,6 +8,7 @@ from typing import Any
 from django import template
 from django.template import Context
 from django.template.base import FilterExpression, NodeList, Parser, Token
+from django.utils import timezone
 from django.utils.safestring import SafeString, mark_safe
 from django.utils.translation import get_language
 
@@ -15,6 +16,7 @@ from accounts.models import RacerGroup
 from races.cuts import Cut, cut_of
 from races.models import Race
 from races.selectors import Board, races_visible_to
+from races.selectors.live import live_now
 from races.selectors.on_track import on_track
 from races.streams import RACES
 
@@ -28,8 +30,11 @@ def track_now(context: Context, races: Iterable[Race] | None = None, follows: st
     user = getattr(context.get("request"), "user", None)
     race: Race | None = context.get("race") if races is None else None
     if race is not None:
-        return {"track": on_track(user, [race.pk]), "follows": f"race:{race.pk}", "race": race, "user": user}
-    return {"track": on_track(user, races and [each.pk for each in races]), "follows": follows, "user": user}
+        wanted, follows = [race.pk], f"race:{race.pk}"
+    else:
+        wanted = None if races is None else [each.pk for each in races]
+    told = {"track": on_track(user, wanted), "live": live_now(user, timezone.now(), wanted)}
+    return told | {"follows": follows, "race": race, "user": user}
 
 
 @register.simple_tag
