@@ -164,6 +164,7 @@ def measure(
         "speed_limit_mps": speed_limit,
         "line_m": line.length,
         "line_lap_s": line.lap_s(speed_limit),
+        "near": near,
         "wanted_lap_s": near * line.lap_s(speed_limit),
         "budget_s": budget_s,
         "budget_in": "processor time" if by_cpu else "wall time",

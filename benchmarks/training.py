@@ -164,12 +164,16 @@ def run(
     parts: Collection[str] = PARTS,
     shared: bool = False,
     speed_limit: float = racing_pace.SPEED_LIMIT_MPS,
+    near: float = racing_pace.NEAR,
+    budget_s: float = racing_pace.BUDGET_S,
 ) -> dict[str, Any]:
     """All figures as JSON values; those of parts that are left out are empty."""
     load = os.getloadavg()[0]
     first = {slug: lapping(slug, wizard_spec, seeds) for slug in tracks if "laps" in parts}
     line = {
-        slug: racing_pace.measure(slug, wizard_spec, seeds, by_cpu=shared, speed_limit=speed_limit)
+        slug: racing_pace.measure(
+            slug, wizard_spec, seeds, by_cpu=shared, speed_limit=speed_limit, near=near, budget_s=budget_s
+        )
         for slug in tracks
         if "line" in parts
     }
@@ -206,7 +210,7 @@ def misses(figures: dict[str, Any]) -> list[str]:
         if most is not None and found["wall_s"] > most:
             told.append(f"{slug}: {found['wall_s']:.1f} s to three clean laps, {most:g} s are promised")
     for slug, found in figures["near_the_racing_line"].items():
-        near = f"within {racing_pace.NEAR - 1:.0%} of the racing line"
+        near = f"within {found['near'] - 1:.0%} of the racing line"
         if found["reached"] < figures["seeds"]:
             told.append(f"{slug}: {found['reached']} of {figures['seeds']} trainings came {near}")
         spent = found["cpu_s" if found["budget_in"] == "processor time" else "wall_s"]
@@ -266,9 +270,10 @@ def _line_table(figures: dict[str, Any], seeds: int) -> list[str]:
     def cell(value: float | None, form: str) -> str:
         return "-" if value is None else format(value, form)
 
-    limit = next(iter(figures.values()))["speed_limit_mps"]
+    first = next(iter(figures.values()))
+    limit, near = first["speed_limit_mps"], first["near"]
     lines = [
-        f"From the start of a training to within {racing_pace.NEAR - 1:.0%} of the lap of the minimum-curvature line, "
+        f"From the start of a training to within {near - 1:.0%} of the lap of the minimum-curvature line, "
         f"both at {limit:g} m/s at most",
         f"{'':16}{'line':>9}{'wanted':>9}{'driven':>9}{'wall':>9}{'processor':>11}{'steps':>9}{'reached':>9}  seeds",
     ]
@@ -295,11 +300,26 @@ def main(arguments: list[str] | None = None) -> int:
     parser.add_argument(
         "--speed-limit", type=float, default=racing_pace.SPEED_LIMIT_MPS, help="m/s, of car and racing line"
     )
+    parser.add_argument(
+        "--near", type=float, default=racing_pace.NEAR, help="times the racing line's lap that are near enough"
+    )
+    parser.add_argument(
+        "--budget", type=float, default=racing_pace.BUDGET_S, metavar="SECONDS", help="to come so near to it"
+    )
     options = parser.parse_args(arguments)
+    if options.near < 1.0 or options.budget <= 0.0:
+        parser.error("--near: at least 1; --budget: more than 0 s")
     if not PADDOCK_CAR.min_speed <= options.speed_limit <= PADDOCK_CAR.max_speed:
         parser.error(f"--speed-limit: {PADDOCK_CAR.min_speed:g} to {PADDOCK_CAR.max_speed:g} m/s")
     figures = run(
-        options.tracks, options.seeds, options.compared_steps, options.parts, options.shared, options.speed_limit
+        options.tracks,
+        options.seeds,
+        options.compared_steps,
+        options.parts,
+        options.shared,
+        options.speed_limit,
+        near=options.near,
+        budget_s=options.budget,
     )
     return report(figures, as_json=options.json, table=table)
 

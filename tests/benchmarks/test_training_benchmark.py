@@ -18,6 +18,7 @@ def figures(
     line = {
         "speed_limit_mps": 3.0,
         "line_lap_s": 6.57,
+        "near": 1.25,
         "wanted_lap_s": 8.21,
         "budget_s": 300.0,
         "budget_in": "wall time",
@@ -104,19 +105,17 @@ def test_a_training_is_measured_from_start_to_laps(capsys):
 
 
 @pytest.mark.soak
-def test_a_training_to_pace_ends_when_its_budget_is_spent(monkeypatch):
+def test_a_training_to_pace_ends_when_its_budget_is_spent():
     pytest.importorskip("torch", reason="training is not installed: make training")
-    monkeypatch.setattr(racing_pace, "BUDGET_S", 1.0)
-    run = racing_pace.to_pace("oval", training.wizard_spec, 0, by_cpu=True)
+    run = racing_pace.to_pace("oval", training.wizard_spec, 0, by_cpu=True, budget_s=1.0)
     assert (run["reached"], run["lap_s"], run["steps"]) == (False, None, None)
     assert run["cpu_s"] >= 1.0
 
 
 @pytest.mark.soak
-def test_an_evaluation_decides_what_is_near_the_line(monkeypatch):
+def test_an_evaluation_decides_what_is_near_the_line():
     pytest.importorskip("torch", reason="training is not installed: make training")
-    monkeypatch.setattr(racing_pace, "NEAR", 3.0)  # whoever laps at all
-    run = racing_pace.to_pace("oval", training.wizard_spec, 0, by_cpu=True)
+    run = racing_pace.to_pace("oval", training.wizard_spec, 0, by_cpu=True, near=3.0)  # whoever laps at all
     assert run["reached"] and run["evaluations"] >= 1
     assert 0.9 < run["of_line"] <= 3.0, "the line bends least, and need not be the fastest"
     assert run["lap_s"] == pytest.approx(run["of_line"] * racing_pace.line_of("oval").lap_s(3.0))
