@@ -225,7 +225,11 @@
     list.dispatchEvent(new CustomEvent("paddock:box", { detail: { ...best, percent: best.percent.toFixed(1), near } }));
   });
 
-  // --- copy a link ---------------------------------------------------------------------------------------------------
+  // --- print a page, copy a link -----------------------------------------------------------------------------------
+  each("[data-print]", (button) => {
+    button.hidden = false;
+    button.addEventListener("click", () => print());
+  });
   each("[data-copy]", (button) => {
     button.hidden = false;
     button.addEventListener("click", async () => {

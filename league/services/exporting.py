@@ -154,7 +154,7 @@ def _driven_row(entry: Entry, race: Race) -> dict[str, Any]:
         times = dict(zip(_TIMES, (entry.average_ms, entry.best_lap_ms, total), strict=True))
         score = entry.score_ms
     return times | {
-        "Alias": entry.racer.alias,
+        "Alias": entry.racer.shown_name,
         "SubmissionTime": _sent(entry),
         "LapCount": laps_needed(race) if entry.classified else 0,
         "AvgResets": entry.resets / len(laps) if laps else 0.0,

@@ -75,7 +75,7 @@ _WORDS = {
     "discard": gettext_lazy("Discard"),
     "discarded": gettext_lazy("discarded"),
     "sure": gettext_lazy("Discard this session with its laps?"),
-    "laps": gettext_lazy("%s laps"),
+    "laps": gettext_lazy("laps: %s"),
     "sensorIdle": gettext_lazy("The sensor begins the first lap."),
     "needsNetwork": gettext_lazy("A sensor needs a network. Time by hand meanwhile."),
     "who": gettext_lazy("Choose a racer, or write a guest's name."),

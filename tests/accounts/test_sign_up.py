@@ -11,7 +11,7 @@ from django.utils import timezone
 from accounts.models import Racer, SignUpInvitation
 from accounts.services import take_up_invitation
 from paddock.errors import UserFault
-from tests.factories import a_racer
+from tests.factories import a_race, a_racer
 
 pytestmark = pytest.mark.django_db
 PASSWORD = "a long enough passphrase"
@@ -36,7 +36,8 @@ def test_closed_sign_up_is_refused_and_not_offered(client, settings) -> None:
     page = client.post("/accounts/signup/", form_of("alice"))
     assert "takes no new racers" in page.content.decode()
     assert aliases() == []
-    for path in ("/races/", "/accounts/login/"):
+    race = a_race(timezone.now())
+    for path in ("/", "/races/", race.get_absolute_url(), "/accounts/login/"):
         assert reverse("account_signup") not in client.get(path).content.decode()
 
 
