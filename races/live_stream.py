@@ -12,6 +12,7 @@ Poses come from :func:`races.selectors.live.played` alone, which hands out what 
 from __future__ import annotations
 
 import json
+import logging
 import zlib
 from collections.abc import AsyncIterator
 from datetime import datetime, timedelta
@@ -20,6 +21,7 @@ from typing import Any
 from django.utils import timezone
 
 from core.streams import Backstage
+from paddock.errors import PlatformFault
 
 from .live_document import live_document
 from .models import LiveEvent, LiveSlot, SlotState
@@ -27,6 +29,7 @@ from .models.live import UNDER_WAY
 from .poses import CHUNK_MS, passed
 from .selectors.live import played
 
+logger = logging.getLogger(__name__)
 LEFT_OUT = ("now", "order", "bracket", "reactions")
 RECENT = 8  # chunks of the past that a late-comer draws: twice and more of what pages play behind
 LOOKED_EVERY_S, RARELY_S = 1.0, 5.0
@@ -94,7 +97,7 @@ class Telling:
         if slot.pk != self._slot:
             self._slot, self._is_played = slot.pk, True
             self._after = passed(slot.starts_at, now) - 1 - RECENT
-        chunks, over = played(slot, now, after=self._after)
+        chunks, over = _played(slot, now, self._after)
         if chunks:
             self._after = chunks[-1]["n"]
         if over:
@@ -153,6 +156,15 @@ def event_of(key: str) -> LiveEvent | None:
     return LiveEvent.objects.select_related("race__track", "winner__racer").filter(race=int(key)).first()
 
 
+def _played(slot: LiveSlot, now: datetime, after: int) -> tuple[list[Data], bool]:
+    """What has been played; nothing while the storage is away, so that the rest is told all the same."""
+    try:
+        return played(slot, now, after=after)
+    except PlatformFault as fault:
+        logger.warning("The poses of slot %s cannot be read (%s).", slot.pk, fault.code)
+        return [], False
+
+
 def _so_far(slot: LiveSlot, starts_at: datetime, now: datetime) -> Data:
     """The last chunks of a run that is played, and of those before what happened and which laps were begun."""
     recent = max(0, passed(starts_at, now) - RECENT)
@@ -160,7 +172,7 @@ def _so_far(slot: LiveSlot, starts_at: datetime, now: datetime) -> Data:
     laps: dict[int, None] = {}
     chunks: list[Data] = []
     after = -1
-    while some := played(slot, now, after=after)[0]:
+    while some := _played(slot, now, after)[0]:
         after = some[-1]["n"]
         for chunk in some:
             if chunk["n"] >= recent:

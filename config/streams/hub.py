@@ -132,9 +132,13 @@ class Hub:
             self._welcome[topic] = made, monotonic()
         try:
             return await asyncio.shield(made)
-        except Exception:
+        except Error:
             self._welcome.pop(topic, None)
             raise
+        except Exception:  # of a room's own: the stream goes on without it
+            self._welcome.pop(topic, None)
+            logger.exception("The welcome of %s failed", topic)
+            return b""
 
     async def _made(self, topic: str, made_by: Any) -> bytes:
         said = await self._people.ask(made_by, topic.partition(":")[2])

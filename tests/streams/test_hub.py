@@ -64,6 +64,35 @@ def test_a_source_runs_once_while_somebody_follows_it(poses):
     assert b"shown" not in refused
 
 
+def test_a_welcome_is_made_once_for_a_crowd_and_one_that_fails_costs_nobody_the_stream(poses):
+    made: list[str] = []
+
+    def welcome(key: str) -> dict:
+        made.append(key)
+        return {"many": 1} if key == "open" else {}[key]
+
+    register_topic(Topic("shown", lambda viewer, key: True, welcome, None))
+
+    async def look() -> list[bytes]:
+        hub = Hub()
+        readers = [a_reader("shown:open", "shown:broken") for _ in range(20)]
+        await asyncio.gather(*(hub.come(reader, None) for reader in readers))
+        seen = [await reader.next() for reader in readers]
+        await hub.close()
+        return seen
+
+    seen = asyncio.run(look())
+    assert made.count("open") == 1
+    assert all(b'{"to":"shown:open","data":{"many":1}}' in each and b"event: hello" in each for each in seen)
+
+
+def test_what_is_said_while_a_reader_is_welcomed_comes_after_it():
+    reader = a_reader("races")
+    reader.tell(b"new;")
+    reader.tell_past([b"welcome;"])
+    assert asyncio.run(reader.next()) == b"welcome;new;"
+
+
 def test_a_stream_that_rests_is_sent_little():
     sent = len(message({"spread": 3000}, event="beat", position=10**12))
     assert sent * 60 / BEAT_S < 2_000 / 5, "with what TCP adds"

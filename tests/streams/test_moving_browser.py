@@ -2,20 +2,27 @@
 
 from __future__ import annotations
 
+import shutil
 import signal
 import subprocess
 import sys
 from collections.abc import Callable, Iterator
+from datetime import timedelta
 from itertools import pairwise
 
 import pytest
+from django.core.files.storage import default_storage
+from django.utils import timezone
 
 from races.events import record_board
 from races.models import Visibility
 from races.services import accept_invitation, remove_entry, submit_model
+from races.services.live import launch, say_to_spectators
 from tests.evaluation.processes import wait_for
 from tests.factories import a_model, a_race, a_racer, drive, laps, start
+from tests.live_shows import a_live_race, a_show, begun, slot_of
 from tests.pages.browsing import IN_A_BROWSER, chromium, visitor
+from tests.pages.test_screens_browser import compute
 from tests.shared import CHECKOUT
 from tests.streams.process import Streams, served
 
@@ -156,3 +163,44 @@ def test_who_is_removed_from_a_race_is_shown_it_no_more(looks_at, now) -> None:
     assert page.locator("#board").count() == 1
     remove_entry(entry=entry, by=owner, now=now)
     page.locator("#board").wait_for(state="detached")
+
+
+@pytest.fixture
+def on_track(streams, folder, now):
+    """A live event with a run of almost a minute that has been on track for some seconds."""
+    alice = a_racer("alice")
+    event = begun(a_show(now, alice, ["bob"], race=a_live_race(now, alice, slug="race-night")), alice, now)
+    compute(event)
+    shutil.copytree(default_storage.location, folder / "data" / "files", dirs_exist_ok=True)  # the processes' own
+    launch(event=event, slot=slot_of(event, "bob"), by=alice, seen=None, now=now - timedelta(seconds=14))
+    return event
+
+
+def test_a_live_page_asks_for_nothing_but_while_the_process_is_away(looks_at, streams, on_track) -> None:
+    """Neither for the state nor for poses; without the process the run is played on all the same."""
+    page, asked = looks_at("/races/race-night/event/"), []
+    page.on("request", lambda request: asked.append(request.url) if ".json" in request.url else None)
+    feed = "() => document.querySelector('[data-show]').show.feed"
+
+    def plays_on(by: int = 4) -> None:
+        page.wait_for_function(f"{feed}.after > {page.evaluate(f'{feed}.after') + by}")
+
+    page.wait_for_function(f"{feed}.streams")
+    plays_on()
+    asked.clear()
+    plays_on()
+    say_to_spectators(event=on_track, message="Hello", by=on_track.race.organiser, seen=None, now=timezone.now())
+    page.locator("#live-message", has_text="Hello").wait_for()
+    assert asked == [], "the stream tells it all"
+    streams.end(signal.SIGKILL)
+    page.wait_for_function(f"{feed}.streams === false")
+    plays_on()
+    assert any("poses.json" in url for url in asked) and any("state.json" in url for url in asked)
+    say_to_spectators(event=on_track, message="Still here", by=on_track.race.organiser, seen=None, now=timezone.now())
+    page.locator("#live-message", has_text="Still here").wait_for()
+    streams.start()
+    page.wait_for_function(f"{feed}.streams", timeout=60_000)
+    plays_on(2)
+    asked.clear()
+    plays_on()
+    assert asked == [] and page.evaluate("document.querySelector('[data-car]').hasAttribute('hidden')") is False
