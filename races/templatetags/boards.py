@@ -29,6 +29,7 @@ def track_now(context: Context, races: Iterable[Race] | None = None, follows: st
     ``follows``: what moves it; of a race, that race."""
     user = getattr(context.get("request"), "user", None)
     race: Race | None = context.get("race") if races is None else None
+    wanted: list[int] | None
     if race is not None:
         wanted, follows = [race.pk], f"race:{race.pk}"
     else:
