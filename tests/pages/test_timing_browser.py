@@ -150,8 +150,7 @@ def test_a_day_without_a_network_is_carried_over_once(keeper, race):
     keeper.press("Lap")
     keeper.press("End session")
     keeper.said("2 sessions have not been sent")
-    assert not TimedSession.objects.exists()
-    sent = []
+    sent = []  # what a page that is being closed may yet send, whatever is cut, comes once all the same
     keeper.page.on("request", lambda request: sent.append(request.post_data) if request.method == "POST" else None)
     keeper.context.set_offline(False)
     keeper.all_sent()
