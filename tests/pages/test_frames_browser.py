@@ -44,10 +44,10 @@ DRAWN = """() => {
 }"""
 
 
-@pytest.fixture
-def browser(monkeypatch) -> Iterator:
-    monkeypatch.setitem(os.environ, "DJANGO_ALLOW_ASYNC_UNSAFE", "true")  # Playwright's loop runs in this thread
-    with chromium() as opened:
+@pytest.fixture(scope="module")
+def browser() -> Iterator:
+    with pytest.MonkeyPatch.context() as patch, chromium() as opened:
+        patch.setitem(os.environ, "DJANGO_ALLOW_ASYNC_UNSAFE", "true")  # Playwright's loop runs in this thread
         yield opened
 
 
@@ -62,7 +62,9 @@ def event(browser, wakes) -> LiveEvent:
     return event
 
 
-@pytest.mark.parametrize(("path", "width"), [("live/phone/", 360), ("live/screen/", 1920)])
+@pytest.mark.parametrize(
+    ("path", "width"), [("live/phone/", 360), pytest.param("live/screen/", 1920, marks=pytest.mark.soak)]
+)
 def test_a_frame_moves_the_car_and_lays_nothing_out(browser, live_server, event, path, width):
     page = visitor(browser, live_server.url, viewport={"width": width, "height": width * 9 // 16 + 400}).new_page()
     page.goto(f"/races/race-night/{path}")
