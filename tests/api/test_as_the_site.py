@@ -121,10 +121,12 @@ ONLY_ON_PAGES: dict[str, str] = {
     ),
     **dict.fromkeys(("group", "group_join", "group_leave", "group_new"), "who belongs together is confirmed by people"),
     **dict.fromkeys(("invited", "invited_stop"), "the link in a mail, which works without logging in"),
+    "live_highlights": "one film of an event for who watches it; ask_for_video makes those of its runs",
     "live_react": "applause of who watches",
     **dict.fromkeys(("picture_remove", "picture_set"), "a picture of a person, chosen and looked at by that person"),
     "race_invited": "mails to people: a program would send them in numbers",
     **dict.fromkeys(("team", "team_join"), "people join people; change_profile founds a team and leaves it"),
+    "spoilers": "of who reads pages: a program sends X-Paddock-Spoilers",
     "set_language": "of a browser: a program sends Accept-Language",
     "theme": "of a browser",
 }
