@@ -34,7 +34,8 @@ def track_now(context: Context, races: Iterable[Race] | None = None, follows: st
         wanted, follows = [race.pk], f"race:{race.pk}"
     else:
         wanted = None if races is None else [each.pk for each in races]
-    told = {"track": on_track(user, wanted), "live": live_now(user, timezone.now(), wanted)}
+    live = [] if race is not None and not hasattr(race, "live_event") else live_now(user, timezone.now(), wanted)
+    told = {"track": on_track(user, wanted), "live": live}
     return told | {"follows": follows, "race": race, "user": user}
 
 
