@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 from collections.abc import Iterator
 from dataclasses import replace
 from datetime import timedelta
@@ -27,8 +26,7 @@ LAP_MS = {"bob": 2_900, "carl": 2_400, "dora": 3_050}
 
 
 @pytest.fixture
-def browser(monkeypatch) -> Iterator:
-    monkeypatch.setitem(os.environ, "DJANGO_ALLOW_ASYNC_UNSAFE", "true")  # Playwright's loop runs in this thread
+def browser() -> Iterator:
     with chromium() as opened:
         yield opened
 

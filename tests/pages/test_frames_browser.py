@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 from collections.abc import Iterator
 from datetime import timedelta
 
@@ -46,8 +45,7 @@ DRAWN = """() => {
 
 @pytest.fixture(scope="module")
 def browser() -> Iterator:
-    with pytest.MonkeyPatch.context() as patch, chromium() as opened:
-        patch.setitem(os.environ, "DJANGO_ALLOW_ASYNC_UNSAFE", "true")  # Playwright's loop runs in this thread
+    with chromium() as opened:
         yield opened
 
 
