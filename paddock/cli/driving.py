@@ -20,7 +20,7 @@ from paddock.errors import PaddockError, PlatformFault, UserFault, fault_from_di
 from paddock.geometry.catalogue import CATALOGUE
 from paddock.geometry.npy import MAX_BYTES, read_npy
 from paddock.geometry.track import TrackGeometry
-from paddock.rules.race import RUN_RULES, RaceRules
+from paddock.rules.race import LIVE_LAPS, RUN_RULES, RaceRules
 
 from .showing import Speaker, lap_time, table
 from .site import Site
@@ -61,13 +61,11 @@ def where_of(site: Site, told: Mapping[str, Any]) -> Where:
 
 def _refuse_endless(rules: RaceRules) -> None:
     """Raise ValueError for more of anything than a race may have: a site that names a billion milliseconds would keep
-    this computer busy for weeks. Laps may be more: time ends a run, and in a live event nothing else does."""
+    this computer busy for weeks. Laps may be more: in a live event it is time alone that ends a run."""
     for name, rule in RUN_RULES.items():
-        if name == "laps":
-            continue
-        value = getattr(rules, name)
-        if rule.most is not None and isinstance(value, (int, float)) and value > rule.most:
-            raise ValueError(f"{name} must be at most {rule.most}, not {value}")
+        value, most = getattr(rules, name), LIVE_LAPS if name == "laps" else rule.most
+        if most is not None and isinstance(value, (int, float)) and value > most:
+            raise ValueError(f"{name} must be at most {most}, not {value}")
 
 
 def _of_the_site(site: Site, slug: str) -> TrackGeometry:

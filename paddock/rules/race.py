@@ -402,6 +402,7 @@ class BoardRules:
     )
 
 
+LIVE_LAPS = 1000  # of a run in a live event: its time ends it
 RUN_RULES = rules_in(RaceRules)
 SINCE_THE_FIRST = ("start_m", "standing_laps", "bot_lane_change_m", "duel_gap_m", "speed_commands")
 _CHANGE_TIMES, _CHANGE_TIMES_TOLD = ("bot_lane_change_least_ms", "bot_lane_change_most_ms"), "bot_lane_change_ms"

@@ -12,7 +12,7 @@ from django.db import transaction
 from evaluation.queue_order import URGENT
 from evaluation.services import queue_evaluation
 from paddock.errors import UserFault
-from paddock.rules.race import RaceRules
+from paddock.rules.race import LIVE_LAPS, RaceRules
 
 from ...layout import race_rules
 from ...models import HEAT_CARS, LiveEvent, LiveSlot, Race, SlotState
@@ -23,12 +23,11 @@ from .roll import model_of, throw_away
 
 logger = logging.getLogger(__name__)
 AHEAD = 2
-MOST_LAPS = 1000  # the time ends an attempt
 
 
 def live_rules(event: LiveEvent, race: Race) -> RaceRules:
     """What a run of the event is told: the race's rules, for so long as an attempt lasts."""
-    return replace(race_rules(race), laps=MOST_LAPS, max_simulated_ms=event.attempt_ms)
+    return replace(race_rules(race), laps=LIVE_LAPS, max_simulated_ms=event.attempt_ms)
 
 
 @transaction.atomic
