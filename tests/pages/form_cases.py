@@ -47,7 +47,7 @@ LIVE = "/races/open-race/event/console/"
 
 def _logged(action: str) -> str:
     """That an act is the latest in the log of a live event."""
-    return f"css=.console-log li:first-child code:text-is('{action}')"
+    return f"css=.console-log li:first-child[data-act={action}]"
 
 
 STEWARD = "#steward-actions"
