@@ -33,7 +33,7 @@ def test_the_frame_follows_the_replay(browser, live_server, transactional_db, ru
         seek.scroll_into_view_if_needed()
         playwright.expect(frame).to_have_attribute("src", f"/evaluations/{evaluation.public_id}/seen/?ms=2000")
         playwright.expect(frame).to_be_visible()
-        page.wait_for_function("document.querySelector('[data-seen]').naturalWidth === 320")
+        playwright.expect(frame).to_have_js_property("naturalWidth", 320)
         if SHOTS:
             shoot(page, "run")
         page.get_by_role("link", name="What the car saw").click()
