@@ -33,7 +33,7 @@ from urllib.parse import urlsplit
 
 from .report import command, report
 from .site import SiteError, _running_site
-from .streams import _ENV, IDLE, IDLE_BYTES, P95_MS, _Guest, _health, _racing, _shares
+from .streams import _ENV, IDLE, IDLE_BYTES, P95_MS, _Guest, _health, _racing, _shares, table
 
 SPECTATORS, SECONDS, SAYS_EVERY_S = 500, 60, 4.0
 QUICK = {"spectators": 60, "seconds": 15}
@@ -378,11 +378,6 @@ def misses(figures: dict[str, Any]) -> list[str]:
     if figures["idle_bytes_per_minute"] > IDLE_BYTES:
         missed.append(f"a quiet event is sent {figures['idle_bytes_per_minute']} bytes a minute")
     return missed
-
-
-def table(figures: dict[str, Any]) -> str:
-    """The figures for a reader."""
-    return "\n".join(f"{name.replace('_', ' '):24} {value}" for name, value in figures.items())
 
 
 def main(arguments: list[str] | None = None) -> int:

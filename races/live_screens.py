@@ -6,7 +6,8 @@ from typing import Any
 
 from .models import LiveEvent
 from .selectors.live_reactions import reactions_of
-from .selectors.live_screens import best_sectors, best_sectors_by_racer, leader_of, shown_runs
+from .selectors.live_runs import shown_runs
+from .selectors.live_screens import best_sectors, best_sectors_by_racer, leader_of
 
 
 def screens_document(event: LiveEvent) -> dict[str, Any]:

@@ -15,7 +15,7 @@ from .poses import cut
 from .ranking import Standing
 from .replay import SECTORS
 from .selectors.live import on_track, played, running_order
-from .selectors.live_screens import ShownRun, shown_runs
+from .selectors.live_runs import DrivenRun, shown_runs
 from .story_words import TRACED, Sentence, incident, seconds
 
 MESSAGES = 20
@@ -72,7 +72,7 @@ def _played(slot: LiveSlot, now: datetime) -> Iterator[dict[str, Any]]:
         after = chunks[-1]["n"]
 
 
-def _by_laps(run: ShownRun) -> list[dict[str, Any]]:
+def _by_laps(run: DrivenRun) -> list[dict[str, Any]]:
     """The lines that a shown run crossed."""
     return [event for chunk in cut((), (), {0: run.laps}) for event in chunk["events"]] if run.laps else []
 
@@ -144,7 +144,7 @@ def _lap(at: datetime, alias: str, event: dict[str, Any], known: _Known) -> Iter
     known.own[alias] = min(ms, own or ms)
 
 
-def _outcome(run: ShownRun, known: _Known) -> Iterator[Sentence]:
+def _outcome(run: DrivenRun, known: _Known) -> Iterator[Sentence]:
     """How the racer stands once the run was shown."""
     at = run.slot.done_at
     assert at is not None

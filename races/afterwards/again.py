@@ -23,10 +23,9 @@ from ..models import (
     Opponents,
     SlotPhase,
 )
-from ..ranking import Standing
-from ..selectors.live import LiveRow, live_racers
-from ..selectors.live_screens import Leader, ShownRun, best_sectors, best_sectors_by_racer, leader_of
-from .runs import DrivenRun, driven_runs
+from ..selectors.live import LiveRow, live_racers, rows_by_time
+from ..selectors.live_runs import DrivenRun, driven_runs
+from ..selectors.live_screens import Leader, best_sectors, best_sectors_by_racer, leader_of
 
 COUNTDOWN_MS = 5_000
 BETWEEN_MS = 4_000  # how long the standings after a run stay before the next is announced
@@ -75,12 +74,12 @@ def _standing(event: LiveEvent, runs: Sequence[DrivenRun], racers: Sequence[Live
     if event.race.opponents == Opponents.MODELS:
         rows = _by_points(runs, racers)
         return {"standings": rows, "best_sectors": [], "own_sectors": {}, "leader": None}
-    shown = [ShownRun(run.slot, run.laps, run.standing) for run in runs]
-    leader = leader_of(event, shown)
+    leader = leader_of(event, runs)
+    by_time = rows_by_time(racers, [(run.entry.pk, run.standing) for run in runs])
     return {
-        "standings": _by_time(runs, racers),
-        "best_sectors": best_sectors(shown),
-        "own_sectors": best_sectors_by_racer(shown),
+        "standings": [row_document(row) for row in by_time],
+        "best_sectors": best_sectors(runs),
+        "own_sectors": best_sectors_by_racer(runs),
         "leader": None if leader is None else _leader(leader),
     }
 
@@ -96,27 +95,6 @@ def _leader(leader: Leader) -> dict[str, Any] | None:
         "lap": standing.best_lap_number,
         "sectors": list(standing.sectors),
     }
-
-
-def _by_time(runs: Sequence[DrivenRun], racers: Sequence[LiveRacer]) -> list[dict[str, Any]]:
-    best: dict[int, Standing] = {}
-    attempts: dict[int, int] = {}
-    for run in runs:
-        attempts[run.entry.pk] = attempts.get(run.entry.pk, 0) + 1
-        held = best.get(run.entry.pk)
-        if run.standing is not None and (held is None or run.standing.key < held.key):
-            best[run.entry.pk] = run.standing
-    timed = sorted((each for each in racers if each.entry_id in best), key=lambda each: best[each.entry_id].key)
-    leader = best[timed[0].entry_id].score_ms if timed else None
-    rows = []
-    for place, racer in enumerate(timed, start=1):
-        standing = best[racer.entry_id]
-        gap = None if standing.score_ms is None or leader is None else standing.score_ms - leader
-        rank = place if standing.classified else None
-        rows.append(LiveRow(racer, rank, standing, attempts[racer.entry_id], gap))
-    others = [each for each in racers if each.entry_id not in best]
-    rows += [LiveRow(each, None, None, attempts.get(each.entry_id, 0), None) for each in others]
-    return [row_document(row) for row in rows]
 
 
 def _by_points(runs: Sequence[DrivenRun], racers: Sequence[LiveRacer]) -> list[dict[str, Any]]:

@@ -48,9 +48,9 @@ def is_settled(race: Race, now: datetime) -> bool:
     """Whether a race has results to hand out: its live event has ended, or it has closed and none is to come."""
     if race.cancelled_at is not None:
         return False
-    event: LiveEvent | None = getattr(race, "live_event", None)
-    if event is not None and event.state == LiveState.ENDED:
+    if ended_event(race) is not None:
         return True
+    event: LiveEvent | None = getattr(race, "live_event", None)
     return race.state_at(now) == RaceState.CLOSED and (event is None or event.is_over)
 
 

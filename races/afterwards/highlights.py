@@ -28,8 +28,8 @@ from videos.reel import Segment
 
 from ..models import LiveEvent
 from ..selectors.live import live_standings
+from ..selectors.live_runs import DrivenRun, driven_runs
 from .again import require_ended
-from .runs import DrivenRun, driven_runs, run_of
 
 CRASHES, SAVES = 3, 2
 CRASH_MS = (3_000, 2_000)  # before and after
@@ -135,7 +135,7 @@ def segments_of(moments: Sequence[Highlight], language: str) -> list[Segment]:
     """The same for the video, with captions in a language."""
     with translation.override(language):
         return [
-            Segment(_evaluation(moment.run), moment.run.number, moment.start_ms, moment.end_ms, moment.words())
+            Segment(moment.run.evaluation.public_id, moment.run.number, moment.start_ms, moment.end_ms, moment.words())
             for moment in moments
         ]
 
@@ -240,11 +240,5 @@ def _before(first: DrivenRun, second: DrivenRun, gap_ms: int) -> Callable[[], st
 def _trace_of(run: DrivenRun) -> bytes:
     if run.standing is None:
         return b""
-    result = Result.objects.get(evaluation=run_of(run.slot))
+    result = Result.objects.get(evaluation=run.evaluation)
     return read_trace(result if run.number == 0 else result.rivals.get(number=run.number))
-
-
-def _evaluation(run: DrivenRun) -> str:
-    driven = run.slot.duel.evaluation if run.slot.duel is not None else run.slot.evaluation
-    assert driven is not None, "its slot was shown with a run"
-    return driven.public_id

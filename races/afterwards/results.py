@@ -21,9 +21,9 @@ from ..names import named
 from ..ranking import rule_for
 from ..selectors import whole_board
 from ..selectors.live import LiveRow, live_standings
+from ..selectors.live_runs import driven_runs
 from .certificate import MARGIN_MM, by_best_lap, ended_event, require_settled
 from .paper import ACCENT, SOFT, Paper, columns
-from .runs import driven_runs
 from .statistics import EventFigures, figures_of
 from .words import figure_words
 
@@ -131,11 +131,8 @@ def _board_rows(race: Race) -> Iterator[list[str]]:
     for row in islice(rows, MOST_ROWS):
         entry = row.entry
         score = score_words(entry) if row.classified else _("not classified")
-        yield [_place(row.rank), row.alias, score, _time(entry.best_lap_ms), *map(str, _counts(entry))]
-
-
-def _counts(entry: Any) -> tuple[int, int]:
-    return entry.complete_laps, entry.off_tracks
+        counts = [str(entry.complete_laps), str(entry.off_tracks)]
+        yield [_place(row.rank), row.alias, score, _time(entry.best_lap_ms), *counts]
 
 
 def _event_heading(race: Race) -> Heading:
@@ -174,7 +171,6 @@ def _table(paper: Paper, heading: Heading, rows: Iterable[Sequence[str]], top: f
     is left out."""
     wide = paper.width - 2 * MARGIN_MM
     places = columns(MARGIN_MM, (share * wide for _word, share, _right in heading))
-
     kept = [number for number, (word, _share, _right) in enumerate(heading) if word]
     places, heading = [places[number] for number in kept], [heading[number] for number in kept]
 

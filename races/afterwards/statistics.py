@@ -11,7 +11,7 @@ from typing import Any
 from ..models import LiveEvent
 from ..ranking import best_of_sectors
 from ..selectors.live import LiveRow, live_standings
-from .runs import DrivenRun, driven_runs
+from ..selectors.live_runs import DrivenRun, driven_runs
 
 
 @dataclass(frozen=True)

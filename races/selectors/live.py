@@ -5,6 +5,7 @@ Nothing here reads a sealed run but :func:`played`, which hands out what has pas
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from datetime import datetime, timedelta
@@ -162,28 +163,38 @@ def live_standings(event: LiveEvent) -> list[LiveRow]:
     slots = slots.select_related("racer__entry__racer").order_by("position", "pk")
     shown = [slot for slot in slots if slot.state == SlotState.DONE]
     laps = _laps_of(shown)
-    best: dict[int, Standing] = {}
-    attempts: dict[int, int] = {}
     racers: dict[int, LiveRacer] = {}
     for slot in slots:
         assert slot.racer is not None
         racers.setdefault(slot.racer.pk, slot.racer)
+    driven = []
     for slot in shown:
         assert slot.racer is not None
-        attempts[slot.racer.pk] = attempts.get(slot.racer.pk, 0) + 1
-        if slot.evaluation_id in laps:
-            standing = standing_in(race, laps[slot.evaluation_id])
-            held = best.get(slot.racer.pk)
-            best[slot.racer.pk] = standing if held is None or standing.key < held.key else held
-    ranked = sorted((pk for pk in racers if pk in best), key=lambda pk: best[pk].key)
-    leader = best[ranked[0]].score_ms if ranked else None
+        has_result = slot.evaluation_id in laps
+        driven.append((slot.racer.entry_id, standing_in(race, laps[slot.evaluation_id]) if has_result else None))
+    return rows_by_time(list(racers.values()), driven)
+
+
+def rows_by_time(racers: Sequence[LiveRacer], driven: Iterable[tuple[int, Standing | None]]) -> list[LiveRow]:
+    """The racers by the best of their attempts, the first first; then, as they come, who has none. ``driven``: of each
+    attempt the entry, and what it is worth."""
+    best: dict[int, Standing] = {}
+    attempts: Counter[int] = Counter()
+    for entry, standing in driven:
+        attempts[entry] += 1
+        if standing is not None:
+            held = best.get(entry)
+            best[entry] = standing if held is None or standing.key < held.key else held
+    ranked = sorted((racer for racer in racers if racer.entry_id in best), key=lambda racer: best[racer.entry_id].key)
+    leader = best[ranked[0].entry_id].score_ms if ranked else None
     rows = []
-    for place, pk in enumerate(ranked, start=1):
-        standing = best[pk]
+    for place, racer in enumerate(ranked, start=1):
+        standing = best[racer.entry_id]
         gap = None if standing.score_ms is None or leader is None else standing.score_ms - leader
-        rows.append(LiveRow(racers[pk], place if standing.classified else None, standing, attempts[pk], gap))
-    rows += [LiveRow(racer, None, None, attempts.get(pk, 0), None) for pk, racer in racers.items() if pk not in best]
-    return rows
+        rank = place if standing.classified else None
+        rows.append(LiveRow(racer, rank, standing, attempts[racer.entry_id], gap))
+    others = [racer for racer in racers if racer.entry_id not in best]
+    return rows + [LiveRow(racer, None, None, attempts[racer.entry_id], None) for racer in others]
 
 
 def _drawn_standings(event: LiveEvent) -> list[LiveRow]:

@@ -9,7 +9,8 @@ from typing import TYPE_CHECKING
 
 from ..models import Entry, LiveEvent, LiveRacer
 from .live import LiveRow, live_standings
-from .live_screens import ShownRun, best_sectors, shown_runs
+from .live_runs import DrivenRun, shown_runs
+from .live_screens import best_sectors
 from .visibility import races_visible_to
 
 if TYPE_CHECKING:
@@ -42,7 +43,7 @@ class Met:
 def facts_of(event: LiveEvent) -> list[Facts]:
     """Of every racer in the running order, as they stand."""
     runs = shown_runs(event)
-    by_racer: dict[int, list[ShownRun]] = {}
+    by_racer: dict[int, list[DrivenRun]] = {}
     for run in runs:
         by_racer.setdefault(run.slot.racer_id or 0, []).append(run)
     return [

@@ -45,8 +45,7 @@ def evaluation_seen(request: HttpRequest, public_id: str) -> HttpResponse:
         return late
     shown, number = _finished(request, public_id)
     try:
-        run = seen_run(shown, number)
-        moment = _moment(request, run)
+        run, moment = _looked_at(request, shown, number)
     except UserFault as fault:
         raise Http404 from fault
     sensors = _sensors(request, shown, number)
@@ -66,8 +65,7 @@ def evaluation_saw(request: HttpRequest, public_id: str) -> HttpResponse:
         return late
     shown, number = _finished(request, public_id)
     try:
-        run = seen_run(shown, number)
-        moment = _moment(request, run)
+        run, moment = _looked_at(request, shown, number)
     except UserFault as fault:
         tell_fault(request, fault)
         return redirect("evaluation", public_id)
@@ -116,13 +114,15 @@ def _sensors(request: HttpRequest, shown: Evaluation, number: int) -> list[str]:
     return sorted(metadata["sensor"])
 
 
-def _moment(request: HttpRequest, run: SeenRun) -> Moment:
+def _looked_at(request: HttpRequest, shown: Evaluation, number: int) -> tuple[SeenRun, Moment]:
+    """The car and the moment that the address names. Raises UserFault ``car_number``, ``seen_lap``."""
+
     def asked(name: str) -> int | None:
         text = request.GET.get(name, "")
         return min(int(text), _MOST_MS) if text.isascii() and text.isdecimal() and len(text) < 12 else None
 
-    step, lap = asked("step"), asked("lap")
-    return run.moment(step) if step is not None else run.at(asked("ms") or 0, lap)
+    run, step, lap = seen_run(shown, number), asked("step"), asked("lap")
+    return run, run.moment(step) if step is not None else run.at(asked("ms") or 0, lap)
 
 
 def _steps(run: SeenRun, moment: Moment) -> list[tuple[str, str, int]]:

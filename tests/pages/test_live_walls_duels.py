@@ -18,7 +18,7 @@ from races.services.live import begin_live, launch, plan_live, prepare_ahead, ti
 from tests.duels import duel_outcome
 from tests.factories import a_model, a_racer, drive, laps, start
 from tests.pages.conftest import make_world
-from tests.pages.test_live_walls import VIEWERS, Needles, Show, fetched, sought
+from tests.pages.test_live_walls import VIEWERS, Needles, Show, fetched, nothing_leaks, sought
 from tests.soak import only
 
 pytestmark = pytest.mark.django_db
@@ -90,13 +90,7 @@ def show(monkeypatch: pytest.MonkeyPatch, wakes, video_wakes) -> HeatShow:
 @pytest.mark.slow
 @pytest.mark.parametrize("viewer", only(("racer",), VIEWERS))
 def test_nothing_of_a_heat_that_is_to_come_leaves_the_server(show: HeatShow, viewer: str):
-    needles, leaks, shown = show.needles(), [], 0
-    for address, status, content in fetched(show, viewer):
-        shown += status == 200
-        leaks += [f"{what} in {address} ({status})" for what, needle in needles.items() if needle.search(content)]
-    leaks = [leak for leak in leaks if not leak.startswith("id of") or "(200)" in leak]
-    assert not leaks, "\n".join(leaks)
-    assert shown > 40, "the walk has seen hardly anything"
+    nothing_leaks(show, viewer)
     assert not Duel.objects.exclude(state="waiting", evaluation=None, tries=0).exists()
     assert not DuelCompetitor.objects.filter(place__isnull=False).exists()
     assert not Event.objects.filter(kind="duel.decided").exists()

@@ -17,10 +17,10 @@ from races.afterwards.certificate import certificate, placed
 from races.afterwards.highlights import moments_of
 from races.afterwards.paper import Paper
 from races.afterwards.results import event_csv, laps_csv, results_pdf
-from races.afterwards.runs import driven_runs
 from races.afterwards.statistics import figures_of
 from races.afterwards.words import figure_words
 from races.models import Entry, LiveRacer, LiveState, Race, Visibility
+from races.selectors.live_runs import driven_runs
 from races.services.live import cancel_live, end_live
 from races.views import afterwards as views
 from tests.factories import a_race, a_racer

@@ -27,6 +27,7 @@ from races.services.live import (
 )
 from tests.factories import a_model, a_racer, drive, laps
 from tests.live_shows import a_live_race, a_show, begun, compute, show, slot_of, slots
+from tests.refusals import refused
 
 pytestmark = pytest.mark.django_db
 
@@ -34,12 +35,6 @@ pytestmark = pytest.mark.django_db
 @pytest.fixture
 def alice():
     return a_racer("alice")
-
-
-def refused(code, call, **given):
-    with pytest.raises(UserFault) as caught:
-        call(**given)
-    assert caught.value.code == code
 
 
 class TestOrder:

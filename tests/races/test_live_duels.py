@@ -38,6 +38,7 @@ from races.services.live import (
 from tests.duels import a_duel_race, duel_outcome, qualify
 from tests.factories import a_model, a_racer, break_down, start
 from tests.live_shows import slots
+from tests.refusals import refused
 
 pytestmark = pytest.mark.django_db
 
@@ -86,12 +87,6 @@ def show_next(event: LiveEvent, by, now: datetime, choose=min) -> datetime:
     tick_live(now=over)
     prepare_ahead(event=event, now=over)
     return over
-
-
-def refused(code, call, **given):
-    with pytest.raises(UserFault) as caught:
-        call(**given)
-    assert caught.value.code == code
 
 
 class TestBracket:

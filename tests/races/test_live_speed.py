@@ -11,7 +11,6 @@ from django.utils import timezone
 
 from evaluation.models import Evaluation, Result
 from evaluation.services import finish_evaluation
-from paddock.errors import UserFault
 from paddock.rules.race import RaceRules
 from paddock.rules.speed import MOST_COMMANDS
 from races.live_document import live_document
@@ -23,6 +22,7 @@ from races.services.live.speed import effect_ms
 from tests.evaluation.stubs import HEADER
 from tests.factories import a_racer, lap, outcome, start
 from tests.live_shows import a_show, begun, compute, racer_of, slot_of
+from tests.refusals import refused
 
 pytestmark = pytest.mark.django_db
 BACKEND = "django.contrib.auth.backends.ModelBackend"
@@ -33,12 +33,6 @@ LEAD_S = 12  # 3 s and a twentieth of 180 s
 @pytest.fixture
 def alice():
     return a_racer("alice")
-
-
-def refused(code, call, **given):
-    with pytest.raises(UserFault) as caught:
-        call(**given)
-    assert caught.value.code == code
 
 
 def a_trace(lasts_ms: int, other_from_s: float) -> bytes:

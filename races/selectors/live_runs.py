@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
-from evaluation.models import Result
+from evaluation.models import Evaluation, Result
 
 from ..models import HEAT_CARS, Entry, LiveEvent, LiveSlot, SlotState
 from ..ranking import Standing, standing_in
@@ -28,6 +28,13 @@ class DrivenRun:
         return self.entry.shown_name
 
     @property
+    def evaluation(self) -> Evaluation:
+        """Its run: of a heat the same for all cars."""
+        driven = self.slot.duel.evaluation if self.slot.duel is not None else self.slot.evaluation
+        assert driven is not None, "its slot was shown with a run"
+        return driven
+
+    @property
     def complete(self) -> list[dict[str, Any]]:
         """The laps that were finished."""
         return [lap for lap in self.laps if lap["complete"]]
@@ -38,13 +45,13 @@ def driven_runs(event: LiveEvent) -> list[DrivenRun]:
     related = ("racer__entry__racer", "racer__entry__race", "duel__evaluation", "evaluation")
     slots = LiveSlot.objects.filter(event=event, state=SlotState.DONE).select_related(*related)
     found = list(slots.prefetch_related(HEAT_CARS).order_by("done_at", "position", "pk"))
-    runs = {slot.pk: run_of(slot) for slot in found}
+    runs = {slot.pk: _run_of(slot) for slot in found}
     results = Result.objects.filter(evaluation__in=[run for run in runs.values() if run is not None])
     laps: dict[int | None, dict[int, list]] = {}
     for result in results.only("evaluation", "laps").prefetch_related("rivals"):
         laps[result.evaluation_id] = {0: result.laps, **{each.number: each.laps for each in result.rivals.all()}}
     return [
-        DrivenRun(slot, entry, number, driven or [], None if driven is None else standing_in(event.race, driven))
+        _driven(event, slot, entry, number, driven)
         for slot in found
         if runs[slot.pk] is not None
         for number, entry in enumerate(slot.starting)
@@ -52,6 +59,26 @@ def driven_runs(event: LiveEvent) -> list[DrivenRun]:
     ]
 
 
-def run_of(slot: LiveSlot) -> int | None:
+def shown_runs(event: LiveEvent) -> list[DrivenRun]:
+    """The runs of racers alone, without heats of duels, the first first. Two queries."""
+    slots = LiveSlot.objects.filter(event=event, state=SlotState.DONE, racer__isnull=False)
+    found = list(slots.select_related("racer__entry__racer", "evaluation").order_by("done_at", "position", "pk"))
+    results = Result.objects.filter(evaluation__in=[slot.evaluation_id for slot in found])
+    laps: dict[int | None, list[dict[str, Any]]] = dict(results.values_list("evaluation", "laps"))
+    return [
+        _driven(event, slot, slot.racer.entry, 0, laps.get(slot.evaluation_id))
+        for slot in found
+        if slot.racer is not None
+    ]
+
+
+def _driven(
+    event: LiveEvent, slot: LiveSlot, entry: Entry, number: int, laps: list[dict[str, Any]] | None
+) -> DrivenRun:
+    """``laps``: None where there is no result."""
+    return DrivenRun(slot, entry, number, laps or [], None if laps is None else standing_in(event.race, laps))
+
+
+def _run_of(slot: LiveSlot) -> int | None:
     """The evaluation that a slot showed; None for a walkover."""
     return slot.duel.evaluation_id if slot.duel is not None else slot.evaluation_id
