@@ -98,6 +98,24 @@
   watchScrollers();
   document.addEventListener("htmx:afterSettle", watchScrollers);
 
+  // --- a track chosen by its picture: the list says so, and everything that hangs on it follows ------------------------
+  document.addEventListener("click", ({ target }) => {
+    const button = target.closest("[data-choose-track]");
+    const pictures = button && button.closest("[data-track-pictures]");
+    if (!pictures) return;
+    const list = pictures.closest("form").elements.track;
+    list.value = button.dataset.chooseTrack;
+    list.dispatchEvent(new Event("change", { bubbles: true }));
+    pictures.open = false;
+    list.focus();
+  });
+  document.addEventListener("htmx:afterSettle", ({ target }) => {
+    const pictures = target.closest && target.closest("[data-track-pictures]");
+    if (!pictures) return;
+    const known = new Set([...pictures.closest("form").elements.track.options].map((option) => option.value));
+    each("[data-of-track]", (card) => { card.hidden = !known.has(card.dataset.ofTrack); }, pictures);
+  });
+
   // --- menus close on Escape and on a click elsewhere ----------------------------------------------------------------
   document.addEventListener("click", (event) => each("details.menu[open]", (menu) => {
     if (!menu.contains(event.target)) menu.open = false;

@@ -29,7 +29,7 @@ if TYPE_CHECKING:
 NAME_LIMIT = length_of(Track, "name")
 SLUG_LIMIT = length_of(Track, "slug")
 # Addresses that pages use for something else.
-RESERVED_SLUGS = frozenset({"import", "new"})
+RESERVED_SLUGS = frozenset({"import", "new", "to-choose"})
 _SLUG = re.compile(r"[a-z0-9]+(?:-[a-z0-9]+)*\Z")
 _HIDDEN = re.compile(r"[\x00-\x1f\x7f]")
 

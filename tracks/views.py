@@ -38,6 +38,12 @@ def tracks(request: HttpRequest) -> HttpResponse:
 
 
 @require_safe
+def tracks_to_choose(request: HttpRequest) -> HttpResponse:
+    """Pictures and descriptions of all tracks, for the forms that ask for one of them."""
+    return render(request, "tracks/to_choose.html", {"tracks": found_tracks(), "figures": figures()})
+
+
+@require_safe
 def track(request: HttpRequest, slug: str) -> HttpResponse:
     """One track: map, figures and the races on it."""
     shown = get_object_or_404(with_figures(Track.objects.select_related("owner")), slug=slug)

@@ -93,7 +93,9 @@ def test_two_tracks_of_one_name_get_different_addresses(alice, now, oval_file):
     assert slugs == ["ring", "ring-2", "ring-3"]
 
 
-@pytest.mark.parametrize(("name", "slug"), [("한국 서킷", "track"), ("Import", "import-2"), ("New", "new-2")])
+@pytest.mark.parametrize(
+    ("name", "slug"), [("한국 서킷", "track"), ("Import", "import-2"), ("New", "new-2"), ("To choose", "to-choose-2")]
+)
 def test_non_latin_and_reserved_names_get_an_address_too(db, name, slug):
     assert free_slug(name) == slug
 
