@@ -15,7 +15,7 @@ export ORT_DISABLE_TELEMETRY := 1
 # Each process would compile our code and rewrite the tests anew
 unexport PYTHONDONTWRITEBYTECODE
 
-.PHONY: help setup run training package test soak lint lock audit bench clean compiled system-run system-test
+.PHONY: help setup run training package test journeys soak lint lock audit bench clean compiled system-run system-test
 
 help: ## what can be made
 	@grep -E '^[a-z-]+:.*## ' $(MAKEFILE_LIST) | sed -E 's/:.*## /\t/' | expand -t 12
@@ -30,11 +30,15 @@ training: system-run $(VENV)/.training ## what training models needs, however la
 package: $(VENV)/.run ## the racers' package, a wheel and a source archive in dist/: the engine and the command paddock
 	@$(BIN)/python scripts/package.py
 
-test: system-test $(VENV)/.test $(VENV)/.offered compiled ## every test (PYTEST_ARGS= for more, WORKERS= at a time)
-	$(BIN)/python -m pytest -n $(WORKERS) --dist loadgroup --no-loadscope-reorder $(PYTEST_ARGS)
+PYTEST := $(BIN)/python -m pytest -n $(WORKERS) --dist loadgroup --no-loadscope-reorder
+test: system-test $(VENV)/.test $(VENV)/.offered compiled ## every claim in minutes (PYTEST_ARGS= for more, WORKERS= at a time)
+	$(PYTEST) -m "not slow and not soak" $(PYTEST_ARGS)
 
-soak: system-test $(VENV)/.test $(VENV)/.offered compiled ## what "make test" leaves out: minutes each, variants, many examples
-	PADDOCK_SOAK=1 $(BIN)/python -m pytest -m "soak or hypothesis" -n $(WORKERS) --dist loadgroup --no-loadscope-reorder $(PYTEST_ARGS)
+journeys: system-test $(VENV)/.test $(VENV)/.offered compiled ## real browsers, programs and servers from end to end: what is marked slow
+	$(PYTEST) -m "slow and not soak" $(PYTEST_ARGS)
+
+soak: system-test $(VENV)/.test $(VENV)/.offered compiled ## what both leave out: minutes each, variants, many examples
+	PADDOCK_SOAK=1 $(PYTEST) -m "soak or hypothesis" $(PYTEST_ARGS)
 
 lint: system-test $(VENV)/.test ## style, layering, types, migrations, translations
 	$(BIN)/ruff check .

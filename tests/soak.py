@@ -1,4 +1,4 @@
-"""What ``make test`` leaves to ``make soak``: more of the same, at seconds of a processor each.
+"""What ``make test`` and ``make journeys`` leave to ``make soak``: more of the same, at seconds of a processor each.
 
 One of each kind always stays. ``make soak`` runs what is marked ``soak`` and, with all their examples, what hypothesis
 makes up (whose plugin marks it ``hypothesis``).

@@ -54,6 +54,7 @@ def test_the_wall_clock_time_is_accounted_for(job):
     assert outcome.shares["network"] <= outcome.shares["policy"] + 0.02  # a hundredth each of two clocks
 
 
+@pytest.mark.slow
 def test_a_broken_bound_repeats_the_whole_run(job):
     exactly = evaluate(replace(job, facts=NetworkFacts(bound=None).to_dict()))
     assert [sum(ways) for ways in exactly.ways] == [ways[EXACT] for ways in exactly.ways]

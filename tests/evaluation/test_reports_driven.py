@@ -45,6 +45,7 @@ def results(report: CarReport) -> list[tuple]:
     return list(report.laps.order_by("number").values_list("complete", "time_ms", "percent", "x", "y", "trace_sha256"))
 
 
+@pytest.mark.slow
 @pytest.mark.django_db(transaction=True)
 @pytest.mark.xdist_group("workers")
 def test_one_worker_or_two_of_which_one_is_killed_come_to_the_same_report(alice, oval, wakes, monkeypatch):

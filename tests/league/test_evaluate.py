@@ -57,6 +57,7 @@ def verify(evaluation) -> tuple[int, str]:
 
 
 class TestEvaluate:
+    @pytest.mark.slow
     @needs_shared
     def test_a_console_car_laps_identically_without_a_database(self):
         track = SHARED / "tracks" / "reInvent2019_wide.npy"

@@ -163,6 +163,7 @@ class TestBadInput:
         assert (status, json.loads(out)["error"]["code"]) == (2, "not_a_model")
 
 
+@pytest.mark.slow
 @pytest.mark.django_db(transaction=True)
 class TestSite:
     """The worker's code, the command line and a second run agree."""

@@ -108,6 +108,7 @@ def test_every_command_is_tested():
     assert set(COMMANDS) == {*GIVEN, *ASKS}
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("command", GIVEN)
 def test_every_command_explains_a_missing_database(run, command):
     sentence = said(run(command, *GIVEN[command]))
@@ -116,6 +117,7 @@ def test_every_command_explains_a_missing_database(run, command):
     assert ("database_not_ready" in sentence) == (command in asking)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "database",
     ["postgres://127.0.0.1:1/none", "sqlite:////nowhere/at/all.sqlite3", f"sqlite:///{__file__}"],

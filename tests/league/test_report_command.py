@@ -34,6 +34,7 @@ def few(monkeypatch) -> None:
     monkeypatch.setattr(planning, "VARIATIONS", 6)
 
 
+@pytest.mark.slow
 @pytest.mark.django_db
 def test_it_comes_to_the_hash_of_the_site(alice, oval, wakes, monkeypatch):
     heard(monkeypatch, "evaluation.tasks.drive_reports")

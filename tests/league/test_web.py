@@ -21,6 +21,7 @@ from tests.evaluation.processes import family_of, is_running, wait_for
 from tests.servers import running
 from tests.shared import CHECKOUT
 
+pytestmark = pytest.mark.slow
 # A fifth of the thousand that the benchmark holds open; a server with threads for connections has eight
 SLOW = 200
 MEGABYTE = 1024 * 1024

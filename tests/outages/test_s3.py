@@ -28,7 +28,7 @@ from tests.pages.test_garage import upload, zipped
 from tests.rows import model_row
 from tests.sandbox.networks import METADATA, small_network
 
-pytestmark = pytest.mark.django_db
+pytestmark = [pytest.mark.django_db, pytest.mark.slow]
 READS = [mood for mood in MOODS if mood != "full"]  # a full one is still read
 
 

@@ -16,7 +16,7 @@ from tests.league.backed_up import answers
 from tests.league.test_backup import addresses, command, empty_place
 from tests.outages.bucket import BUCKET
 
-pytestmark = pytest.mark.django_db(transaction=True)
+pytestmark = [pytest.mark.django_db(transaction=True), pytest.mark.slow]
 
 
 @pytest.fixture

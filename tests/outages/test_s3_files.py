@@ -17,7 +17,7 @@ from tests.training.jobs import a_trained_one
 from videos.models import Video, VideoState
 from videos.services import ask_for_video, run_next_video
 
-pytestmark = pytest.mark.django_db
+pytestmark = [pytest.mark.django_db, pytest.mark.slow]
 AWAY = ["stopped", "slow"]
 
 

@@ -33,7 +33,7 @@ from tests.factories import a_model, lap, outcome, start
 from tests.pages.conftest import World, make_world
 from tests.soak import only
 
-pytestmark = pytest.mark.django_db
+pytestmark = [pytest.mark.django_db, pytest.mark.slow]
 PLAYED_S = 6
 FIRST_MS, SECOND_MS = 13_457, 12_861  # laps that nobody else drives; both end after what is played
 STEP_MS = 1000 / 15

@@ -21,7 +21,7 @@ from tests.pages.conftest import make_world
 from tests.pages.test_live_walls import VIEWERS, Needles, Show, fetched, nothing_leaks, sought
 from tests.soak import only
 
-pytestmark = pytest.mark.django_db
+pytestmark = [pytest.mark.django_db, pytest.mark.slow]
 LAP_MS = 13_457  # nobody else drives it
 
 

@@ -21,7 +21,7 @@ from paddock.packages.read import UploadPart
 from tests.hostile.parts import regular
 from tests.paddock.packages.coach import MEDIUM, coach_graph, metadata_dict
 
-pytestmark = pytest.mark.xdist_group("large networks")  # one after the other: they are large
+pytestmark = [pytest.mark.xdist_group("large networks"), pytest.mark.slow]  # one after the other: they are large
 ACTIONS = 5
 
 
