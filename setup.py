@@ -1,4 +1,4 @@
-"""What pyproject.toml cannot say: the camera's C function is compiled where there is a compiler, and left out
+"""What pyproject.toml cannot say: the engine's C functions are compiled where there is a compiler, and left out
 elsewhere, see paddock/simulator/camera/compiled.py. The same file builds the site and, in a tree that
 scripts/package.py puts together, the racers' package."""
 
@@ -37,7 +37,7 @@ class BuildWarp(build_ext):
 
 
 class AnyPython(bdist_wheel):
-    """The wheel is of a system and a processor, and of any Python 3: the C function knows nothing of Python."""
+    """The wheel is of a system and a processor, and of any Python 3: the C functions know nothing of Python."""
 
     def get_tag(self) -> tuple[str, str, str]:
         return "py3", "none", super().get_tag()[2]
@@ -53,7 +53,8 @@ class WithStart(build_py):
                 self.copy_file(str(line), str(Path(self.build_lib, line.name)))
 
 
+sources = [str(SOURCE.with_name("warp.c")), str(SOURCE.parent.with_name("rows.c"))]
 setup(
-    ext_modules=[Extension("paddock.simulator.camera.warp", [str(SOURCE.with_name("warp.c"))], optional=True)],
+    ext_modules=[Extension("paddock.simulator.camera.warp", sources, optional=True)],
     cmdclass={"build_ext": BuildWarp, "bdist_wheel": AnyPython, "build_py": WithStart},
 )

@@ -7,6 +7,9 @@ from dataclasses import dataclass
 from typing import NamedTuple, get_type_hints
 
 import numpy as np
+from numpy.typing import ArrayLike
+
+from .rows import written
 
 # deepracer-simapp 6, metrics: episode_status labels of the trace.
 IN_PROGRESS, PREPARE, PAUSE = "in_progress", "prepare", "pause"
@@ -58,6 +61,11 @@ _DTYPES = {int: "<i8", float: "<f8", bool: "|b1", str: f"<U{max(map(len, STATUSE
 _TYPES = get_type_hints(Row)
 
 
+def column(name: str, values: ArrayLike) -> np.ndarray:
+    """The values of a column, as a trace holds them."""
+    return np.asarray(values, dtype=_DTYPES[_TYPES[name]])
+
+
 @dataclass(frozen=True)
 class Trace:
     """All rows of a run, one numpy array a column (attribute and key by the column's name)."""
@@ -68,9 +76,7 @@ class Trace:
     def of(cls, rows: list[Row]) -> Trace:
         """Columns from rows."""
         turned = list(zip(*rows, strict=True)) if rows else [()] * len(COLUMNS)
-        return cls(
-            {name: np.array(values, dtype=_DTYPES[_TYPES[name]]) for name, values in zip(COLUMNS, turned, strict=True)}
-        )
+        return cls({name: column(name, values) for name, values in zip(COLUMNS, turned, strict=True)})
 
     def __len__(self) -> int:
         return len(self.columns["steps"])
@@ -90,25 +96,7 @@ class Trace:
 
     def to_csv(self) -> bytes:
         """The official file: header and a line a row, floats with all their digits."""
-        lines = [",".join(COLUMNS)]
-        # Digits are what takes time here, and columns repeat: one value all the way down, or another column's.
-        written: dict[tuple[str, bytes], list[str]] = {}
-        columns = []
-        for name in COLUMNS:
-            column = self.columns[name]
-            content = column.tobytes()
-            key = column.dtype.str, content
-            if key not in written:
-                values = column.tolist()
-                if _TYPES[name] is str:
-                    written[key] = values
-                elif values and content == content[: column.itemsize] * len(values):
-                    written[key] = [repr(values[0])] * len(values)
-                else:
-                    written[key] = list(map(repr, values))
-            columns.append(written[key])
-        lines.extend(map(",".join, zip(*columns, strict=True)))
-        return ("\n".join(lines) + "\n").encode()
+        return (",".join(COLUMNS) + "\n").encode() + written([self.columns[name] for name in COLUMNS])
 
     def points(self) -> np.ndarray:
         """(n, 2): the trajectory of the nose, for drawing."""

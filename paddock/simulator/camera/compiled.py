@@ -1,9 +1,9 @@
-"""The camera's C function: how it is compiled, and how it is found again.
+"""The engine's C functions, the camera's before all: how they are compiled, and how they are found again.
 
-It needs a C compiler and nothing else, no header of Python's or of the C library. ``pip install`` compiles it where it
-can (``setup.py``), ``make`` too, and so does ``python -m paddock.simulator.camera.compiled``, which needs no package
-at all. Where it is missing, or was made of another source than the one beside it, pictures are drawn by numpy: the
-same to the bit, and many times slower.
+They need a C compiler and nothing else, no header of Python's or of the C library. ``pip install`` compiles them where
+it can (``setup.py``), ``make`` too, and so does ``python -m paddock.simulator.camera.compiled``, which needs no package
+at all. Where they are missing, or were made of other sources than those that are here, pictures are drawn by numpy and
+traces written by Python: the same to the bit, and many times slower.
 """
 
 from __future__ import annotations
@@ -19,6 +19,7 @@ import tempfile
 from pathlib import Path
 
 SOURCE = Path(__file__).parent / "warp.c"
+OTHERS = (Path(__file__).parent.parent / "rows.c",)
 # One for each kind of processor, for a folder may be shared; whatever the Python, which it does not know.
 LIBRARY = SOURCE.with_name(f"warp-{sys.platform}-{platform.machine()}.so")
 
@@ -32,12 +33,13 @@ _PATIENCE_S = 60.0
 
 
 def identity() -> str:
-    """What a library must have been made of: sha-256 (hex) of the source and the flags. Raises OSError."""
-    return hashlib.sha256(SOURCE.read_bytes() + "\0".join(_FLAGS).encode()).hexdigest()
+    """What a library must have been made of: sha-256 (hex) of the sources and the flags. Raises OSError."""
+    sources = b"".join(source.read_bytes() for source in (SOURCE, *OTHERS))
+    return hashlib.sha256(sources + "\0".join(_FLAGS).encode()).hexdigest()
 
 
 def load(library: Path = LIBRARY) -> ctypes.CDLL | None:
-    """The library, or None where there is none of this source and these flags. In a sandbox: before the lock."""
+    """The library, or None where there is none of these sources and flags. In a sandbox: before the lock."""
     try:
         found = ctypes.CDLL(str(library))
         made_of = (ctypes.c_char * 65).in_dll(found, "paddock_identity").value.decode("ascii", "replace")
@@ -47,7 +49,7 @@ def load(library: Path = LIBRARY) -> ctypes.CDLL | None:
 
 
 def build(library: Path = LIBRARY) -> None:
-    """Compile the source. A process that uses the file it replaces goes on with the old one.
+    """Compile the sources. A process that uses the file it replaces goes on with the old one.
 
     Raises OSError where there is no compiler or the folder is read-only, RuntimeError with what the compiler said."""
     compiler = os.environ.get("CC") or next(filter(None, map(shutil.which, _COMPILERS)), None)
@@ -55,7 +57,8 @@ def build(library: Path = LIBRARY) -> None:
         raise OSError(f"no C compiler: none of {', '.join(_COMPILERS)}")
     with tempfile.TemporaryDirectory(dir=library.parent, prefix=".warp-") as folder:
         made = Path(folder) / library.name
-        command = [*compiler.split(), *_FLAGS, f'-DIDENTITY="{identity()}"', "-o", str(made), str(SOURCE)]
+        sources = [str(source) for source in (SOURCE, *OTHERS)]
+        command = [*compiler.split(), *_FLAGS, f'-DIDENTITY="{identity()}"', "-o", str(made), *sources]
         try:
             done = subprocess.run(command, capture_output=True, text=True, timeout=_PATIENCE_S)
         except subprocess.TimeoutExpired as error:
