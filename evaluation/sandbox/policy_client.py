@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 import os
 import select
+import struct
 import time
 from collections.abc import Callable, Mapping
 from typing import Any
@@ -52,6 +53,7 @@ class PolicyClient:
         self._request_size = STEP.size + sum(dtype.itemsize * math.prod(shape) for _, dtype, shape in self._sensors)
         reply, action = reply_buffer(header)
         self._reply_size, self._reply_dtype = len(reply), action.dtype
+        self._reply = struct.Struct(f"{REPLY.format}{action.size}f")
         self._readable, self._writable = select.poll(), select.poll()
         self._readable.register(read_fd, select.POLLIN)
         self._writable.register(write_fd, select.POLLOUT)
@@ -69,19 +71,20 @@ class PolicyClient:
         if not self.step:
             self.before_first()
         parts = self._parts(observation)
-        self.step += 1
-        STEP.pack_into(self._head, 0, self.step)
+        self.step = step = self.step + 1
+        STEP.pack_into(self._head, 0, step)
+        left_s = min(self._step_deadline_s + self._bank, self._total_s - self.seconds)
         self._started = started = time.monotonic()
-        self._until = started + min(self._step_deadline_s + self._bank, self._total_s - self.seconds)
-        self._send(parts)
-        action = self._receive()
+        self._until = started + left_s
+        if not self._send(parts):
+            left_s = self._until - time.monotonic()
+        # Looked at once in any case, see _wait.
+        reply = self._read() if self._readable.poll(max(0.0, left_s) * 1000) else b""
+        action = self._checked(reply if len(reply) == self._reply_size else self._receive(reply))
         taken = time.monotonic() - started
         self.seconds += taken
         if taken > self._step_deadline_s:
             self._bank -= taken - self._step_deadline_s
-        # a sum of finite ones is finite: float32 is far from what a float64 holds
-        if not math.isfinite(sum(action.tolist())) and not np.isfinite(action).all():
-            raise UserFault("non_finite_action", step=self.step)
         return action
 
     def _parts(self, observation: Mapping[str, np.ndarray]) -> list[Any]:
@@ -102,7 +105,8 @@ class PolicyClient:
         agreed = [name for name, _, _ in self._sensors]
         return ValueError(f"sensors {sorted(observation)} where {agreed} were agreed")
 
-    def _send(self, parts: list[Any]) -> None:
+    def _send(self, parts: list[Any]) -> bool:
+        """Whether it went out at once."""
         try:
             written = os.writev(self._write_fd, parts)
         except BlockingIOError:
@@ -110,7 +114,7 @@ class PolicyClient:
         except BrokenPipeError:
             raise self._died() from None
         if written == self._request_size:  # as good as always: the pipe holds many requests
-            return
+            return True
         left = memoryview(b"".join(parts))[written:]
         while left:
             self._wait(self._writable)
@@ -120,25 +124,36 @@ class PolicyClient:
                 continue
             except BrokenPipeError:
                 raise self._died() from None
+        return False
 
-    def _receive(self) -> np.ndarray:
-        reply = b""
+    def _read(self) -> bytes:
+        """What there is of a reply; raises UserFault where the pipe is closed."""
+        try:
+            # One byte more than wanted, to see a second reply that comes with the first.
+            chunk = os.read(self._read_fd, self._reply_size + 1)
+        except BlockingIOError:
+            return b""
+        if not chunk:
+            raise self._died()
+        return chunk
+
+    def _receive(self, reply: bytes) -> bytes:
+        """The rest of a reply that did not come in one piece."""
         while len(reply) < self._reply_size:
             self._wait(self._readable)
-            try:
-                # One byte more than wanted, to see a second reply that comes with the first.
-                chunk = os.read(self._read_fd, self._reply_size + 1 - len(reply))
-            except BlockingIOError:
-                continue
-            if not chunk:
-                raise self._died()
-            reply += chunk
+            reply += self._read()
         if len(reply) > self._reply_size:
             raise UserFault("policy_protocol", step=self.step)
-        step, way = REPLY.unpack_from(reply)
+        return reply
+
+    def _checked(self, reply: bytes) -> np.ndarray:
+        step, way, *values = self._reply.unpack(reply)
         if step != self.step or way not in self.counts:
             raise UserFault("policy_protocol", step=self.step)
         self.counts[way] += 1
+        # a sum of finite ones is finite: float32 is far from what a float64 holds
+        if not math.isfinite(sum(values)):
+            raise UserFault("non_finite_action", step=self.step)
         return np.frombuffer(reply, self._reply_dtype, offset=REPLY.size)
 
     def _wait(self, poller: select.poll) -> None:

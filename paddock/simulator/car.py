@@ -37,8 +37,9 @@ class Pose(NamedTuple):
 
     def ahead(self, forward: float, left: float = 0.0) -> tuple[float, float]:
         """The point ``forward`` metres before and ``left`` metres beside the base."""
-        cos, sin = math.cos(self.yaw), math.sin(self.yaw)
-        return self.x + forward * cos - left * sin, self.y + forward * sin + left * cos
+        x, y, yaw = self
+        cos, sin = math.cos(yaw), math.sin(yaw)
+        return x + forward * cos - left * sin, y + forward * sin + left * cos
 
 
 class Car:

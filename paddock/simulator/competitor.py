@@ -2,21 +2,19 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable, Sequence
 
 import numpy as np
 
 from .action import Action
 from .car import Car, Pose
-from .clock import STEP_MS
 from .referee import PutBack, Referee
 from .sensors import Reading
 from .solids import Solid
-from .trace import LAP_COMPLETE, PAUSE, PREPARE, Row, Trace
+from .states import rows_of, trace_of
+from .trace import LAP_COMPLETE, PREPARE, Row, Trace
 
 _NO_ACTION = Action(0.0, 0.0, None)
-_row = tuple.__new__  # of a class and its values, without a call through Python
 
 
 class Competitor:
@@ -34,14 +32,12 @@ class Competitor:
         self.referee = referee
         self._sensors = sensors
         self._solids = solids
-        self.rows: list[Row] = []
+        self._states: list[tuple] = []
         self.status = PREPARE
         self.lap_steps = 1  # of the row to come, counted from 1 in each lap
         self.action = _NO_ACTION
         self.reward = 0.0  # written into the next row; a race has no reward function
         self._put_back: PutBack | None = None
-        self._starts: list[float] = referee.track.cumulative.tolist()
-        self._length = referee.track.length
         car.place(referee.pose)
 
     @property
@@ -112,46 +108,42 @@ class Competitor:
         self._record()
 
     def _record(self) -> None:
-        """Append the row of the present state."""
+        """Write down the present state, see :class:`.states.State`."""
         referee, status = self.referee, self.status
         steering_deg, speed_mps, index = self.action
-        distance, _, _, segment = referee.odometer.place
+        odometer = referee.odometer
+        distance, _, _, segment = odometer.place
         x, y = referee.nose
-        seconds = referee.step * STEP_MS / 1000.0
-        over = referee.end_reason is not None
-        starts, after = self._starts, segment + 1  # the nearer end of the segment
-        if after < len(starts):
-            end = starts[after]
-        else:
-            after, end = 0, self._length
-        waypoint = after if end - distance < distance - starts[segment] else segment
-        self.rows.append(
-            _row(
-                Row,
-                (
-                    referee.laps[-1].number - 1,
-                    float(self.lap_steps),
-                    x,
-                    y,
-                    math.degrees(referee.pose[2]),
-                    steering_deg,
-                    speed_mps,
-                    -1 if index is None else index,
-                    self.reward,
-                    over or status == LAP_COMPLETE,
-                    referee.all_wheels_on_track,
-                    referee.percent,
-                    waypoint,
-                    self._length,
-                    seconds,
-                    status,
-                    referee.pause_steps * STEP_MS / 1000.0 if status == PAUSE else 0.0,
-                    referee.crashes,
-                    seconds,
-                ),
+        lap = referee.laps[-1]
+        self._states.append(
+            (
+                lap.number,
+                self.lap_steps,
+                x,
+                y,
+                referee.pose[2],
+                steering_deg,
+                speed_mps,
+                -1 if index is None else index,
+                self.reward,
+                status == LAP_COMPLETE or referee.end_reason is not None,
+                referee.all_wheels_on_track,
+                odometer.metres,
+                lap.end_ms is not None,
+                distance,
+                segment,
+                referee.step,
+                status,
+                referee.pause_steps,
+                referee.crashes,
             )
         )
 
+    @property
+    def rows(self) -> list[Row]:
+        """All rows of the trace so far."""
+        return rows_of(self.trace())
+
     def trace(self) -> Trace:
-        """All rows so far."""
-        return Trace.of(self.rows)
+        """The trace so far."""
+        return trace_of(self._states, self.referee.track, self.referee.start_m)

@@ -25,6 +25,7 @@ from .trace import CRASHED, IMMOBILIZED, IN_PROGRESS, LAP_COMPLETE, OFF_TRACK, P
 SECTORS = 3  # virtual_event: three sectors a lap, here thirds of the length
 PATIENCE_STEPS = 15  # reset/constants.py: steps until a car that stands or reverses is put back
 STANDSTILL_M = 0.0003  # a step of at most this is no movement
+_SURELY_M = 2 * STANDSTILL_M  # a step of more than this along one axis is one, however distances are rounded
 
 # Why a run ended; the other reason is TIME_UP. Only a car among others retires.
 LAPS_DONE, RESETS_USED, RETIRED = "laps_done", "resets_used", "retired"
@@ -84,6 +85,7 @@ class Referee:
         self.track = track
         self.rules = rules
         self._physics = physics
+        self._nose_x = physics.nose_x
         # No wheel is farther from the nose than the rear ones.
         self._wheel_m = math.hypot(physics.nose_x - physics.rear_axle_x, physics.half_track)
         self._clear_m = clear_m - self._wheel_m  # of the nose
@@ -91,7 +93,7 @@ class Referee:
         if track.is_open:
             self._clear_from, self._clear_to = track.paved[0] + self._wheel_m, track.paved[1]
         self.odometer = Odometer(track, reach or Reach(track))
-        self._start_m = 0.0 if track.is_open else start_m
+        self.start_m = 0.0 if track.is_open else start_m
         self._penalties = {
             CRASHED: penalty_steps(rules.collision_penalty_ms, physics.control_hz),
             OFF_TRACK: penalty_steps(rules.off_track_penalty_ms, physics.control_hz),
@@ -133,7 +135,7 @@ class Referee:
     @property
     def lap_start_m(self) -> float:
         """Unwrapped distance at which the current lap begins."""
-        return self._start_m + (self.laps[-1].number - 1) * self.track.length
+        return self.start_m + (self.laps[-1].number - 1) * self.track.length
 
     @property
     def percent(self) -> float:
@@ -141,8 +143,7 @@ class Referee:
         lap, length = self.laps[-1], self.track.length
         if lap.end_ms is not None:
             return 100.0
-        # lap_start_m, written out: this is asked for in every row of the trace
-        return min(100.0, 100.0 * (self.odometer.metres - (self._start_m + (lap.number - 1) * length)) / length)
+        return min(100.0, 100.0 * (self.odometer.metres - self.lap_start_m) / length)
 
     @property
     def time_ms(self) -> int:
@@ -195,13 +196,20 @@ class Referee:
         odometer = self.odometer
         before_m = odometer.metres
         self._before_m, self._before = before_m, self.pose
-        self.nose = nose = pose.ahead(self._physics.nose_x)
-        odometer.move(*nose)
+        self.nose = nose = pose.ahead(self._nose_x)
+        x, y = nose
+        odometer.move(x, y)
         self.pose = pose
         older, newer = self._noses
         self._noses = (newer, nose)
-        stands = math.dist(nose, newer) <= STANDSTILL_M or math.dist(nose, older) <= STANDSTILL_M
-        self._standing = self._standing + 1 if stands else 0
+        # One axis alone tells of most movements.
+        if (abs(x - newer[0]) > _SURELY_M or abs(y - newer[1]) > _SURELY_M) and (
+            abs(x - older[0]) > _SURELY_M or abs(y - older[1]) > _SURELY_M
+        ):
+            self._standing = 0
+        else:
+            stands = math.dist(nose, newer) <= STANDSTILL_M or math.dist(nose, older) <= STANDSTILL_M
+            self._standing = self._standing + 1 if stands else 0
         metres = odometer.metres
         self._reversing = self._reversing + 1 if metres < before_m else 0
         if metres >= self.boxes.next_m:
@@ -271,7 +279,7 @@ class Referee:
         control step later. No reset."""
         self.pause_steps = 1
         metres = self.lap_start_m + self.track.length
-        start = PutBack(Pose(*self.track.point_at(self._start_m)), metres)
+        start = PutBack(Pose(*self.track.point_at(self.start_m)), metres)
         if self.track.is_open or self._is_free(start.pose):
             return start
         return self._free_place(metres, INNER, metres + _SEARCH_M)

@@ -47,13 +47,19 @@ class Response:
 
     def command(self, steering_deg: float, speed: float) -> None:
         """Take a command (degrees to the left, m/s), clipped to what the car can do."""
-        physics = self.physics
-        limit = physics.max_steering_deg
-        steering_deg = min(max(steering_deg, -limit), limit)
-        speed = min(max(speed, physics.min_speed), physics.max_speed)
+        physics, tick = self.physics, self._tick
+        limit, least, most = physics.max_steering_deg, physics.min_speed, physics.max_speed
+        if steering_deg > limit:
+            steering_deg = limit
+        elif steering_deg < -limit:
+            steering_deg = -limit
+        if speed < least:
+            speed = least
+        elif speed > most:
+            speed = most
         demand = math.tan(math.radians(steering_deg)) / physics.effective_wheelbase
-        self._steering.append((self._tick + physics.steering_dead_ticks, demand))
-        self._speeds.append((self._tick + physics.speed_dead_ticks, speed * physics.speed_gain))
+        self._steering.append((tick + physics.steering_dead_ticks, demand))
+        self._speeds.append((tick + physics.speed_dead_ticks, speed * physics.speed_gain))
 
     def advance(self, ticks: int) -> None:
         """Move on by so many ticks (1/120 s)."""
