@@ -66,6 +66,8 @@ def register() -> None:
         *("live_event", "live_state", "live_results_csv", "live_laps_csv"),
         *("live_screen", "live_overlay", "live_commentary", "live_phone"),
         *("api-board", "api-duels", "api-live", "api-live-poses", "api-timed-sessions", "api-timed-session"),
+        *("api-live-figures", "api-live-highlights", "api-live-results", "api-live-laps"),
+        *("api-results-pdf", "api-certificate"),
         *("api-lap-file", "api-lap", "api-entry", "api-submissions"),
     )
     register_scope(

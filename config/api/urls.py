@@ -9,6 +9,7 @@ from evaluation import api as models
 from evaluation.reports import api as reports
 from league.api import cups, following, notices, organising, seasons, webhooks
 from races.api import (
+    afterwards,
     boards,
     comparing,
     duels,
@@ -77,6 +78,12 @@ version_1: list[URLPattern | URLResolver] = [
     path("timing/crossings/", timing.CrossingsView.as_view(), name="api-crossings"),
     path("races/<slug:slug>/duels/", duels.DuelsView.as_view(), name="api-duels"),
     path("races/<slug:slug>/live/", live.LiveView.as_view(), name="api-live"),
+    path("races/<slug:slug>/live/figures/", afterwards.LiveFiguresView.as_view(), name="api-live-figures"),
+    path("races/<slug:slug>/live/highlights/", afterwards.LiveHighlightsView.as_view(), name="api-live-highlights"),
+    path("races/<slug:slug>/live/results/", afterwards.LiveResultsView.as_view(), name="api-live-results"),
+    path("races/<slug:slug>/live/laps/", afterwards.LiveLapsView.as_view(), name="api-live-laps"),
+    path("races/<slug:slug>/results/", afterwards.ResultsPdfView.as_view(), name="api-results-pdf"),
+    path("races/<slug:slug>/certificates/<slug:alias>/", afterwards.CertificateView.as_view(), name="api-certificate"),
     path("races/<slug:slug>/live/console/", live.LiveActsView.as_view(), name="api-live-console"),
     path("races/<slug:slug>/live/mine/", live.LiveMineView.as_view(), name="api-live-mine"),
     path("races/<slug:slug>/live/poses/", live.LivePosesView.as_view(), name="api-live-poses"),

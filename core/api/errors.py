@@ -36,12 +36,15 @@ _FORBIDDEN = (
     "model_not_yours vehicle_not_yours clone_not_yours race_not_yours race_needs_invitation race_pro_only "
     "race_open_only race_league_admins race_terms entry_removed timing_not_yours timing_stewards"
 )
-_NOT_THERE = "invitation_unknown entry_missing race_has_no_duels guest_unknown timekeeper_unknown sensor_unknown"
+_NOT_THERE = (
+    "invitation_unknown entry_missing certificate_no_place race_has_no_duels guest_unknown timekeeper_unknown "
+    "sensor_unknown"
+)
 _NOT_NOW = (
     "race_not_open_yet race_closed race_cancelled race_recorded race_has_opened race_is_over race_has_submissions "
     "race_changed_meanwhile race_limit season_changed_meanwhile season_is_official "
     "entry_withdrawn car_already_submitted car_of_another submission_running submissions_used_up submission_not_failed "
-    "race_engine_gone "
+    "race_engine_gone results_not_yet highlights_none "
     "duels_before_closing duels_wait_for_qualifying duels_drawn "
     "track_known track_limit track_in_use garage_full storage_full model_name_taken too_many_tokens "
     "training_name_taken training_jobs_at_once training_minutes_left reward_check_runs "

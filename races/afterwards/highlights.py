@@ -15,8 +15,11 @@ import csv
 import io
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
+from datetime import datetime
 from itertools import pairwise
+from typing import TYPE_CHECKING
 
+from django.db.models import Q
 from django.utils import translation
 from django.utils.translation import gettext as _
 
@@ -24,13 +27,20 @@ from core.times import clock
 from evaluation.models import Evaluation, Result
 from evaluation.services.results import read_trace
 from paddock.errors import UserFault
+from videos.models import REEL, Video
 from videos.reel import Segment
+from videos.selectors import ShownVideo, shown_video
+from videos.services import Asked, ask_for_reel
 
 from ..models import LiveEvent
 from ..selectors.live import live_standings
 from ..selectors.live_runs import DrivenRun, driven_runs
 from .again import require_ended
 
+if TYPE_CHECKING:
+    from accounts.models import Racer
+
+_REEL = ("evaluation__result", "evaluation__track", "evaluation__owner", "evaluation__model", "asked_by")
 CRASHES, SAVES = 3, 2
 CRASH_MS = (3_000, 2_000)  # before and after
 SAVE_MS = (2_000, 2_000)
@@ -138,6 +148,22 @@ def segments_of(moments: Sequence[Highlight], language: str) -> list[Segment]:
             Segment(moment.run.evaluation.public_id, moment.run.number, moment.start_ms, moment.end_ms, moment.words())
             for moment in moments
         ]
+
+
+def ask_for_highlights(*, event: LiveEvent, by: Racer, language: str, now: datetime) -> Asked:
+    """Put the video of an event's highlights into the queue, as :func:`videos.services.ask_for_reel` does. That ``by``
+    may see the event is the caller's word. Raises what that and :func:`moments_of` raise."""
+    segments = segments_of(moments_of(event), language)
+    runs = evaluations_of(segments)
+    return ask_for_reel(evaluations=runs, segments=segments, by=by, language=language, now=now)
+
+
+def latest_reel(event: LiveEvent, language: str) -> ShownVideo | None:
+    """The video of an event's highlights in a language that was asked for last."""
+    runs = Evaluation.objects.filter(Q(live_slot__event=event) | Q(duel__race=event.race)).values("pk")
+    videos = Video.objects.filter(part=REEL, evaluation__in=runs, language=language).select_related(*_REEL)
+    video = videos.order_by("-asked_at", "-pk").first()
+    return None if video is None else shown_video(video)
 
 
 def evaluations_of(segments: Sequence[Segment]) -> list[Evaluation]:

@@ -22,6 +22,7 @@ from accounts.who import racer_of
 from core.bodies import Body, read_as, refuse_fields
 from core.file_view import FileView
 from evaluation.models import State
+from videos.models import REEL, WHOLE
 from videos.responses import page_language, ready_video, video_response, visible_video
 from videos.run import VideoRun
 from videos.selectors import ShownVideo, can_stop_video, shown_video, videos_of
@@ -45,7 +46,9 @@ class VideoSerializer(serializers.Serializer):
     public_id = serializers.CharField(source="video.public_id")
     evaluation = serializers.CharField(source="video.evaluation.public_id")
     car = serializers.IntegerField(source="video.car", help_text="The car that is followed; 0 is the evaluation's own.")
-    lap = serializers.SerializerMethodField(help_text="The lap that it shows; null for the whole run.")
+    lap = serializers.SerializerMethodField(
+        help_text="The lap that it shows; null for the whole run, and for highlights."
+    )
     language = serializers.CharField(source="video.language", help_text="Of the words in the picture.")
     state = serializers.ChoiceField(STATES)
     position = serializers.IntegerField(allow_null=True, help_text="In the queue, 1 is the next; null unless waiting.")
@@ -59,7 +62,7 @@ class VideoSerializer(serializers.Serializer):
     sha256 = serializers.SerializerMethodField(help_text="Of the file.")
 
     def get_lap(self, shown: ShownVideo) -> int | None:
-        return shown.video.part or None
+        return shown.video.part if shown.video.part not in (WHOLE, REEL) else None
 
     @extend_schema_field(ReasonSerializer(allow_null=True))
     def get_reason(self, shown: ShownVideo) -> dict[str, Any] | None:

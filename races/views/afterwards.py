@@ -16,17 +16,15 @@ from accounts.who import racer_of
 from paddock.errors import PaddockError, UserFault
 from races.afterwards.again import again_document
 from races.afterwards.certificate import certificate, placed, require_settled
-from races.afterwards.highlights import evaluations_of, moments_of, segments_of
+from races.afterwards.highlights import ask_for_highlights
 from races.afterwards.results import event_csv, laps_csv, results_pdf
+from races.api.afterwards import RATES
 from races.models import LiveEvent, LiveState, Race
 from races.replay import map_size
 from races.selectors.live import live_events_visible_to
 from videos.responses import page_language
-from videos.services import ask_for_reel
 
 from .common import tell_fault, too_many, visible_race
-
-RATES = {"paper": "20/m/key"}  # a page with Korean letters takes more than a second
 
 
 @require_safe
@@ -92,14 +90,7 @@ def live_highlights(request: HttpRequest, slug: str) -> HttpResponse:
     """Ask for a video of the event's highlights."""
     _race, event = _event(request, slug)
     try:
-        segments = segments_of(moments_of(event), page_language())
-        ask_for_reel(
-            evaluations=evaluations_of(segments),
-            segments=segments,
-            by=racer_of(request),
-            language=page_language(),
-            now=timezone.now(),
-        )
+        ask_for_highlights(event=event, by=racer_of(request), language=page_language(), now=timezone.now())
     except PaddockError as fault:
         tell_fault(request, fault)
     return redirect(f"{reverse('live_event', args=[slug])}#highlights")

@@ -14,6 +14,7 @@ from paddock.packages.read import UploadPart
 from tests.api.schema import SCHEMA
 from tests.drawn_runs import a_driven_run
 from tests.factories import a_race, a_track
+from tests.live_shows import a_live_race, an_ended_show
 from tests.training.jobs import a_trained_one
 from videos.services import run_next_video
 
@@ -41,13 +42,18 @@ def at(alice, video_wakes, as_racer, trainings_taken_on):
             car = house_cars()[0]
             files = [UploadPart(file.name, BytesIO(file.read_bytes())) for file in (car.onnx, car.metadata)]
             ids[room] = upload_model(owner=alice, files=files, keep_upload=True, now=timezone.now()).model.public_id
+        if room == "races":
+            if room not in ids:
+                race = a_live_race(timezone.now(), alice, slug="shown")
+                ids[room] = an_ended_show(timezone.now(), alice, laps={"bob": (9_000,)}, race=race).race.slug
+            return path.format(slug=ids[room], alias="bob")
         return path.format(public_id=ids[room], form="car")
 
     return address
 
 
 def test_some_operations_answer_with_files():
-    assert {"application/zip", "text/csv", "video/mp4"} <= set().union(*FILES.values())
+    assert {"application/pdf", "application/zip", "text/csv", "video/mp4"} <= set().union(*FILES.values())
 
 
 @pytest.mark.parametrize("path", FILES)
