@@ -23,7 +23,7 @@ from .moving import ASKS, KNOWS, tag_of
 LIVES_S = 1.0
 PAGES = 200  # of one process; the one asked for longest ago makes way
 VIEWS = frozenset({"home", "race", "race_duels", "race_rules", "races", "season", "season_standings"}) | frozenset(
-    {"live_event", "live_state", "live_poses", "live_ghost", "live_screen", "live_overlay"}
+    {"live_event", "live_state", "live_poses", "live_frames", "live_ghost", "live_screen", "live_overlay"}
 )
 _BEGINNINGS = ("/races/", "/seasons/")
 _MESSAGES = "messages"

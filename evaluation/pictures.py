@@ -74,6 +74,13 @@ def reading_picture(
     return _png(_row(readings, view, lidar_settings(lidar_config)), 6)
 
 
+def frame_strip(cars: Sequence[Sequence[np.ndarray]]) -> bytes:
+    """Frames of cameras as one grey PNG with their own pixels and nothing between them: a row for each car, its frames
+    from left to right."""
+    rows = [np.concatenate([frame[:, :, 0] for frame in frames], axis=1) for frames in cars]
+    return _png(np.concatenate(rows, axis=0), 6)
+
+
 def _row(readings: Mapping[str, np.ndarray], view: Viewpoint, config: Mapping[str, float]) -> np.ndarray:
     panels: list[np.ndarray] = []
     for name in sorted(readings, key=lambda name: name not in CAMERAS):

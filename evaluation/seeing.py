@@ -120,6 +120,11 @@ class SeenRun:
         view = Viewpoint(*self._sight.path.places[step], self._sight.solids(step))
         return reading_picture(readings, view, self._model.metadata.get("lidar_config"))
 
+    def frames(self, moments: Sequence[int]) -> list[np.ndarray]:
+        """What its front camera sees at these moments (ms of the run), each at the last step at or before it."""
+        (camera,) = CAMERA
+        return [self.readings(self.at(ms).step, CAMERA)[camera] for ms in moments]
+
     def answers(self, lap: int, *, who: int) -> dict[int, list[float]]:
         """What the network answers at the steps of a lap at which it was asked (the first :data:`MAX_STEPS`), by step:
         its output as it is, a value for each action or the two of a continuous space. ``who``: the reader's number.
@@ -195,7 +200,8 @@ def _sight(pk: int, number: int, trace: str) -> RunSight:
     from paddock.rules.race import RaceRules
     from paddock.simulator.retracing import RunSight, TracePath, standing_boxes
 
-    result = Result.objects.select_related("evaluation__track").prefetch_related("rivals").get(evaluation=pk)
+    # of a sealed run, too: who may look at which of its steps is for callers to say
+    result = Result.with_sealed.select_related("evaluation__track").prefetch_related("rivals").get(evaluation=pk)
     cars: dict[int, CompetitorResult] = {0: result} | {rival.number: rival for rival in result.rivals.all()}
     paths = {key: TracePath.of(read_trace(car), retired=bool(car.retired_code)) for key, car in sorted(cars.items())}
     layout, rules = read_layout(result), RaceRules.from_dict(result.evaluation.spec["rules"])

@@ -40,6 +40,7 @@ urlpatterns = [
     path("races/<slug:slug>/event/", live.live_event, name="live_event"),
     path("races/<slug:slug>/event/state.json", live.live_state, name="live_state"),
     path("races/<slug:slug>/event/poses.json", live.live_poses, name="live_poses"),
+    path("races/<slug:slug>/event/frames.png", live.live_frames, name="live_frames"),
     path("races/<slug:slug>/event/again/", afterwards.live_again, name="live_again"),
     path("races/<slug:slug>/event/again.json", afterwards.live_again_data, name="live_again_data"),
     path("races/<slug:slug>/event/highlights/", afterwards.live_highlights, name="live_highlights"),

@@ -21,6 +21,7 @@ from races.api.live import after_in, poses_document, slot_in
 from races.live_acts import ACTS, act
 from races.live_document import live_document
 from races.live_form import LiveForm
+from races.live_seen import frames_of
 from races.models import Entry, LiveEvent, LiveRacer, LiveState, Opponents, Race
 from races.replay import map_size
 from races.selectors import entry_of
@@ -66,6 +67,19 @@ def live_poses(request: HttpRequest, slug: str) -> JsonResponse:
     _race, event = _event(request, slug)
     slot = slot_in(event, request.GET.get("slot", ""))
     return _unkept(JsonResponse(poses_document(slot, after_in(request.GET.get("after", "")))))
+
+
+@require_safe
+def live_frames(request: HttpRequest, slug: str) -> HttpResponse:
+    """What the cars of a run saw in a chunk of it that has been played: ``slot``, ``n``. 404 before."""
+    _race, event = _event(request, slug)
+    slot, number = slot_in(event, request.GET.get("slot", "")), _number(request.GET.get("n", ""))
+    strip = None if number is None else frames_of(slot, timezone.now(), number)
+    if strip is None:
+        raise Http404
+    response = HttpResponse(strip, content_type="image/png")
+    response["Cache-Control"] = "private, no-store"
+    return response
 
 
 @require_safe

@@ -184,6 +184,8 @@ def everything(show: Show) -> list[str]:
     slot, coming = show.playing.pk, show.coming.pk
     for address in (reverse("live_poses", args=["open-race"]), reverse("api-live-poses", args=["open-race"])):
         found += [f"{address}?slot={number}&after={after}" for number in (slot, coming) for after in (-1, 5, 20, 9999)]
+    frames = reverse("live_frames", args=["open-race"])
+    found += [f"{frames}?slot={number}&n={n}" for number in (slot, coming) for n in (0, 2 * PLAYED_S, 9999)]
     for model in admin.site._registry:
         begin = f"admin:{model._meta.app_label}_{model._meta.model_name}"
         found.append(reverse(f"{begin}_changelist"))

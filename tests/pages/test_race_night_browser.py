@@ -24,6 +24,7 @@ LATE_MS = 60_000
 SHOTS = os.environ.get("PADDOCK_TEST_SHOTS", "")  # a folder, for who wants to look
 SIZES = {
     "big": {"viewport": {"width": 1920, "height": 1080}},
+    "huge": {"viewport": {"width": 3840, "height": 2160}},
     "tower": {"viewport": {"width": 480, "height": 800}},
     "phone": {"viewport": {"width": 360, "height": 740}},
     "wide": {"viewport": {"width": 1280, "height": 900}},
@@ -67,7 +68,8 @@ class Audience:
                 page = self.pages[name]
                 for theme in ("light", "dark"):
                     page.emulate_media(color_scheme=theme)
-                    page.screenshot(path=Path(SHOTS, f"{moment}-{name}-{theme}.png"))
+                    path = Path(SHOTS, f"{moment}-{name}-{theme}.png")
+                    page.screenshot(path=path, omit_background=name.startswith("overlay"))
 
 
 def is_fault(line) -> bool:
@@ -138,15 +140,21 @@ def test_a_time_trial_of_six_from_the_lobby_to_the_podium(site, browser):
     all_of.opens("commentary", f"{base}/live/commentary/")
     for piece in ("clock", "lower-third", "next"):
         all_of.opens(f"overlay-{piece}", f"{base}/live/overlay/{piece}/")
+    for page in (racing["dora"], phone):
+        page.locator("[data-frames] summary").click()
+        expect(page.locator(".seen-cars figcaption")).to_contain_text("m/s", timeout=LATE_MS)
+    if SHOTS:
+        all_of.opens("huge", f"{base}/live/screen/", size="huge")
     big.wait_for_timeout(5_000)
     all_of.shots("4-carl", "big", "overlay", "phone", "overlay-clock", "overlay-lower-third", "overlay-next")
+    all_of.shots("4-carl", "huge" if SHOTS else "big", "dora", "commentary")
     console.get_by_role("button", name="Let it run by itself").click()
     until(console, lambda: done(site) == 6, 360)
     console.reload()
     console.get_by_role("button", name="End the event").click()
     for page in (big, phone):
         expect(page.locator("[data-podium] li")).to_have_count(3, timeout=LATE_MS)
-    all_of.shots("5-podium", "big", "phone", "console", "commentary")
+    all_of.shots("5-podium", "huge" if SHOTS else "big", "big", "phone", "console", "commentary", "dora")
 
     # the show is over: the same order everywhere, and the board's is it
     order = big.locator("[data-podium] li .name").all_text_contents()

@@ -102,6 +102,8 @@ def test_every_screen_while_a_run_is_played(browser, live_server, event):
         page = visitor(browser, live_server.url, **options).new_page()
         page.on("pageerror", lambda error: wrong.append(f"{path}: {error}"))
         page.on("console", lambda line: wrong.append(f"{path}: {line.text}") if is_fault(line) else None)
+        page.asked = []
+        page.on("request", lambda request: page.asked.append(request.url) if "frames.png" in request.url else None)
         page.goto(f"/races/race-night/{path}")
         return page
 
@@ -133,6 +135,7 @@ def test_every_screen_while_a_run_is_played(browser, live_server, event):
     expect(watching.locator("[data-car]")).to_be_visible(timeout=LATE_MS)
     expect(watching.locator("[data-sectors] li").first).to_be_visible(timeout=LATE_MS)
     assert watching.locator("[data-sectors] li").first.get_attribute("class") in ("best", "own", "slow")
+    sees(watching)
     keep(watching, "spectator-dark", full_page=True)
 
     for piece, (width, height) in OVERLAYS.items():
@@ -151,6 +154,9 @@ def test_every_screen_while_a_run_is_played(browser, live_server, event):
     expect(phone.locator('[data-count="clap"]')).to_have_text("1")
     assert LiveReaction.objects.get().count == 1
     keep(phone, "phone-light")
+    sees(phone)
+    assert phone.evaluate("document.documentElement.scrollWidth <= 360")
+    keep(phone, "phone-sees-light", full_page=True)
     # at once, and more than two windows of time take: a slow machine sends some of them in the next one
     button = phone.get_by_role("button", name="applause")
     button.evaluate("(button, times) => { for (let i = 0; i < times; i++) button.click(); }", 2 * MOST_IN_A_WINDOW + 1)
@@ -171,6 +177,23 @@ def test_every_screen_while_a_run_is_played(browser, live_server, event):
     expect(big.locator("[data-tower] .who").first).to_have_text("carl", timeout=LATE_MS)
     expect(telling.locator("#told")).to_contain_text("New leader: carl, before bob.", timeout=LATE_MS)
     assert not wrong
+
+
+def sees(page) -> None:
+    """Who opens it sees what the car sees, with what it commands; who does not asks for nothing of it."""
+    from playwright.sync_api import expect
+
+    assert page.asked == []
+    page.locator("[data-frames] summary").click()
+    page.wait_for_function(
+        """() => {
+          const canvas = document.querySelector(".seen-cars canvas");
+          const drawn = canvas && canvas.getContext("2d").getImageData(0, 0, 160, 120).data;
+          return drawn && drawn.some((value, at) => at % 4 === 0 && value > 0);
+        }"""
+    )
+    expect(page.locator(".seen-cars figcaption")).to_have_text("12° · 1.5 m/s")
+    expect(page.locator(".seen-cars canvas")).to_have_accessible_name("What the camera of carl sees")
 
 
 def alpha_at_corner(page, shot: bytes) -> int:

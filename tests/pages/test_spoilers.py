@@ -43,7 +43,7 @@ NOT_COVERED = {
     *("own_runs", "own_new", "reports", "report", "report_live", "training", "trainings", "training_live"),
     *("live_speed", "live_plan", "race_close", "race_edit", "race_cancel"),
     # a script of the page that plays it again asks them: places, no result
-    *("live_again_data", "live_poses", "live_ghost"),
+    *("live_again_data", "live_poses", "live_frames", "live_ghost"),
 }
 
 

@@ -69,6 +69,7 @@ NO_PAGES = {
         "cup_starter",
         "live_act",
         "live_mine",
+        "live_frames",
         "live_ghost",
         "live_poses",
         "live_react",

@@ -1,0 +1,113 @@
+"""What the cars of a live run see, for its spectators: each half second once it has passed, drawn once for all."""
+
+from __future__ import annotations
+
+import io
+from dataclasses import replace
+from datetime import timedelta
+
+import numpy as np
+import pytest
+from django.core.cache import cache
+from django.test import Client
+from django.urls import reverse
+from django.utils import timezone
+from PIL import Image
+
+from evaluation.models import Evaluation
+from evaluation.seeing import CAMERA
+from evaluation.services import finish_evaluation
+from paddock.simulator.camera.view import Scene
+from paddock.simulator.retracing import RunSight, TracePath
+from paddock.simulator.sensors import make_sensors
+from races import live_seen
+from races.models import Visibility
+from races.services.live import launch
+from tests.drawn_runs import driven_trace
+from tests.factories import a_racer, lap, outcome, start
+from tests.live_shows import a_live_race, a_show, begun, slot_of
+
+pytestmark = pytest.mark.django_db
+PLAYED_S = 3
+LAP_MS = 9_000
+
+
+def as_(racer) -> Client:
+    client = Client()
+    if racer is not None:
+        client.force_login(racer, backend="django.contrib.auth.backends.ModelBackend")
+    return client
+
+
+@pytest.fixture
+def now():
+    return timezone.now()
+
+
+@pytest.fixture
+def played(now, wakes):
+    """A run of 18 s, computed ahead and on track for three; and its trace."""
+    cache.clear()
+    alice = a_racer("alice")
+    event = begun(a_show(now, alice, ["bob"], race=a_live_race(now, alice, slug="night")), alice, now)
+    slot = slot_of(event, "bob")
+    run = start(Evaluation.with_sealed.get(pk=slot.evaluation_id), now)
+    driven = [{**lap(number, LAP_MS), "start_ms": LAP_MS * (number - 1)} for number in (1, 2)]
+    trace = driven_trace(event.race.track, 2, LAP_MS)
+    assert finish_evaluation(pk=run.pk, lease=run.lease, outcome=replace(outcome(driven), trace_csv=trace), now=now)
+    launch(event=event, slot=slot, by=alice, seen=None, now=now - timedelta(seconds=10 + PLAYED_S))
+    slot.refresh_from_db()
+    return slot, trace
+
+
+def frames(slot, n, racer=None):
+    return as_(racer).get(reverse("live_frames", args=[slot.event.race.slug]), {"slot": slot.pk, "n": n})
+
+
+def test_frames_come_once_its_half_second_has_passed(played, now, monkeypatch):
+    slot, _trace = played
+    monkeypatch.setattr(timezone, "now", lambda: now)
+    last = PLAYED_S * 2 - 1
+    answer = frames(slot, last)
+    assert answer.status_code == 200 and answer["Content-Type"] == "image/png"
+    width, height = Image.open(io.BytesIO(answer.content)).size
+    assert (width, height) == (3 * 160, 120), "five frames a second"
+    for n in (last + 1, 30, 9999, "", "x", "-1"):
+        assert frames(slot, n).status_code == 404, n
+    monkeypatch.setattr(timezone, "now", lambda: now + timedelta(milliseconds=501))
+    assert frames(slot, last + 1).status_code == 200
+
+
+def test_of_a_run_that_was_not_launched_there_is_none(played):
+    slot, _trace = played
+    type(slot).objects.filter(pk=slot.pk).update(state="waiting", starts_at=None, ends_at=None)
+    assert frames(slot, 0).status_code == 404
+
+
+def test_its_frames_are_those_of_the_run(played):
+    slot, trace = played
+    drawn = np.array(Image.open(io.BytesIO(frames(slot, 2).content)))
+    path, track = TracePath.of(trace), slot.event.race.track.geometry
+    steps = [step for step, ms in enumerate(path.ms) if 1000 <= ms < 1500][:: live_seen.EVERY]
+    camera = make_sensors(CAMERA, lambda: Scene.of(track))
+    for place, step in enumerate(steps):
+        (frame,) = RunSight(path).readings(step, camera).values()
+        assert (drawn[:, 160 * place : 160 * (place + 1)] == frame[:, :, 0]).all(), step
+    assert drawn.shape == (120, 160 * len(steps)) and len(steps) > 1
+
+
+def test_it_is_drawn_once_for_all_who_look(played, monkeypatch):
+    slot, _trace = played
+    draws, draw = [], live_seen._drawn
+    monkeypatch.setattr(live_seen, "_drawn", lambda *given: draws.append(given) or draw(*given))
+    seen = {frames(slot, 1, racer).content for racer in (None, a_racer("carl"), a_racer("dora"))}
+    assert len(draws) == len(seen) == 1
+
+
+def test_of_a_private_event_a_stranger_sees_nothing(played):
+    slot, _trace = played
+    type(slot.event.race).objects.filter(pk=slot.event.race_id).update(visibility=Visibility.INVITATION)
+    for stranger in (None, a_racer("mallory")):
+        assert frames(slot, 0, stranger).status_code == 404
+    for insider in (slot.racer.entry.racer, slot.event.race.organiser, a_racer("stella", is_staff=True)):
+        assert frames(slot, 0, insider).status_code == 200
