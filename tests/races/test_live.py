@@ -9,9 +9,11 @@ import pytest
 from core.events import Event
 from evaluation.models import Evaluation, Result
 from paddock.errors import UserFault
+from races.afterwards.certificate import placed
 from races.models import Entry, LiveEvent, LiveLog, LiveSlot, LiveState, SlotState, Submission
 from races.selectors import board, can_see_evaluation
-from races.selectors.live import live_standings, played
+from races.selectors.live import can_see_live, live_standings, played
+from races.services import accept_invitation
 from races.services.live import (
     begin_live,
     call_slot,
@@ -20,6 +22,8 @@ from races.services.live import (
     launch,
     move_slot,
     plan_live,
+    prepare_ahead,
+    remove_slot,
     run_again,
     skip_slot,
     tick_live,
@@ -230,6 +234,34 @@ class TestEnd:
         assert event.state == LiveState.CANCELLED
 
 
+def test_a_communitys_final_is_shown_once_its_race_has_closed(alice, now):
+    """Its members qualify as long as it is open; the best two of them meet live, and what is shown decides."""
+    race = a_live_race(now, alice, visibility="invitation", closes_at=now + timedelta(days=1))
+    for name, lap_ms in (("bob", 9_000), ("carl", 9_500), ("dora", 11_000)):
+        accept_invitation(token=race.invitation, racer=(racer := a_racer(name)), now=now)
+        drive(race, racer, laps(lap_ms), now)
+    at = race.closes_at + timedelta(hours=1)
+    event = plan_live(race=race, by=alice, now=now, starts_at=at, rounds=1)
+    begin_live(event=event, by=alice, seen=None, now=at)
+    assert [slot.racer.entry.racer.alias for slot in slots(event)] == ["dora", "carl", "bob"]
+    remove_slot(event=event, slot=slot_of(event, "dora"), by=alice, seen=None, now=at)
+    prepare_ahead(event=event, now=at)
+    for name, lap_ms in (("carl", 8_800), ("bob", 8_900)):
+        compute(slot_of(event, name), at, lap_ms)
+        at = show(event, slot_of(event, name), alice, at)
+    end_live(event=event, by=alice, seen=None, now=at)
+    assert event.winner.racer.alias == "carl"
+    rows = board(race, alice).rows
+    assert [(row.alias, row.rank, row.entry.score_ms) for row in rows] == [
+        ("carl", 1, 8_800),
+        ("bob", 2, 8_900),
+        ("dora", 3, 11_000),
+    ]
+    told = placed(race, Entry.objects.get(race=race, racer__alias="carl"), at)
+    assert (told.rank, told.of) == (1, 2)
+    assert not can_see_live(a_racer("mallory"), event) and not can_see_live(None, event)
+
+
 class TestByItself:
     def test_it_begins_calls_launches_and_ends_without_anybody(self, alice, now):
         event = a_show(now, alice, ["bob", "carl"], auto_run=True, gap_s=20)
@@ -273,6 +305,25 @@ def test_a_model_deleted_after_it_was_computed_drives_all_the_same(alice, now):
     event = begun(a_show(now, alice, ["bob"]), alice, now)
     compute(slot_of(event, "bob"), now, 9_000)
     delete_model(model=slot_model(event, "bob"), now=now)
+    show(event, slot_of(event, "bob"), alice, now)
+    assert slot_of(event, "bob").state == SlotState.DONE
+    assert Entry.objects.get(racer__alias="bob").score_ms == 9_000
+
+
+@pytest.mark.parametrize("computed", [True, False])
+def test_a_model_deleted_between_call_and_launch_drives_all_the_same(alice, now, computed):
+    """Its run is computed, or has been asked for: the racer was called with this car."""
+    from evaluation.services import delete_model
+
+    event = begun(a_show(now, alice, ["bob", "carl"], order="as_entered"), alice, now)
+    if computed:
+        compute(slot_of(event, "bob"), now, 9_000)
+    call_slot(event=event, slot=slot_of(event, "bob"), by=alice, seen=None, now=now)
+    delete_model(model=slot_model(event, "bob"), now=now)
+    tick_live(now=now)
+    if not computed:
+        refused("live_not_ready", launch, event=event, by=alice, seen=None, now=now)
+        compute(slot_of(event, "bob"), now, 9_000)
     show(event, slot_of(event, "bob"), alice, now)
     assert slot_of(event, "bob").state == SlotState.DONE
     assert Entry.objects.get(racer__alias="bob").score_ms == 9_000

@@ -1,12 +1,21 @@
-"""The log of a live event is read in words."""
+"""A live event in words: its log, and what its commentator is told."""
 
 from __future__ import annotations
 
 import re
+from datetime import timedelta
 from pathlib import Path
 
+import pytest
+
+from evaluation.models import Evaluation
+from evaluation.services import finish_evaluation
+from races.live_story import story_of
 from races.services import live
+from races.services.live import launch
 from races.templatetags.live import ACTS, act
+from tests.factories import a_racer, lap, outcome, start
+from tests.live_shows import a_show, begun, compute, show, slot_of
 
 WRITTEN = re.compile(r'acting\(\s*event, "(\w+)"|action="(\w+)"|_to\(event, slot, [\w.]+, "(\w+)"')
 
@@ -20,3 +29,37 @@ def test_everything_that_is_done_has_words():
 
 def test_what_has_no_words_is_said_as_it_is():
     assert (act("launch"), act("something")) == ("launched", "something")
+
+
+@pytest.mark.django_db
+@pytest.mark.parametrize(
+    ("driven", "said"),
+    [
+        ((8_700,), ["carl needs 3.200 s in the last sector for the fastest lap."]),
+        ((15_000,), ["carl cannot have the fastest lap this time."]),
+        (
+            (9_600, 9_300),
+            [
+                "carl needs 2.600 s in the last sector for the fastest lap.",
+                "carl needs 2.800 s in the last sector for the fastest lap: 0.400 s quicker than ever there.",
+            ],
+        ),
+    ],
+)
+def test_a_commentator_is_told_what_is_needed_in_the_last_sector(now, wakes, driven, said):
+    alice = a_racer("alice")
+    event = begun(a_show(now, alice, ["bob", "carl"], order="as_entered"), alice, now)
+    compute(slot_of(event, "bob"), now, 9_000)
+    at = show(event, slot_of(event, "bob"), alice, now)
+    times, begins = [], 0
+    for number, time_ms in enumerate(driven, 1):
+        times.append({**lap(number, time_ms), "start_ms": begins})
+        begins += time_ms
+    run = start(Evaluation.with_sealed.get(pk=slot_of(event, "carl").evaluation_id), at)
+    assert finish_evaluation(pk=run.pk, lease=run.lease, outcome=outcome(times), now=at)
+    launch(event=event, slot=slot_of(event, "carl"), by=alice, seen=None, now=at)
+    slot = slot_of(event, "carl")
+    needs = [each for each in story_of(event, slot.ends_at + timedelta(seconds=2)) if each.kind == "needs"]
+    assert [each.text for each in reversed(needs)] == said
+    begins_at = needs[-1].at
+    assert not [each for each in story_of(event, begins_at - timedelta(milliseconds=600)) if each.kind == "needs"]
