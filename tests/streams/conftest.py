@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from contextlib import ExitStack
 from pathlib import Path
 
 import pytest
@@ -23,11 +24,35 @@ def folder() -> Iterator[Path]:
         yield made
 
 
+class Broker:
+    """A Valkey that can be away for a while."""
+
+    def __init__(self, folder: Path) -> None:
+        self._folder, self._runs = folder, ExitStack()
+
+    @property
+    def url(self) -> str:
+        return broker.cache_url(broker.socket_path(self._folder))
+
+    def start(self) -> None:
+        self._runs.enter_context(valkey(self._folder))
+
+    def stop(self) -> None:
+        self._runs.close()
+
+
 @pytest.fixture(scope="module")
-def bell(folder: Path) -> Iterator[str]:
+def server(folder: Path) -> Iterator[Broker]:
     (folder / "bell").mkdir()
-    with valkey(folder / "bell"):
-        yield broker.cache_url(broker.socket_path(folder / "bell"))
+    made = Broker(folder / "bell")
+    made.start()
+    yield made
+    made.stop()
+
+
+@pytest.fixture(scope="module")
+def bell(server: Broker) -> str:
+    return server.url
 
 
 @pytest.fixture(scope="module")

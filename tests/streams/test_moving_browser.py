@@ -25,6 +25,7 @@ from tests.pages.browsing import IN_A_BROWSER, chromium, visitor
 from tests.pages.test_screens_browser import compute
 from tests.shared import CHECKOUT
 from tests.streams.process import Streams, served
+from tests.streams.proxy import CUTS, HOLDS, PASSES, REFUSES, before
 
 pytestmark = [*IN_A_BROWSER, pytest.mark.django_db(transaction=True)]
 MESSAGES = """addEventListener("DOMContentLoaded", () => {
@@ -57,9 +58,9 @@ def looks_at(browser, site: str, streams: Streams) -> Iterator[Callable]:
     """Open a page as somebody, in a browser of their own; its stream is there."""
     contexts = []
 
-    def look(path: str, racer=None, **options):
+    def look(path: str, racer=None, *, at: str = site, **options):
         before = streams.figures()["streams"]
-        contexts.append(visitor(browser, site, racer, **options))
+        contexts.append(visitor(browser, at, racer, **options))
         page = contexts[-1].new_page()
         page.add_init_script(MESSAGES)
         page.problems = []
@@ -176,14 +177,70 @@ def on_track(streams, folder, now):
     return event
 
 
+FEED = "() => document.querySelector('[data-show]').show.feed"
+# steps of the run that the page has, from the first one: a second apart at most, so that no chunk is missing
+GAP = """() => {
+  const { t } = document.querySelector("[data-show]").show.car;
+  return Math.max(...t.slice(1).map((each, at) => each - t[at]));
+}"""
+
+
+def plays(page, by: int = 4) -> None:
+    """So many chunks more come."""
+    page.wait_for_function(f"{FEED}.after > {page.evaluate(f'{FEED}.after') + by}", timeout=60_000)
+
+
+def says(event, page, words: str) -> None:
+    """What an organiser says comes to the page."""
+    say_to_spectators(event=event, message=words, by=event.race.organiser, seen=None, now=timezone.now())
+    page.locator("#live-message", has_text=words).wait_for(timeout=60_000)
+
+
+@pytest.mark.soak
+def test_a_live_page_plays_on_whatever_a_proxy_does_to_its_stream(looks_at, site, on_track) -> None:
+    with before(int(site.rpartition(":")[2])) as proxy:
+        proxy.does = HOLDS
+        page = looks_at("/races/race-night/event/", at=proxy.address)
+        plays(page)
+        proxy.does = REFUSES
+        says(on_track, page, "Behind a wall")
+        plays(page)
+        assert page.evaluate(f"{FEED}.streams") is False
+        proxy.does = PASSES
+        page.wait_for_function(f"{FEED}.streams", timeout=60_000)
+        plays(page)
+        begun, proxy.does = proxy.streams, CUTS
+        says(on_track, page, "Cut again and again")
+        wait_for(lambda: proxy.streams > begun, 60)
+        plays(page, 6)
+        assert page.evaluate(GAP) < 200, "no step is missing"
+        assert page.problems == [] or all("502" in said or "ERR_" in said for said in page.problems), page.problems
+
+
+@pytest.mark.soak
+def test_a_live_show_goes_on_without_the_broker(looks_at, server, on_track) -> None:
+    page = looks_at("/races/race-night/event/")
+    page.wait_for_function(f"{FEED}.streams")
+    plays(page)
+    server.stop()
+    try:
+        plays(page, 6)
+        says(on_track, page, "Without a broker")
+        assert page.evaluate(GAP) < 200
+    finally:
+        server.start()
+    says(on_track, page, "With it")
+    plays(page)
+
+
 def test_a_live_page_asks_for_nothing_but_while_the_process_is_away(looks_at, streams, on_track) -> None:
     """Neither for the state nor for poses; without the process the run is played on all the same."""
     page, asked = looks_at("/races/race-night/event/"), []
     page.on("request", lambda request: asked.append(request.url) if ".json" in request.url else None)
-    feed = "() => document.querySelector('[data-show]').show.feed"
+    feed = FEED
 
     def plays_on(by: int = 4) -> None:
-        page.wait_for_function(f"{feed}.after > {page.evaluate(f'{feed}.after') + by}")
+        plays(page, by)
 
     page.wait_for_function(f"{feed}.streams")
     plays_on()
