@@ -19,6 +19,7 @@ from django.core.cache import cache
 
 from paddock.errors import PaddockError, UserFault
 from paddock.geometry.track import TrackGeometry
+from paddock.packages.inputs import CAMERAS
 
 from .models import CompetitorResult, Evaluation, Result, TrainedModel
 from .services.results import read_layout, read_trace
@@ -151,6 +152,37 @@ class SeenRun:
         return told
 
     @property
+    def has_camera(self) -> bool:
+        """Whether the car carries one."""
+        return any(name in CAMERAS for name in self._model.metadata["sensor"])
+
+    def attention(self, step: int, *, who: int) -> bytes:
+        """The frame of its camera at a step, the redder the more a place matters to the network (:mod:`.attention`), as
+        a PNG. Raises what :meth:`answers` raises; ValueError for a car without a camera.
+
+        The first time it takes a second; who asks again has it from what was kept.
+        """
+        key = f"attention-{self._car.trace_sha256}-{self._model.network_id}-{self._number}-{step}"
+        kept = cache.get(key)
+        if kept is not None:
+            return kept
+        from .attention import camera_of, covered, heat, heat_picture
+        from .pictures import ZOOM
+
+        readings = self.readings(step, sorted(self._model.metadata["sensor"]))
+        camera = camera_of(readings)
+        if camera is None:
+            raise ValueError("a car without a camera")
+        network = self._model.network
+        rows = answered(
+            read(network.onnx.name or ""), self._model.metadata, network.facts, covered(readings, camera), who=who
+        )
+        shares = probabilities if self.space.kind == "discrete" else _of_their_ranges
+        drawn = heat_picture(readings[camera], heat([shares(row) for row in rows], readings[camera]), ZOOM)
+        cache.set(key, drawn, KEPT_S)
+        return drawn
+
+    @property
     def _venue(self) -> tuple[TrackGeometry, str, str]:
         spec = self._evaluation.spec
         look = spec.get("look", "official")
@@ -192,6 +224,11 @@ def probabilities(values: Sequence[float]) -> list[float]:
         return (scores / scores.sum()).tolist()
     powers = np.exp(scores - scores.max())
     return (powers / powers.sum()).tolist()
+
+
+def _of_their_ranges(values: Sequence[float]) -> list[float]:
+    """Where the two values of a continuous space lie in their ranges, 0 to 1."""
+    return [(min(max(value, -1.0), 1.0) + 1.0) / 2 for value in values]
 
 
 @lru_cache(maxsize=16)

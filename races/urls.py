@@ -102,6 +102,7 @@ urlpatterns = [
         name="evaluation_compared_replay",
     ),
     path("evaluations/<str:public_id>/seen/", seen.evaluation_seen, name="evaluation_seen"),
+    path("evaluations/<str:public_id>/attention/", seen.evaluation_attention, name="evaluation_attention"),
     path("evaluations/<str:public_id>/saw/", seen.evaluation_saw, name="evaluation_saw"),
     path("evaluations/<str:public_id>/trace.csv", evaluations.evaluation_trace, name="evaluation_trace"),
     path("evaluations/<str:public_id>/metrics.json", evaluations.evaluation_metrics, name="evaluation_metrics"),

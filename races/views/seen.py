@@ -21,7 +21,11 @@ from paddock.errors import PaddockError, UserFault
 from .common import fault_text, tell_fault, too_many, visible_evaluation
 
 SEEN_FORMAT = 1
-RATES = {"seen_frame": "600/m/key", "seen_page": "60/m/key"}  # a replay asks for three frames a second
+RATES = {
+    "seen_frame": "600/m/key",
+    "seen_page": "60/m/key",
+    "attention": "30/m/key",
+}  # a replay asks for three frames a second
 _MOST_MS = 10**8
 _STEP_MS = 1000 / 15
 
@@ -80,14 +84,38 @@ def evaluation_saw(request: HttpRequest, public_id: str) -> HttpResponse:
         "bars": [],
         "fault": "",
         "may_ask": _may_ask(request, shown, number),
+        "has_camera": run.has_camera,
+        "attention": "",
     }
     if context["may_ask"] and moment.asked:
         try:
             context["bars"] = _bars(run, moment, run.answers(moment.lap, who=racer_of(request).pk).get(moment.step))
+            if "where" in request.GET and run.has_camera and too_many(request, "attention", RATES) is None:
+                run.attention(moment.step, who=racer_of(request).pk)
+                context["attention"] = (
+                    f"{reverse('evaluation_attention', args=[public_id])}?step={moment.step}&car={number}"
+                )
         except PaddockError as fault:
             context["fault"] = fault_text(fault)
     response = render(request, "races/evaluation/saw.html", context)
     response["Cache-Control"] = "private, no-store"
+    return response
+
+
+@require_safe
+def evaluation_attention(request: HttpRequest, public_id: str) -> HttpResponse:
+    """The frame (PNG) at ``step``, the redder the more a place matters to the network: for who may use the model."""
+    if (late := too_many(request, "seen_page", RATES)) is not None:
+        return late
+    shown, number = _finished(request, public_id)
+    try:
+        run, moment = _looked_at(request, shown, number)
+    except UserFault as fault:
+        raise Http404 from fault
+    if not (_may_ask(request, shown, number) and moment.asked and run.has_camera):
+        raise Http404
+    response = HttpResponse(run.attention(moment.step, who=racer_of(request).pk), content_type="image/png")
+    response["Cache-Control"] = "private, max-age=600"
     return response
 
 

@@ -16,6 +16,7 @@ from django.utils import timezone
 from PIL import Image
 
 from evaluation import seeing
+from evaluation.attention import camera_of, covered, heat, heat_picture
 from evaluation.pictures import ZOOM
 from evaluation.seeing import probabilities, seen_run
 from evaluation.services import finish_evaluation, share_model
@@ -167,11 +168,48 @@ def test_everybody_sees_the_frame_and_who_may_use_the_model_its_answers(run):
     assert as_racer(cast["stranger"]).get(f"{page}?step=30").context["bars"]
 
 
+def test_a_network_that_looks_at_one_place_is_found_to_look_there():
+    frame = np.full((120, 160, 1), 90, np.uint8)
+    frame[40:60, 100:120] = 250
+    readings = {"FRONT_FACING_CAMERA": frame, "SECTOR_LIDAR": np.zeros(8, np.float32)}
+    assert camera_of(readings) == "FRONT_FACING_CAMERA" and camera_of({"LIDAR": frame}) is None
+    shares = []
+    for shown in covered(readings, "FRONT_FACING_CAMERA"):
+        lit = float(shown["FRONT_FACING_CAMERA"][40:60, 100:120].min() == 250)
+        assert shown["SECTOR_LIDAR"] is readings["SECTOR_LIDAR"]
+        shares.append([lit, 1 - lit])
+    found = heat(shares, frame)
+    assert found.shape == (120, 160) and found.max() == 1.0
+    assert found[40:60, 100:120].min() == 1.0 and found[:30].max() == found[70:].max() == 0
+    picture = np.array(Image.open(io.BytesIO(heat_picture(frame, found, 1)))).astype(int)
+    redness = picture[:, :, 0] - picture[:, :, 2]
+    assert redness[50, 110] > 100 and abs(redness[100, 20]) < 3
+    still = np.array(Image.open(io.BytesIO(heat_picture(frame, heat([[1.0, 0.0]] * len(shares), frame), 1))))
+    assert (still == frame).all()  # what nothing changes is nowhere looked at
+
+
+def test_who_may_use_the_model_sees_where_its_network_looks(run, monkeypatch):
+    evaluation, _ = run
+    page, frame = (reverse(name, args=[evaluation.public_id]) for name in ("evaluation_saw", "evaluation_attention"))
+    owner, stranger = as_racer(evaluation.owner), as_racer(a_racer("charlie"))
+    assert f"{frame}?step=30&amp;car=0" in owner.get(f"{page}?step=30&where").content.decode()
+    monkeypatch.setattr(seeing, "answered", None)  # the page has asked; the picture asks nobody again
+    picture = np.array(Image.open(io.BytesIO(owner.get(f"{frame}?step=30&car=0").content)))[::ZOOM, ::ZOOM].astype(int)
+    redness = picture[:, :, 0] - picture[:, :, 2]
+    assert picture.shape == (120, 160, 3) and redness.max() > 60 > 5 > redness.min()
+    for reader in (stranger, as_racer(None)):
+        assert reader.get(f"{frame}?step=30&car=0").status_code == 404
+        assert frame not in reader.get(f"{page}?step=30&where").content.decode()
+    share_model(model=evaluation.model, now=timezone.now())
+    assert stranger.get(f"{frame}?step=30&car=0").status_code == 200
+    assert owner.get(f"{frame}?step=30&car=7").status_code == 404
+
+
 def test_a_run_that_the_reader_may_not_see_shows_nothing(run):
     evaluation, _ = run
     type(evaluation).with_sealed.filter(pk=evaluation.pk).update(sealed=True)
-    for name in ("evaluation_seen", "evaluation_saw"):
-        for racer in (None, evaluation.owner, a_racer(f"of-{name[-3:]}", is_staff=True)):
+    for name in ("evaluation_seen", "evaluation_saw", "evaluation_attention"):
+        for racer in (None, evaluation.owner, a_racer(f"of-{name[-4:]}", is_staff=True)):
             assert as_racer(racer).get(reverse(name, args=[evaluation.public_id])).status_code == 404
 
 

@@ -44,7 +44,7 @@ from videos.services import ask_for_video, run_next_video
 NO_PAGES = {
     *("api_token_revoke", "board_atom", "board_badge", "board_csv", "board_json", "elsewhere_file", "enter"),
     *("evaluation_live", "evaluation_logs", "evaluation_metrics", "evaluation_replay", "evaluation_stop"),
-    *("evaluation_compared_replay", "evaluation_seen", "evaluation_trace"),
+    *("evaluation_compared_replay", "evaluation_seen", "evaluation_attention", "evaluation_trace", "tracks_to_choose"),
     *("evaluation_video", "favicon", "health_live", "health_ready", "model_export"),
     *("model_package", "model_sensors", "model_share", "model_uploaded"),
     *("notice_open", "notices_read", "race_layout", "race_draw", "race_invitation_reset", "race_live"),
