@@ -24,7 +24,7 @@ SEEN_FORMAT = 1
 RATES = {
     "seen_frame": "600/m/key",
     "seen_page": "60/m/key",
-    "attention": "30/m/key",
+    "attention": "40/m/key",
 }  # a replay asks for three frames a second
 _MOST_MS = 10**8
 _STEP_MS = 1000 / 15
@@ -65,7 +65,8 @@ def evaluation_seen(request: HttpRequest, public_id: str) -> HttpResponse:
 @require_safe
 def evaluation_saw(request: HttpRequest, public_id: str) -> HttpResponse:
     """The frame with the moments before and after it, and for who may use the model what its network answered."""
-    if (late := too_many(request, "seen_page", RATES)) is not None:
+    asks_where = "where" in request.GET
+    if (late := too_many(request, "attention" if asks_where else "seen_page", RATES)) is not None:
         return late
     shown, number = _finished(request, public_id)
     try:
@@ -90,7 +91,7 @@ def evaluation_saw(request: HttpRequest, public_id: str) -> HttpResponse:
     if context["may_ask"] and moment.asked:
         try:
             context["bars"] = _bars(run, moment, run.answers(moment.lap, who=racer_of(request).pk).get(moment.step))
-            if "where" in request.GET and run.has_camera and too_many(request, "attention", RATES) is None:
+            if asks_where and run.has_camera:
                 run.attention(moment.step, who=racer_of(request).pk)
                 context["attention"] = (
                     f"{reverse('evaluation_attention', args=[public_id])}?step={moment.step}&car={number}"
@@ -105,7 +106,7 @@ def evaluation_saw(request: HttpRequest, public_id: str) -> HttpResponse:
 @require_safe
 def evaluation_attention(request: HttpRequest, public_id: str) -> HttpResponse:
     """The frame (PNG) at ``step``, the redder the more a place matters to the network: for who may use the model."""
-    if (late := too_many(request, "seen_page", RATES)) is not None:
+    if (late := too_many(request, "attention", RATES)) is not None:
         return late
     shown, number = _finished(request, public_id)
     try:
