@@ -79,7 +79,7 @@ def _driven(
         ),
         space,
         sorted(metadata["sensor"]),
-        client,
+        client.ask,
         on_progress=last.append,
         progress_every_steps=_NEVER,
         lidar_config=metadata.get("lidar_config"),

@@ -97,7 +97,7 @@ def _run(frames_in: int, frames_out: int) -> None:
     ]
     for client in clients:
         client.before_first = start.wait
-    policies: list[Policy] = list(clients)
+    policies: list[Policy] = [client.ask for client in clients]
     if len(policies) > 1:
         policies = [_reporting(policy, number, frames_out) for number, policy in enumerate(policies)]
     first, *rivals = [
@@ -182,7 +182,7 @@ class _Start:
 def _reporting(policy: Policy, number: int, frames_out: int) -> Policy:
     """``policy`` of car ``number``, whose faults the pipeline hears of at once: it knows how the process ended."""
 
-    def ask(readings: dict[str, np.ndarray]) -> np.ndarray:
+    def ask(readings: dict[str, np.ndarray]) -> np.ndarray | list[float]:
         try:
             return policy(readings)
         except UserFault as fault:

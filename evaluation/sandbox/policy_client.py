@@ -23,7 +23,8 @@ TOTAL_S = float(POLICY_S)
 
 
 class PolicyClient:
-    """Callable as a policy: ``dict`` of sensor arrays in, ``float32[n]`` out (a fresh array each time).
+    """Callable as a policy: ``dict`` of sensor arrays in, ``float32[n]`` out (a fresh array each time). :meth:`ask` is
+    the same and answers with the numbers alone.
 
     A step may take ``step_deadline_s``; what is above comes from a bank of ``overage_s`` for the whole run (Kaggle's
     rule), and all steps together may take ``total_s``. Slowness within that budget changes nothing but wall time.
@@ -67,25 +68,31 @@ class PolicyClient:
         self.counts = dict.fromkeys(WAYS, 0)
 
     def __call__(self, observation: Mapping[str, np.ndarray]) -> np.ndarray:
+        """:meth:`ask`, and the answer as an array."""
+        return np.array(self.ask(observation), self._reply_dtype)
+
+    def ask(self, observation: Mapping[str, np.ndarray]) -> list[float]:
         """One step. ``observation`` must have exactly the header's sensors, dtypes and shapes (else ValueError)."""
         if not self.step:
             self.before_first()
         parts = self._parts(observation)
         self.step = step = self.step + 1
         STEP.pack_into(self._head, 0, step)
-        left_s = min(self._step_deadline_s + self._bank, self._total_s - self.seconds)
+        left_s, most_s = self._total_s - self.seconds, self._step_deadline_s + self._bank
+        if left_s > most_s:
+            left_s = most_s
         self._started = started = time.monotonic()
         self._until = started + left_s
         if not self._send(parts):
             left_s = self._until - time.monotonic()
         # Looked at once in any case, see _wait.
-        reply = self._read() if self._readable.poll(max(0.0, left_s) * 1000) else b""
-        action = self._checked(reply if len(reply) == self._reply_size else self._receive(reply))
+        reply = self._read() if self._readable.poll(left_s * 1000 if left_s > 0.0 else 0) else b""
+        values = self._checked(reply if len(reply) == self._reply_size else self._receive(reply))
         taken = time.monotonic() - started
         self.seconds += taken
         if taken > self._step_deadline_s:
             self._bank -= taken - self._step_deadline_s
-        return action
+        return values
 
     def _parts(self, observation: Mapping[str, np.ndarray]) -> list[Any]:
         """A request, which the kernel puts together: the arrays go into the pipe from where they are."""
@@ -146,7 +153,7 @@ class PolicyClient:
             raise UserFault("policy_protocol", step=self.step)
         return reply
 
-    def _checked(self, reply: bytes) -> np.ndarray:
+    def _checked(self, reply: bytes) -> list[float]:
         step, way, *values = self._reply.unpack(reply)
         if step != self.step or way not in self.counts:
             raise UserFault("policy_protocol", step=self.step)
@@ -154,7 +161,7 @@ class PolicyClient:
         # a sum of finite ones is finite: float32 is far from what a float64 holds
         if not math.isfinite(sum(values)):
             raise UserFault("non_finite_action", step=self.step)
-        return np.frombuffer(reply, self._reply_dtype, offset=REPLY.size)
+        return values
 
     def _wait(self, poller: select.poll) -> None:
         # Looked at once in any case: if this process was not scheduled in time, that is not the network's slowness.

@@ -73,11 +73,13 @@ class Car:
     @property
     def pose(self) -> Pose:
         """Where the base is now; asked of Bullet once, until the world moves."""
-        if self._pose is None:
-            (x, y, _), (qx, qy, qz, qw) = bullet.getBasePositionAndOrientation(self.body, self._client)
-            yaw = math.atan2(2.0 * (qw * qz + qx * qy), 1.0 - 2.0 * (qy * qy + qz * qz))
-            self._pose = _made(Pose, (x, y, yaw))
-        return self._pose
+        return self._asked() if self._pose is None else self._pose
+
+    def _asked(self) -> Pose:
+        (x, y, _), (qx, qy, qz, qw) = bullet.getBasePositionAndOrientation(self.body, self._client)
+        yaw = math.atan2(2.0 * (qw * qz + qx * qy), 1.0 - 2.0 * (qy * qy + qz * qz))
+        self._pose = pose = _made(Pose, (x, y, yaw))
+        return pose
 
     @property
     def height(self) -> float:
@@ -117,8 +119,8 @@ class Car:
         self._tell(joints)
 
     def moved(self) -> None:
-        """The world has moved: what was read of the car is out of date."""
-        self._pose = None
+        """The world has moved, and the car with it."""
+        self._asked()
 
     def command(self, steering_deg: float, speed: float) -> None:
         """Take a command (degrees to the left, m/s); the motors learn of it when its dead time is over."""

@@ -27,7 +27,7 @@ from .stage import PreparedTrack, Simulation
 from .trace import LABELS, Trace
 from .world import World
 
-Policy = Callable[[dict[str, np.ndarray]], np.ndarray]
+Policy = Callable[[dict[str, np.ndarray]], np.ndarray | list[float]]
 
 
 @dataclass(frozen=True)
@@ -291,17 +291,19 @@ class _Race:
     def _ask(self, number: int, car: Competitor) -> Action:
         """What a car is told to do, by its network and by who commands its speed."""
         entrant = self._entrants[number]
+        disturbance = self._disturbance
         looked = perf_counter()
         readings = car.observe()
-        if self._disturbance is not None:
-            readings = self._disturbance.observe(readings)
+        if disturbance is not None:
+            readings = disturbance.observe(readings)
         asked = perf_counter()
         output = entrant.policy(readings)
+        answered = perf_counter()
         self.camera_s += asked - looked
-        self.policy_s += perf_counter() - asked
+        self.policy_s += answered - asked
         action = entrant.action_space.decode(output, car.referee.step + 1)
-        if self._disturbance is not None:
-            action = self._disturbance.act(action)
+        if disturbance is not None:
+            action = disturbance.act(action)
         speeds = self._speeds.get(number) if self._speeds else None
         return action if speeds is None else speeds(action, car.referee.time_ms)
 

@@ -45,7 +45,7 @@ class World:
         self.cars: list[Car] = []
         self._idle: list[Car] = []
         self._new: list[Car] = []  # built ahead
-        self.seconds = 0.0  # spent inside Bullet's step, a diagnostic
+        self.seconds = 0.0  # spent in Bullet's step, and in telling and asking it of the cars; a diagnostic
         self.client = _connect()
         self._stride = 0  # ticks that Bullet's clock is set for
         self._prepare()
@@ -114,7 +114,7 @@ class World:
         for _ in range(calls):
             bullet.stepSimulation(self.client)
         for car in self.cars:
-            car.moved()
+            car.moved()  # and where to: Bullet's answer is Bullet's time
         self.seconds += perf_counter() - before
 
     def _set_clock(self, ticks: int) -> int:
