@@ -26,8 +26,8 @@ _drawing = Lock()  # of many who ask at once, one draws
 
 def frames_of(slot: LiveSlot, now: datetime, n: int) -> bytes | None:
     """Chunk ``n`` of a run as a PNG: a row for each car in the order of their numbers, and in it the frames of every
-    :data:`EVERY`-th step of the chunk, 160 by 120 pixels each. None unless the chunk has passed, and while
-    so much else is drawn that it would come too late.
+    :data:`EVERY`-th step of the chunk, 160 by 120 pixels each. None unless the chunk has passed; empty while so much
+    else is drawn that it would come too late.
 
     A car that has no step in the chunk stands where it was last. Raises PlatformFault where files cannot be read."""
     chunks, _over = played(slot, now, after=n - 1)
@@ -35,8 +35,10 @@ def frames_of(slot: LiveSlot, now: datetime, n: int) -> bytes | None:
         return None
     key = f"live-frames-{slot.evaluation_id}-{n}"
     strip: bytes | None = cache.get(key)
-    if strip is not None or not _drawing.acquire(timeout=_WAIT_S):
+    if strip is not None:
         return strip
+    if not _drawing.acquire(timeout=_WAIT_S):
+        return b""
     try:
         strip = cache.get(key)
         if strip is None:

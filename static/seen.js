@@ -6,6 +6,7 @@
   const EVERY = 3; // steps between two frames of a strip: races/live_seen.py
   const [WIDE, HIGH] = [160, 120];
   const AHEAD = 2; // chunks
+  const LATE = 4;
   const AT_ONCE = 2; // requests
   const KEPT = 8; // strips
   const OPEN = "paddock-sees";
@@ -19,6 +20,7 @@
       panel.addEventListener("toggle", () => {
         try { localStorage.setItem(OPEN, panel.open ? "1" : ""); } catch { /* not remembered */ }
       });
+      root.addEventListener("show:state", () => { if (!root.show.slot) this.end(); });
       root.addEventListener("show:frame", ({ detail }) => { if (panel.open) this.frame(detail); });
     }
 
@@ -43,19 +45,31 @@
       }));
     }
 
-    frame({ moment }) {
+    // Nobody is on track.
+    end() {
+      this.of = "";
+      this.strips.clear();
+      this.cars.replaceChildren();
+    }
+
+    // Of the step that the map shows; while its frame is still to come, the last one before it.
+    frame({ moment, i }) {
       const { show } = this.root;
       if (!show.slot || moment < 0) return;
       if (this.of !== `${show.slot.slot} ${show.slot.starts_at}`) this.begin(show.slot);
-      const long = show.state.chunk_ms;
-      const now = Math.floor(moment / long);
+      const [long, ms] = [show.state.chunk_ms, show.car.t[i]];
+      const now = Math.floor(ms / long);
       for (let n = now; n <= now + AHEAD; n += 1) this.load(n, long);
-      const strip = this.strips.get(now);
-      if (!strip || !strip.picture) return;
-      const at = strip.t.findLastIndex((t) => t <= moment);
-      if (at < 0 || this.drawn === `${now} ${at}`) return;
-      this.drawn = `${now} ${at}`;
-      [...this.cars.children].forEach((figure, row) => this.draw(figure, strip, at, row));
+      for (let n = now; n >= now - LATE; n -= 1) {
+        const strip = this.strips.get(n);
+        if (!strip || !strip.picture) continue;
+        const at = strip.t.findLastIndex((t) => t <= ms);
+        if (at >= 0 && this.drawn !== `${n} ${at}`) {
+          this.drawn = `${n} ${at}`;
+          [...this.cars.children].forEach((figure, row) => this.draw(figure, strip, at, row));
+        }
+        return;
+      }
     }
 
     draw(figure, { picture, t }, at, row) {
@@ -79,7 +93,7 @@
       try {
         const query = new URLSearchParams({ slot: this.root.show.slot.slot, n });
         const answer = await fetch(`${this.panel.dataset.frames}?${query}`, { signal: AbortSignal.timeout(5000) });
-        if (answer.ok) strip.picture = await createImageBitmap(await answer.blob());
+        if (answer.status === 200) strip.picture = await createImageBitmap(await answer.blob());
       } catch { /* the frames before stay */ }
       if (this.of === of) this.asked -= 1;
     }

@@ -71,13 +71,14 @@ def live_poses(request: HttpRequest, slug: str) -> JsonResponse:
 
 @require_safe
 def live_frames(request: HttpRequest, slug: str) -> HttpResponse:
-    """What the cars of a run saw in a chunk of it that has been played: ``slot``, ``n``. 404 before."""
+    """What the cars of a run saw in a chunk of it that has been played: ``slot``, ``n``. 404 before, 204 while the
+    machine has too much else to draw."""
     _race, event = _event(request, slug)
     slot, number = slot_in(event, request.GET.get("slot", "")), _number(request.GET.get("n", ""))
     strip = None if number is None else frames_of(slot, timezone.now(), number)
     if strip is None:
         raise Http404
-    response = HttpResponse(strip, content_type="image/png")
+    response = HttpResponse(strip, content_type="image/png") if strip else HttpResponse(status=204)
     response["Cache-Control"] = "private, no-store"
     return response
 

@@ -104,6 +104,15 @@ def test_it_is_drawn_once_for_all_who_look(played, monkeypatch):
     assert len(draws) == len(seen) == 1
 
 
+def test_while_others_are_drawn_for_too_long_there_is_none_to_wait_for(played, monkeypatch):
+    slot, _trace = played
+    monkeypatch.setattr(live_seen, "_WAIT_S", 0.01)
+    with live_seen._drawing:
+        answer = frames(slot, 1)
+    assert (answer.status_code, answer.content) == (204, b"")
+    assert frames(slot, 1).status_code == 200
+
+
 def test_of_a_private_event_a_stranger_sees_nothing(played):
     slot, _trace = played
     type(slot.event.race).objects.filter(pk=slot.event.race_id).update(visibility=Visibility.INVITATION)
