@@ -72,8 +72,8 @@ class TestWithoutAScript:
         assert made(query, algorithm=chosen).hyperparameters == DEFAULTS[chosen]
 
     def test_changed_fields_keep_their_values(self, made):
-        job = made(algorithm="sac", batch_size="128", lr="0.0003")
-        assert job.hyperparameters == {**DEFAULTS["sac"], "batch_size": 128, "lr": 0.0003}
+        job = made(algorithm="sac", batch_size="512", lr="0.0003")
+        assert job.hyperparameters == {**DEFAULTS["sac"], "batch_size": 512, "lr": 0.0003}
 
     def test_the_other_algorithms_default_may_be_chosen(self, made):
         usual = DEFAULTS["ppo"]["batch_size"]

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import gzip
 from collections.abc import Sequence
+from functools import partial
 from typing import Any, NamedTuple, cast
 
 import numpy as np
@@ -13,10 +14,12 @@ from paddock.rules.race import HEAD_TO_HEAD, OBJECT_AVOIDANCE, TIME_TRIAL, other
 from paddock.simulator.action import CONTINUOUS, ActionSpace
 from paddock.simulator.camera.theme import THEMES
 from paddock.simulator.envs.sb3 import SB3VecEnv
+from paddock.simulator.referee import LAPS_DONE, Referee
 from paddock.simulator.rewards import RewardFunction
-from paddock.simulator.trace import LABELS, Row, Trace
+from paddock.simulator.trace import LABELS, TIME_UP, Row, Trace
 from paddock.simulator.vector import HeadToHeadVectorEnv, ObjectAvoidanceVectorEnv, TimeTrialVectorEnv
 
+from .drills import DRILL_STEPS, Drills
 from .senses import Sense, look
 from .spec import TrainerSpec
 from .warm import row_space
@@ -37,6 +40,12 @@ def lap_limit_ms(track: TrackGeometry, space: ActionSpace) -> int:
     else:
         speed = sum(speed for _, speed in space.actions) / len(space.actions)
     return int(min(max(1500.0 * track.length / max(speed, 0.1) + 10_000.0, 20_000.0), 240_000.0))
+
+
+def fault_m(referee: Referee) -> float | None:
+    """Where a car has failed, in metres from the finish line; None where it has not."""
+    failed = referee.end_reason not in (None, LAPS_DONE, TIME_UP)
+    return referee.odometer.place.distance if failed else None
 
 
 class Way(NamedTuple):
@@ -68,10 +77,11 @@ def ways_of(spec: TrainerSpec, track: TrackGeometry) -> list[Way]:
 
 class TrainingCars(SB3VecEnv):
     """Many cars in one world, each from a random place of the track, until it leaves it, has done a lap or is out of
-    time. Observations: rows, see :mod:`.senses`.
+    time. Every second car drills instead once there is something to drill, see :mod:`.drills`; such episodes are
+    learned from and not written down. Observations: rows, see :mod:`.senses`.
 
-    An episode that ends with a lap or out of time is "truncated": the car could have driven on, and what it would have
-    earned counts.
+    An episode that ends with a lap, out of time or as a drill is "truncated": the car could have driven on, and what it
+    would have earned counts.
     """
 
     def __init__(
@@ -105,6 +115,9 @@ class TrainingCars(SB3VecEnv):
         self._grounds = [ground for each in env.setting.ways for ground in each]
         self._senses, self._seed = senses, seed
         super().__init__(env, observation_space=row_space(senses))
+        self.drills = Drills(len(ways))
+        self._drillers = np.arange(self.num_envs) % 2 == 1
+        self._drilling = np.zeros(self.num_envs, np.bool_)  # in the present episode
         self.episodes: list[dict[str, Any]] = []  # those that ended since the last :meth:`harvest`
         self._rows: list[list[Row]] = []
         self.episode = 0
@@ -113,6 +126,29 @@ class TrainingCars(SB3VecEnv):
         """Start an episode of every car, from the seed of the training whatever the learner's is."""
         self.seed(self._seed)
         return cast("np.ndarray", super().reset())
+
+    def cut(self) -> np.ndarray:
+        """Drills are short."""
+        return self._drilling & (self._steps >= DRILL_STEPS)
+
+    def again(self, cars: np.ndarray) -> Any:
+        """Drillers begin where somebody has failed, if anybody has."""
+        readings: Any = None
+        if (usual := cars & ~self._drillers).any():
+            self._drilling[usual] = False
+            readings = super().again(usual)
+        for number in np.flatnonzero(cars & self._drillers).tolist():
+            one = np.arange(self.num_envs) == number
+            readings, _ = self.env.reset(options={"reset_mask": one, "start_m": partial(self._drill, number)})
+        return readings
+
+    def _drill(self, number: int, track: TrackGeometry, rng: np.random.Generator) -> float | None:
+        start = self.drills.start_m(self._way_on(track), track, rng)
+        self._drilling[number] = start is not None
+        return start
+
+    def _way_on(self, track: TrackGeometry) -> int:
+        return next((number for number, ground in enumerate(self._grounds) if ground.track is track), 0)
 
     def look(self, readings: Any) -> np.ndarray:
         """The row of each car."""
@@ -133,9 +169,13 @@ class TrainingCars(SB3VecEnv):
         return episodes, gzip.compress(csv, 1, mtime=0)
 
     def ended(self, number: int, info: dict[str, Any]) -> None:
-        """Write down an episode that is over."""
+        """Write down an episode that is over, and where it failed."""
         car = self.env.car(number)
         referee = car.referee
+        if (metres := fault_m(referee)) is not None:
+            self.drills.note(self._way_on(referee.track), metres)
+        if self._drilling[number]:
+            return
         rows = [row._replace(episode=self.episode) for row in car.rows]
         self.episodes.append(
             {

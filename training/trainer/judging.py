@@ -18,7 +18,8 @@ from paddock.simulator.referee import LAPS_DONE
 from paddock.simulator.rewards import RewardFunction
 from paddock.simulator.trace import LABELS
 
-from .cars import Way, lap_limit_ms, ways_of
+from .cars import Way, fault_m, lap_limit_ms, ways_of
+from .drills import Fault
 from .senses import Sense, look
 from .spec import LAP_TIME, REWARD, TrainerSpec
 
@@ -32,12 +33,13 @@ Act = Callable[[np.ndarray], np.ndarray]
 class Judgement:
     """How a policy drove its trials. ``lap_ms``: the mean of the laps without a fault, None without one. ``confirmed``:
     it then drove as many laps in a row from the finish line without a fault as were asked for, on each way.
-    ``lengths``: metres of a lap of each trial, where trials are on several tracks."""
+    ``lengths``: metres of a lap of each trial, where trials are on several tracks. ``faults``: where it failed."""
 
     trials: list[dict[str, Any]]
     driving: list[list[float]]
     confirmed: bool
     lengths: tuple[float, ...] = ()
+    faults: tuple[Fault, ...] = ()
 
     @property
     def progress(self) -> float:
@@ -132,12 +134,19 @@ class Judge:
     def look(self, act: Act) -> Judgement:
         """Drive the trials, and the laps in a row once all trials are clean."""
         told = self._drive(act, self._drives, self._starts)
+        faults = self._faults(self._drives)
         confirmed = False
         if self._long and all(trial["lap_ms"] is not None for trial in told):
             laps = self._drive(act, self._long, [0.0] * len(self._long))
             confirmed = all(each["lap_ms"] is not None for each in laps)
+            faults = self._faults(self._long)
         told = [trial | way for trial, way in zip(told, self._told_ways, strict=True)]
-        return Judgement(told, _places(self._drives[0]), confirmed, self._lengths)
+        return Judgement(told, _places(self._drives[0]), confirmed, self._lengths, faults)
+
+    def _faults(self, drives: list[Drive]) -> tuple[Fault, ...]:
+        """Where the cars of these drives have failed: the first of each way come first, then the second, ..."""
+        found = [(number % self._spec.ways, fault_m(drive.car.referee)) for number, drive in enumerate(drives)]
+        return tuple((way, metres) for way, metres in found if metres is not None)
 
     def _drive(self, act: Act, drives: list[Drive], starts: list[float]) -> list[dict[str, Any]]:
         """Drive each from its start to its end."""

@@ -135,6 +135,7 @@ class Training:
             self._learner.restore(state["learner"])
             self.number, self._updates = int(state["number"]), int(state["updates"])
             self._looked_at, self._cars.episode = self._updates, int(state["episode"])
+            self._cars.drills.restore(state.get("drills") or self._cars.drills.state())
             self._best = tuple(state["best"]) if state["best"] is not None else None
             self._told_steps = self._learner.model.num_timesteps
             torch.manual_seed(seed)
@@ -230,6 +231,7 @@ class Training:
     def _look(self, losses: Any) -> None:
         learner = self._learner
         verdict = self._judge.look(learner.act)
+        self._cars.drills.note_looks(verdict.faults)
         key = verdict.key(self.spec.best_metric)
         best = self._best is None or key >= self._best
         if best:
@@ -274,6 +276,7 @@ class Training:
             "number": self.number,
             "updates": self._updates,
             "episode": self._cars.episode,
+            "drills": self._cars.drills.state(),
             "best": None if self._best is None else [float(value) for value in self._best],
         }
         file = io.BytesIO()

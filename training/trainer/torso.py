@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Any
+from typing import Any, cast
 
 import torch
 from stable_baselines3.common.torch_layers import BaseFeaturesExtractor
@@ -50,6 +50,13 @@ class Torso(BaseFeaturesExtractor):
         for (picture, start, shape), eye in zip(self.senses, self.eyes, strict=True):
             size = shape[0] * shape[1] * shape[2] if picture else shape[0]
             part = observations[:, start : start + size]
-            seen.append(eye(part.reshape(-1, *shape) if picture else part))
+            if picture:
+                part = part.reshape(-1, *shape)
+            for layer in cast(nn.Sequential, eye):
+                if isinstance(layer, nn.Conv2d) and layer.in_channels > 1:
+                    # oneDNN goes back through a convolution with a stride in a third of the time if channels come last
+                    part = part.contiguous(memory_format=torch.channels_last)
+                part = layer(part)
+            seen.append(part)
         joined = seen[0] if len(seen) == 1 else torch.cat(seen, dim=1)
         return torch.relu(self.dense(joined))

@@ -73,6 +73,15 @@ class SB3VecEnv(VecEnv):
             {name: batch.copy() for name, batch in readings.items()} if isinstance(readings, dict) else readings.copy()
         )
 
+    def cut(self) -> np.ndarray:
+        """Bools of the cars whose episode ends with this step although it could go on, as where the time is up."""
+        return np.zeros(self.num_envs, np.bool_)
+
+    def again(self, cars: np.ndarray) -> Any:
+        """Start the next episode of ``cars`` (bools); the environment's observations of all."""
+        readings, _ = self.env.reset(options={"reset_mask": cars})
+        return readings
+
     def ended(self, number: int, info: dict[str, Any]) -> None:
         """The episode of a car is over; ``self.env`` still has its state. ``info``: that of its last step."""
 
@@ -98,13 +107,13 @@ class SB3VecEnv(VecEnv):
         readings, rewards, terminated, truncated, told = self.env.step(self._actions)
         self._earned += rewards
         self._steps += 1
+        truncated = truncated | (self.cut() & ~terminated)
         seen, done = self.look(readings), terminated | truncated
         infos = _each(told, self.num_envs)
         if done.any():
             for number in np.flatnonzero(done).tolist():
                 self._end(number, infos[number], seen, bool(truncated[number]))
-            readings, _ = self.env.reset(options={"reset_mask": done})
-            seen = self.look(readings)
+            seen = self.look(self.again(done))
             self._earned[done] = 0.0
             self._steps[done] = 0
         return seen, rewards.astype(np.float32), done, infos

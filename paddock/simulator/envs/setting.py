@@ -123,11 +123,15 @@ class Setting:
     def start_m(
         self, rng: np.random.Generator, options: Mapping[str, Any], ground: PreparedTrack | None = None
     ) -> float:
-        """Where an episode on ``ground`` starts, in metres after the finish line."""
+        """Where an episode on ``ground`` starts, in metres after the finish line. ``options["start_m"]``: metres, or a
+        function of track and ``rng`` that returns them, None for where it would start without."""
         track = (ground or self.ground).track
         last = track.length - OPEN_ROOM_M if track.is_open else track.length
-        if "start_m" in options:
-            start = float(options["start_m"])
+        asked = options.get("start_m")
+        if callable(asked):
+            asked = asked(track, rng)
+        if asked is not None:
+            start = float(asked)
             if not math.isfinite(start):
                 raise ValueError(f"start_m must be a finite number of metres, not {start}")
             if track.is_open and not 0.0 <= start <= last:

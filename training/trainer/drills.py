@@ -1,0 +1,60 @@
+"""Practising the places where the car leaves the road.
+
+A car that nearly laps drives minutes from one fault to the next: of what sixteen cars drive between two updates, hardly
+a second is before the bend that they cannot take. So half of them drill: their episodes begin shortly before a place
+where a car has left the road or crashed of late, and end some seconds later, whatever happens. Where nobody fails any
+more the places grow old with their last faults, and drilling there is driving as any other.
+"""
+
+from __future__ import annotations
+
+from collections import deque
+from collections.abc import Iterable
+
+import numpy as np
+
+from paddock.geometry.track import TrackGeometry
+from paddock.simulator.envs.setting import OPEN_ROOM_M
+
+DRILL_STEPS = 60  # of an episode: four seconds
+BEFORE_M = (0.5, 3.0)  # so far before the fault it begins
+_KEPT = 32  # the latest faults, of all cars on a way
+_LOOK_WEIGHT = 4  # a fault without exploring counts for so many with
+
+Fault = tuple[int, float]  # the number of a way, and metres from its finish line
+
+
+class Drills:
+    """Where cars have failed of late, on each way of a training."""
+
+    def __init__(self, ways: int) -> None:
+        self._places: list[deque[float]] = [deque(maxlen=_KEPT) for _ in range(ways)]
+
+    def note(self, way: int, metres: float) -> None:
+        """A car that explores has failed there."""
+        self._places[way].append(metres)
+
+    def note_looks(self, faults: Iterable[Fault]) -> None:
+        """The policy has failed there without exploring: that is what has to be mended."""
+        for way, metres in faults:
+            self._places[way].extend([metres] * _LOOK_WEIGHT)
+
+    def start_m(self, way: int, track: TrackGeometry, rng: np.random.Generator) -> float | None:
+        """Where a drill on ``track`` begins, in metres from its finish line; None where nobody has failed."""
+        places = self._places[way]
+        if not places:
+            return None
+        start = places[int(rng.integers(len(places)))] - rng.uniform(*BEFORE_M)
+        if track.is_open:
+            return float(min(max(start, 0.0), track.length - OPEN_ROOM_M))
+        return float(start % track.length)
+
+    def state(self) -> list[list[float]]:
+        """Plain numbers for a checkpoint."""
+        return [list(places) for places in self._places]
+
+    def restore(self, state: list[list[float]]) -> None:
+        """Go on from :meth:`state`."""
+        for places, kept in zip(self._places, state, strict=True):
+            places.clear()
+            places.extend(kept)
