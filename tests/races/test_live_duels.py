@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import io
 from datetime import datetime, timedelta
 
 import pytest
+from PIL import Image
 
 from core.events import Event
 from evaluation.models import Evaluation, Result, State
@@ -13,6 +15,7 @@ from evaluation.services import finish_evaluation
 from paddock.errors import UserFault
 from races.api.live import poses_document
 from races.live_document import live_document
+from races.live_seen import frames_of
 from races.live_story import story_of
 from races.models import Draw, Duel, DuelCompetitor, DuelState, Entry, LiveEvent, LiveSlot, LiveState, SlotState
 from races.selectors import duels_of
@@ -335,3 +338,6 @@ def test_both_cars_are_played(alice, now, monkeypatch):
     (first, *_rest) = poses_document(slot, -1)["chunks"]
     assert [car["number"] for car in first["cars"]] == [0, 1]
     assert all(car["x"] for car in first["cars"])
+    picture = Image.open(io.BytesIO(frames_of(slot, timezone.now(), 0)))
+    assert picture.height == 2 * 120, "what each of them sees"
+    assert frames_of(slot, timezone.now(), 8) is None
