@@ -108,7 +108,7 @@ class Competitor:
         self._record()
 
     def _record(self) -> None:
-        """Write down the present state, see :class:`.states.State`."""
+        """Write down the present state, see :class:`.states.StepState`."""
         referee, status = self.referee, self.status
         steering_deg, speed_mps, index = self.action
         odometer = referee.odometer

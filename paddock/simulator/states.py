@@ -21,7 +21,7 @@ from .trace import COLUMNS, PAUSE, Row, Trace, column
 _DEGREES = 180.0 / math.pi  # of math.degrees
 
 
-class State(NamedTuple):
+class StepState(NamedTuple):
     """A car before a step's action acts. Metres, radians, degrees for the steering, m/s."""
 
     lap: int  # from 1
@@ -47,10 +47,10 @@ class State(NamedTuple):
 
 def trace_of(states: Sequence[tuple], track: TrackGeometry, start_m: float) -> Trace:
     """The trace of a run whose laps begin ``start_m`` metres after the finish line of ``track``. ``states``: tuples of
-    the fields of :class:`State`."""
+    the fields of :class:`StepState`."""
     if not states:
         return Trace.of([])
-    told = dict(zip(State._fields, zip(*states, strict=True), strict=True))
+    told = dict(zip(StepState._fields, zip(*states, strict=True), strict=True))
     laps, steps = np.array(told["lap"], np.int64), np.array(told["step"], np.float64)
     length, seconds, status = track.length, steps * STEP_MS / 1000.0, told["status"]
     metres = np.array(told["metres"]) - (start_m + (laps - 1) * length)

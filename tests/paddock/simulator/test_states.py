@@ -9,12 +9,12 @@ import pytest
 
 from paddock.geometry.catalogue import CATALOGUE
 from paddock.simulator.clock import STEP_MS
-from paddock.simulator.states import State, rows_of, trace_of
+from paddock.simulator.states import StepState, rows_of, trace_of
 from paddock.simulator.trace import PAUSE, STATUSES, Row, Trace
 from tests.soak import only
 
 
-def row_of(state: State, track, start_m: float) -> Row:
+def row_of(state: StepState, track, start_m: float) -> Row:
     """One row by itself."""
     starts, after = track.cumulative.tolist(), state.segment + 1
     after, end = (after, starts[after]) if after < len(starts) else (0, track.length)
@@ -49,7 +49,7 @@ def states_on(track, draw: random.Random, count: int):
         place = track.project(x, y)
         lap = draw.randint(1, 20)
         metres = place.distance + draw.choice((0, lap - 1, lap)) * track.length
-        yield State(
+        yield StepState(
             lap, draw.randint(1, 500), x, y, heading, draw.uniform(-30.0, 30.0), draw.uniform(0.1, 4.0),
             draw.randint(-1, 20), draw.gauss(0.0, 1.0), draw.random() < 0.1, draw.random() < 0.9, metres,
             draw.random() < 0.1, place.distance, place.index, step, draw.choice(STATUSES), draw.randint(0, 90),
