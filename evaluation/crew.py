@@ -97,9 +97,17 @@ class Crew:
     def _start(self, stack: contextlib.ExitStack, cars: int) -> SandboxedProcess:
         while len(self.policies) < cars:
             self.policies.append(stack.enter_context(PolicyProcess(level=self._level)))
-        pipes = [fd for policy in self.policies for fd in (policy.process.stdout, policy.process.stdin)]
+        ends = [
+            fd for policy in self.policies for fd in (policy.process.stdout, policy.process.stdin, policy.memory_fd)
+        ]
         return stack.enter_context(
-            launch(self._module, limits=RUNNER, level=self._level, arguments=[str(fd) for fd in pipes], pass_fds=pipes)
+            launch(
+                self._module,
+                limits=RUNNER,
+                level=self._level,
+                arguments=[str(fd) for fd in ends],
+                pass_fds=[fd for fd in ends if fd >= 0],
+            )
         )
 
 

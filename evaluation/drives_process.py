@@ -11,7 +11,6 @@ from __future__ import annotations
 
 import contextlib
 import dataclasses
-import sys
 from typing import Any
 
 from paddock.network.policy_wire import WAYS
@@ -23,7 +22,7 @@ from paddock.simulator.sensors import policy_header
 from paddock.simulator.stage import PreparedTrack
 from paddock.simulator.variations import Variation
 
-from .runner_process import ground_of, telling_faults
+from .runner_process import ground_of, policy_client, telling_faults
 from .sandbox.frames import FrameError, read_message, write_message
 from .sandbox.policy_client import PolicyClient
 
@@ -43,14 +42,13 @@ def _drive_all(frames_in: int, frames_out: int) -> None:
     write_message(frames_out, {"headers": [header]})
     rules = RaceRules.from_dict(job["rules"])
     read_message(frames_in)
-    read_fd, write_fd = (int(fd) for fd in sys.argv[1:])
     ground, built = None, -1  # one at a time: a large track takes 30 MB
     driven: list[dict[str, Any]] = []
     ways = dict.fromkeys(WAYS, 0)
     for drive in job["drives"]:
         if ground is None or drive["venue"] != built:
             ground, built = ground_of(job["venues"][drive["venue"]]), drive["venue"]
-        client = PolicyClient(read_fd, write_fd, header, **job["budget"])
+        client = policy_client(0, header, job["budget"])
         driven.append(_driven(ground, rules, drive["variation"], metadata, space, client))
         for way, count in client.counts.items():
             ways[way] += count

@@ -9,7 +9,8 @@ layout and the traces, or one ``{"error": {"code", "fault", "params"}}``.
 Before the job there may be a message with ``{"venues": [...]}``, where the job may be: they are built up, and a short
 drive on each leaves nothing to be done for the first time in the race.
 
-``sys.argv[1:]``: for each car the descriptors on which it reads from and writes to its policy.
+``sys.argv[1:]``: for each car the descriptors on which it reads from and writes to its policy, and that of the memory
+in which it shows it what the car sees (-1 for none).
 """
 
 from __future__ import annotations
@@ -41,6 +42,7 @@ from paddock.simulator.world import make_ready, new_world
 
 from .sandbox.frames import FrameError, read_message, write_message
 from .sandbox.policy_client import PolicyClient
+from .sandbox.shown import to_write
 
 _PROGRESS_S = 0.25
 _REHEARSAL_MS = 2000  # simulated
@@ -89,12 +91,8 @@ def _run(frames_in: int, frames_out: int) -> None:
     spaces = [ActionSpace.from_metadata(metadata) for metadata in job["metadata"]]
     headers = [policy_header(metadata, space) for metadata, space in zip(job["metadata"], spaces, strict=True)]
     write_message(frames_out, {"headers": headers})
-    pipes = [int(fd) for fd in sys.argv[1:]]
     start = _Start(frames_in)
-    clients = [
-        PolicyClient(pipes[2 * number], pipes[2 * number + 1], header, **job["budget"])
-        for number, header in enumerate(headers)
-    ]
+    clients = [policy_client(number, header, job["budget"]) for number, header in enumerate(headers)]
     for client in clients:
         client.before_first = start.wait
     policies: list[Policy] = [client.ask for client in clients]
@@ -127,6 +125,12 @@ def _run(frames_in: int, frames_out: int) -> None:
     write_message(frames_out, {"result": _outcome(result, cars), "seconds": seconds, "ways": ways}, blobs)
     with contextlib.suppress(FrameError):  # with this process the policies would end, and nobody could measure them
         read_message(frames_in)
+
+
+def policy_client(number: int, header: dict[str, Any], budget: dict[str, float]) -> PolicyClient:
+    """The client of a car's policy, by the car's number."""
+    read_fd, write_fd, memory_fd = (int(fd) for fd in sys.argv[1 + 3 * number : 4 + 3 * number])
+    return PolicyClient(read_fd, write_fd, header, memory=to_write(memory_fd), **budget)
 
 
 def ground_of(venue: dict[str, Any]) -> PreparedTrack:

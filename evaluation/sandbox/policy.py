@@ -23,6 +23,7 @@ from .launch import SandboxedProcess, launch, widen_pipe
 from .limits import POLICY, Limits
 from .lock import EXIT_MEMORY
 from .policy_client import OVERAGE_S, STEP_DEADLINE_S, TOTAL_S, PolicyClient
+from .shown import shared_memory, to_write
 
 MODULE = "evaluation.sandbox.policy_process"
 START_S = 30.0
@@ -36,15 +37,36 @@ class PolicyProcess:
     def __init__(
         self, *, limits: Limits = POLICY, level: int | None = None, module: str = MODULE, **options: Any
     ) -> None:
-        self.process: SandboxedProcess = launch(module, limits=limits, level=level, **options)
+        """``module``: another one has pipes alone."""
+        self._shown = shared_memory() if module == MODULE else None
+        try:
+            if self._shown is not None:
+                fd = self._shown.reading_fd
+                options |= {"arguments": [str(fd)], "pass_fds": [fd]}
+            self.process: SandboxedProcess = launch(module, limits=limits, level=level, **options)
+        except BaseException:
+            self._forget()
+            raise
+        if self._shown is not None:
+            self._shown.handed_over()
         self._cpu_from = 0.0
         widen_pipe(self.process.stdin)
+
+    @property
+    def memory_fd(self) -> int:
+        """Where the referee shows what the car sees, see :mod:`.shown`; -1 for nowhere."""
+        return -1 if self._shown is None else self._shown.fd
+
+    def _forget(self) -> None:
+        if self._shown is not None:
+            self._shown.close()
 
     def __enter__(self) -> PolicyProcess:
         return self
 
     def __exit__(self, *_exc: object) -> None:
         self.process.close()
+        self._forget()
 
     def load(self, onnx: bytes, header: dict[str, Any], facts: dict[str, Any] | None = None) -> str:
         """:meth:`give` and :meth:`agree` in one; the form for a referee in this very process."""
@@ -86,7 +108,8 @@ class PolicyProcess:
 
     def client(self, header: dict[str, Any], **budget: float) -> PolicyClient:
         """A client on this process's pipes, for a referee in this very process (the smoke run of an upload)."""
-        return PolicyClient(self.process.stdout, self.process.stdin, header, **budget)
+        memory = to_write(self.memory_fd)
+        return PolicyClient(self.process.stdout, self.process.stdin, header, memory=memory, **budget)
 
     def explain(self, fault: PaddockError) -> PaddockError:
         """Say better why a policy died or was late: the referee sees only that its pipes closed, or that none came.

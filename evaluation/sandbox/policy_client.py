@@ -13,9 +13,21 @@ from typing import Any
 import numpy as np
 
 from paddock.errors import UserFault
-from paddock.network.policy_wire import EXACT, EXCEEDED, REPLY, STEP, WAYS, observations_of, reply_buffer
+from paddock.network.policy_wire import (
+    EXACT,
+    EXCEEDED,
+    REPLY,
+    STEP,
+    WAYS,
+    Buffer,
+    observation_bytes,
+    observations_in,
+    observations_of,
+    reply_buffer,
+)
 
 from .limits import POLICY_S
+from .shown import fits
 
 STEP_DEADLINE_S = 1.0
 OVERAGE_S = 10.0
@@ -34,7 +46,8 @@ class PolicyClient:
     Raises UserFault: ``policy_late``, ``policy_late_exact`` (the same where most steps went the exact way),
     ``policy_died``, ``policy_protocol`` (anything but one reply to this step), ``non_finite_action``. After any of them
     the pipes are of no use any more. ``seconds`` counts the time spent in it. ``before_first``, if it is set, is called
-    before the first request; what it waits for is not the network's time.
+    before the first request; what it waits for is not the network's time. ``memory``: that of :mod:`.shown`, if the
+    model's process has it.
     """
 
     def __init__(
@@ -45,13 +58,15 @@ class PolicyClient:
         step_deadline_s: float = STEP_DEADLINE_S,
         overage_s: float = OVERAGE_S,
         total_s: float = TOTAL_S,
+        memory: Buffer | None = None,
     ) -> None:
         self._read_fd, self._write_fd = read_fd, write_fd
         self._step_deadline_s, self._overage_s, self._total_s = step_deadline_s, overage_s, total_s
         self._bank = overage_s
         self._head = bytearray(STEP.size)
         self._sensors = observations_of(header)
-        self._request_size = STEP.size + sum(dtype.itemsize * math.prod(shape) for _, dtype, shape in self._sensors)
+        self._shown = None if memory is None or not fits(header) else observations_in(header, memory)
+        self._request_size = STEP.size + (observation_bytes(header) if self._shown is None else 0)
         reply, action = reply_buffer(header)
         self._reply_size, self._reply_dtype = len(reply), action.dtype
         self._reply = struct.Struct(f"{REPLY.format}{action.size}f")
@@ -95,7 +110,9 @@ class PolicyClient:
         return values
 
     def _parts(self, observation: Mapping[str, np.ndarray]) -> list[Any]:
-        """A request, which the kernel puts together: the arrays go into the pipe from where they are."""
+        """A request, which the kernel puts together: the arrays go into the pipe from where they are, unless they are
+        shown in memory."""
+        shown = self._shown
         if len(observation) != len(self._sensors):
             raise self._disagreed(observation)
         parts: list[Any] = [self._head]
@@ -105,6 +122,9 @@ class PolicyClient:
                 raise self._disagreed(observation)
             if value.shape != shape or value.dtype != dtype:
                 raise ValueError(f"{name}: {value.dtype}{value.shape} where {dtype}{shape} was agreed")
+            if shown is not None:
+                shown[name][...] = value
+                continue
             parts.append(value if value.flags.c_contiguous else np.ascontiguousarray(value))
         return parts
 

@@ -3,7 +3,8 @@
 It says ``{"state": "locked"}``, reads a message with the canonical ONNX bytes and one with the header (two, so that the
 network loads while the referee still starts), answers ``{"state": "ready"}`` or why not, and then answers the
 fixed-size requests of :mod:`paddock.network.policy_wire` until its input closes. How it answers one is in
-:mod:`paddock.simulator.deciding`.
+:mod:`paddock.simulator.deciding`. ``sys.argv[1]``: the descriptor of the memory in which it is shown what its car sees
+(:mod:`.shown`), -1 for none.
 """
 
 from __future__ import annotations
@@ -12,6 +13,7 @@ import contextlib
 import ctypes
 import os
 import select
+import sys
 
 import numpy as np
 import onnxruntime
@@ -25,6 +27,7 @@ from paddock.simulator.deciding import Policy
 
 from .frames import MAX_NETWORK, FrameClosed, read_message, write_message
 from .lock import EXIT_MEMORY
+from .shown import fits, to_read
 
 _M_TRIM_THRESHOLD, _M_TOP_PAD, _M_MMAP_MAX = -1, -2, -4  # malloc.h
 _IDLE_MS = 100  # without a request for so long, there is time to prepare for one
@@ -33,6 +36,7 @@ _BLOCK, _BLOCKS = 4 << 20, 32  # bytes; in all what the largest network takes on
 
 def main(frames_in: int, frames_out: int) -> int:
     """Serve one model; see the module. Returns the exit status."""
+    memory = to_read(int(sys.argv[1]) if len(sys.argv) > 1 else -1)
     write_message(frames_out, {"state": "locked"})
     keep_freed_memory()
     get_ready(frames_in)
@@ -41,7 +45,7 @@ def main(frames_in: int, frames_out: int) -> int:
         facts = given.get("facts")
         network = load(onnx, None if facts is None else NetworkFacts.from_dict(facts))
         header, _ = read_message(frames_in)
-        policy = Policy(network, header)
+        policy = Policy(network, header, memory if fits(header) else None)
     except Refused as refusal:
         write_message(frames_out, {"state": "refused", "detail": str(refusal), "version": onnxruntime.__version__})
         return 0

@@ -1,6 +1,7 @@
 """The fixed-size messages between a referee and a model, shared by both ends (no onnxruntime here).
 
-    request  uint32 step, then the observation of each sensor in sorted name order, in the sensor's dtype and shape
+    request  uint32 step, then the observation of each sensor in sorted name order, in the sensor's dtype and shape;
+             where both ends share memory that holds them, the observations lie there, and the request is the step
     reply    uint32 step, uint32 way (one of :data:`WAYS`), then float32[n]
 
 Everything is little-endian. The header that both ends know: ``{"inputs": [{"name", "dtype", "shape"}], "outputs": n,
@@ -10,11 +11,14 @@ header without ``ranges`` asks for the runtime's answer as it is.
 
 from __future__ import annotations
 
+import ctypes
 import math
 import struct
 from typing import Any
 
 import numpy as np
+
+Buffer = bytearray | ctypes.Array[ctypes.c_ubyte]
 
 STEP = struct.Struct("<I")
 REPLY = struct.Struct("<II")
@@ -31,15 +35,23 @@ def observations_of(header: dict[str, Any]) -> list[tuple[str, np.dtype, tuple[i
 
 def request_buffer(header: dict[str, Any]) -> tuple[bytearray, dict[str, np.ndarray]]:
     """A request of the right size, and for each sensor an array of its dtype and shape that lies in it."""
-    sensors = observations_of(header)
-    buffer = bytearray(STEP.size + sum(math.prod(shape) * dtype.itemsize for _, dtype, shape in sensors))
+    buffer = bytearray(STEP.size + observation_bytes(header))
+    return buffer, observations_in(header, buffer, STEP.size)
+
+
+def observation_bytes(header: dict[str, Any]) -> int:
+    """Bytes that the observations of a step take."""
+    return sum(math.prod(shape) * dtype.itemsize for _, dtype, shape in observations_of(header))
+
+
+def observations_in(header: dict[str, Any], memory: Buffer, offset: int = 0) -> dict[str, np.ndarray]:
+    """For each sensor an array of its dtype and shape that lies in ``memory`` from ``offset`` on."""
     observations = {}
-    offset = STEP.size
-    for name, dtype, shape in sensors:
-        flat = np.frombuffer(buffer, dtype, math.prod(shape), offset)
+    for name, dtype, shape in observations_of(header):
+        flat = np.frombuffer(memoryview(memory), dtype, math.prod(shape), offset)
         observations[name] = flat.reshape(shape)
         offset += flat.nbytes
-    return buffer, observations
+    return observations
 
 
 def reply_buffer(header: dict[str, Any]) -> tuple[bytearray, np.ndarray]:

@@ -14,7 +14,18 @@ from typing import Any
 import numpy as np
 
 from paddock.network.bound import derive_bound, rounded
-from paddock.network.policy_wire import CHECKED, EXACT, EXCEEDED, FAST, WAYS, reply_buffer, request_buffer
+from paddock.network.policy_wire import (
+    CHECKED,
+    EXACT,
+    EXCEEDED,
+    FAST,
+    STEP,
+    WAYS,
+    Buffer,
+    observations_in,
+    reply_buffer,
+    request_buffer,
+)
 from paddock.network.session import Loaded, Refused, memory_or, plain
 
 from .action import is_clear
@@ -35,16 +46,19 @@ class Policy:
     """A network whose input and output buffers are allocated once, and whose answers decide the same everywhere.
 
     ``request``: fill it as :mod:`paddock.network.policy_wire` says; :meth:`run`; ``reply`` then holds the output
-    behind its head. ``counts``: of the steps so far, by the ways of :data:`paddock.network.policy_wire.WAYS`. Raises
-    Refused.
+    behind its head. ``memory``: where whoever asks puts the observations, if not into the request. ``counts``: of the
+    steps so far, by the ways of :data:`paddock.network.policy_wire.WAYS`. Raises Refused.
     """
 
-    def __init__(self, network: Loaded, header: dict[str, Any]) -> None:
+    def __init__(self, network: Loaded, header: dict[str, Any], memory: Buffer | None = None) -> None:
         self._network, self._session = network, network.session
         self._binding = self._session.io_binding()
         self._feeds: list[tuple[np.ndarray, np.ndarray]] = []
         self._named: dict[str, np.ndarray] = {}
-        self.request, self._observations = request_buffer(header)
+        if memory is None:
+            self.request, self._observations = request_buffer(header)
+        else:
+            self.request, self._observations = bytearray(STEP.size), observations_in(header, memory)
         self.reply, self._action = reply_buffer(header)
         self._bind_inputs(self._observations)
         self._bind_output()
