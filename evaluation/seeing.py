@@ -122,9 +122,10 @@ class SeenRun:
         return reading_picture(readings, view, self._model.metadata.get("lidar_config"))
 
     def frames(self, moments: Sequence[int]) -> list[np.ndarray]:
-        """What its front camera sees at these moments (ms of the run), each at the last step at or before it."""
-        (camera,) = CAMERA
-        return [self.readings(self.at(ms).step, CAMERA)[camera] for ms in moments]
+        """What its front camera sees at these moments (ms since its first step), each at the last step at or before
+        it."""
+        (camera,), first = CAMERA, self._sight.path.ms[0]
+        return [self.readings(self.at(first + ms).step, CAMERA)[camera] for ms in moments]
 
     def answers(self, lap: int, *, who: int) -> dict[int, list[float]]:
         """What the network answers at the steps of a lap at which it was asked (the first :data:`MAX_STEPS`), by step:

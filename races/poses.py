@@ -126,6 +126,7 @@ def _incidents(car: Mapping[str, Any]) -> list[dict[str, Any]]:
     found, before = [], ""
     for t, lap, status in zip(car["t"], car["lap"], car["status"], strict=True):
         if status != before and status in _INCIDENTS:
-            found.append({"t": t, "car": car["number"], "kind": status, "lap": lap})
+            # a trace counts episodes from 0, a lap is counted from 1
+            found.append({"t": t, "car": car["number"], "kind": status, "lap": lap + 1})
         before = status
     return found

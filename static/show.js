@@ -224,7 +224,7 @@
       this.write("clock", clock(at - this.lapFrom));
       this.write("lap-number", String(place.lap));
       this.write("speed", `${place.v.toFixed(1)} m/s`);
-      this.write("steer", `${place.steer.toFixed(0)}°`);
+      this.write("steer", `${place.steer.toFixed(0)}°`.replace("-", "−"));
     }
 
     // The other cars of a duel, and the bots of the race.

@@ -22,6 +22,7 @@ from paddock.simulator.retracing import RunSight, TracePath
 from paddock.simulator.sensors import make_sensors
 from races import live_seen
 from races.models import Visibility
+from races.poses import cut
 from races.services.live import launch
 from tests.drawn_runs import driven_trace
 from tests.factories import a_racer, lap, outcome, start
@@ -94,6 +95,20 @@ def test_its_frames_are_those_of_the_run(played):
         (frame,) = RunSight(path).readings(step, camera).values()
         assert (drawn[:, 160 * place : 160 * (place + 1)] == frame[:, :, 0]).all(), step
     assert drawn.shape == (120, 160 * len(steps)) and len(steps) > 1
+
+
+def test_a_crash_is_told_of_in_the_lap_in_which_it_happened():
+    """Counted from one, as its laps are."""
+    columns = {name: [0.0, 0.0, 0.0] for name in ("x", "y", "yaw", "v", "steer")}
+    car = {
+        "number": 0,
+        "t": [0, 66, 133],
+        "lap": [0, 0, 1],
+        "status": ["in_progress", "crashed", "off_track"],
+        **columns,
+    }
+    (chunk,) = cut([car], [], {0: []})
+    assert [(event["kind"], event["lap"]) for event in chunk["events"]] == [("crashed", 1), ("off_track", 2)]
 
 
 def test_it_is_drawn_once_for_all_who_look(played, monkeypatch):
