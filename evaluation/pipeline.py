@@ -24,7 +24,7 @@ from paddock.simulator.engine import cpu_model
 
 from .crew import Crew
 from .rivals import check_rivals
-from .sandbox.cores import one_core
+from .sandbox.cores import PATIENCE_S, one_core
 from .sandbox.frames import FrameClosed, FrameError, read_message, write_message
 from .sandbox.launch import widen_pipe
 from .sandbox.policy import describe, failed_start
@@ -205,7 +205,8 @@ def _evaluate(
         told = {**used.described(job.venue), "rules": job.rules.to_dict(), "budget": asdict(budget)}
         onnxruntime = run.prepare([job, *job.rivals], told)
         prepared = time.monotonic()
-        with one_core([process.inner_pid for process in run.processes.values()]):
+        pids = [process.inner_pid for process in run.processes.values()]
+        with one_core(pids, PATIENCE_S, run.check_stop):
             message, blobs = run.drive()
         seconds = {"start": prepared - started, "network": run.network_s()}
         wall_s = time.monotonic() - started
@@ -265,7 +266,7 @@ class SandboxedRun:
             raise self.noted(PlatformFault("runner_protocol"))
         versions = []
         for number, header in enumerate(answer["headers"]):
-            self._check_stop()
+            self.check_stop()
             if number not in self.retired:
                 with self._retiring(number):
                     versions.append(self._policies[number].agree(header))
@@ -281,7 +282,7 @@ class SandboxedRun:
         poller = select.poll()
         poller.register(self._runner.stdout, select.POLLIN)
         while True:
-            self._check_stop()
+            self.check_stop()
             left = self._runner.deadline - time.monotonic()
             if left <= 0:
                 raise self.noted(PlatformFault("runner_timeout", limit_s=self._runner.limits.wall_s))
@@ -311,7 +312,8 @@ class SandboxedRun:
                 fault.add_note(f"stderr of the {name}:\n{text}")
         return fault
 
-    def _check_stop(self) -> None:
+    def check_stop(self) -> None:
+        """Raises UserFault ``stopped`` where the run is to end."""
         if self._should_stop():
             raise UserFault("stopped")
 

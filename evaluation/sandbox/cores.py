@@ -1,24 +1,43 @@
 """One core for one evaluation: its referee and its model take turns, and turns are cheapest on the same core.
 
 Measured: a round trip over the two pipes takes 45 us on one core, 105 us and more on two (the other core has to be
-woken each time). A core is claimed (:mod:`.claims`), so that evaluations that run at the same time take different ones;
-when all are taken, the kernel places the processes as it likes.
+woken each time). A core is claimed (:mod:`.claims`), so that evaluations that run at the same time take different ones.
+
+When all are taken, an evaluation waits for its turn, for a while: two that share a core interrupt each other at every
+question to a network, find the caches full of the other's things, and take two fifths more of the processor, both of
+them. One that waited in vain (others drive long races) runs beside them, and the kernel places its processes.
 """
 
 from __future__ import annotations
 
 import contextlib
 import os
-from collections.abc import Iterable, Iterator
+import time
+from collections.abc import Callable, Iterable, Iterator
 
 from .claims import claim
 
+PATIENCE_S = 3.0
+_POLL_S, _TOLD_S = 0.01, 0.25
+
 
 @contextlib.contextmanager
-def one_core(pids: Iterable[int | None]) -> Iterator[int | None]:
-    """Move the processes to one claimed core while the context lasts. Yields its number, None if none is free."""
+def one_core(
+    pids: Iterable[int | None], patience_s: float = 0.0, waiting: Callable[[], None] = lambda: None
+) -> Iterator[int | None]:
+    """Move the processes to one claimed core while the context lasts. Yields its number, None if none is free for
+    ``patience_s``. ``waiting`` is called four times a second meanwhile; what it raises goes through."""
     with contextlib.ExitStack() as stack:
-        core = _claim(stack)
+        core = None
+        with contextlib.suppress(OSError):  # no folder is private here: only speed is lost
+            core, now = _claim(stack), time.monotonic()
+            until, tell = now + patience_s, now
+            while core is None and now < until:
+                if now >= tell:
+                    waiting()
+                    tell = now + _TOLD_S
+                time.sleep(_POLL_S)
+                core, now = _claim(stack), time.monotonic()
         if core is not None:
             for pid in pids:
                 if pid is not None:
@@ -28,11 +47,9 @@ def one_core(pids: Iterable[int | None]) -> Iterator[int | None]:
 
 
 def _claim(stack: contextlib.ExitStack) -> int | None:
+    """A core that nobody has; None where all are taken. Raises OSError where none can be claimed."""
     for core in sorted(os.sched_getaffinity(0)):
-        try:
-            held = claim(f"core-{core}")
-        except OSError:  # no folder is private here: only speed is lost
-            return None
+        held = claim(f"core-{core}")
         if held is not None:
             stack.enter_context(held)
             return core

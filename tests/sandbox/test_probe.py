@@ -15,7 +15,7 @@ import pytest
 from evaluation.sandbox import bubblewrap, claims, cores, landlock, probe, seccomp, uids
 from evaluation.sandbox.launch import LEVEL_LOCK, LEVEL_NAMESPACES, LEVEL_NONE, LEVEL_PARTIAL, launch
 from evaluation.sandbox.limits import PROBE
-from paddock.errors import PlatformFault
+from paddock.errors import PlatformFault, UserFault
 from tests.shared import CHECKOUT
 
 from .conftest import PAYLOADS
@@ -220,10 +220,52 @@ def test_claims_are_kept_in_a_private_folder(tmp_path, monkeypatch):
     claims.claim("name").close()
 
 
+@pytest.fixture
+def two_cores(tmp_path, monkeypatch):
+    """Claims of two cores that nobody else has."""
+    monkeypatch.setattr(claims, "_places", lambda: iter([tmp_path / "claims"]))
+    monkeypatch.setattr(cores.os, "sched_getaffinity", lambda _: {0, 1})
+    monkeypatch.setattr(cores.os, "sched_setaffinity", lambda *_: None)
+
+
+def test_who_comes_when_all_cores_are_taken_waits_for_one(two_cores, monkeypatch):
+    asked = []
+    with contextlib.ExitStack() as first, cores.one_core([]) as second:
+        assert {first.enter_context(cores.one_core([])), second} == {0, 1}
+        with cores.one_core([]) as core:
+            assert core is None, "without patience"
+
+        def waiting():
+            asked.append(time.monotonic())
+            first.close()
+
+        with cores.one_core([], 60.0, waiting) as core:
+            assert core == 1 - second
+        assert len(asked) == 1
+
+
+def test_who_waits_for_a_core_in_vain_goes_on_without(two_cores):
+    with cores.one_core([]), cores.one_core([]):
+        began = time.monotonic()
+        with cores.one_core([], 0.05) as core:
+            assert core is None
+        assert time.monotonic() - began >= 0.05
+
+
+def test_a_run_that_is_stopped_while_it_waits_for_a_core_ends(two_cores):
+    def stopped():
+        raise UserFault("stopped")
+
+    with cores.one_core([]), cores.one_core([]), pytest.raises(UserFault), cores.one_core([], 60.0, stopped):
+        pass
+    with cores.one_core([]) as core:
+        assert core is not None
+
+
 def test_a_missing_private_folder_is_reported(tmp_path, monkeypatch):
     (tmp_path / "file").write_text("")
     monkeypatch.setattr(claims, "_places", lambda: iter([tmp_path / "file"]))
     with pytest.raises(OSError, match="private to this user"):
         claims.private_folder()
-    with cores.one_core([]) as core:
+    with cores.one_core([], 60.0, lambda: pytest.fail("nothing comes of waiting")) as core:
         assert core is None, "only speed is lost"
