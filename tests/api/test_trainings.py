@@ -33,7 +33,7 @@ def test_a_training_takes_what_is_sent_and_defaults(alice, as_racer):
     assert answer.status_code == 201, answer.data
     assert (answer.data["state"], answer.data["queue_position"], answer.data["track"]) == ("queued", 1, "oval")
     assert answer.data["hyperparameters"]["lr"] == 0.0001
-    assert answer.data["hyperparameters"]["num_epochs"] == 10
+    assert answer.data["hyperparameters"]["num_epochs"] == 4
     assert len(answer.data["action_space"]) == 5
     assert answer.data["iterations"] == []
 

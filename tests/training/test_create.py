@@ -34,7 +34,7 @@ def test_a_training_with_the_defaults_waits_and_sends_a_wake_up(
         job = a_training(alice, oval, now)
     assert job.state == JobState.QUEUED
     assert job.sensors == ["FRONT_FACING_CAMERA"]
-    assert job.hyperparameters["batch_size"] == 128
+    assert job.hyperparameters["batch_size"] == 64
     assert [wake["queue"] for wake in training_wakes] == ["training"]
 
 
