@@ -114,7 +114,8 @@ class EvaluationOutcome:
 
     ``layout``: ``{"boxes": [{"fraction", "lane", "x", "y", "yaw"}], "bots": [[[x, y, yaw], ... a row], ... a bot]}`` in
     metres and radians. ``order``: the numbers of all cars, winner first. ``simulated_ms`` and ``steps``: until the last
-    car was done. ``shares``: wall seconds in ``start`` (processes, loading), ``physics``, ``camera``, ``policy`` (of
+    car was done. ``shares``: wall seconds in ``start`` (processes, loading, waiting for a core), ``physics`` (Bullet's
+    step, what it is told and asked of the cars), ``camera``, ``policy`` (of
     which ``network`` on the models' own CPU clocks, the rest pipes) and ``other``. ``peak_mb``: the largest resident
     sets of policies and runner added up. ``ways``: for each car, how many steps were answered in each of the ways of
     :data:`paddock.network.policy_wire.WAYS`. ``inexact``: numbers of cars whose bound did not hold
@@ -204,11 +205,11 @@ def _evaluate(
         run = SandboxedRun(used, on_progress, should_stop)
         told = {**used.described(job.venue), "rules": job.rules.to_dict(), "budget": asdict(budget)}
         onnxruntime = run.prepare([job, *job.rivals], told)
-        prepared = time.monotonic()
         pids = [process.inner_pid for process in run.processes.values()]
         with one_core(pids, PATIENCE_S, run.check_stop):
+            ready = time.monotonic()
             message, blobs = run.drive()
-        seconds = {"start": prepared - started, "network": run.network_s()}
+        seconds = {"start": ready - started, "network": run.network_s()}
         wall_s = time.monotonic() - started
         try:
             return _outcome(
