@@ -162,6 +162,7 @@ def written(sam) -> set[str]:
     return found
 
 
+@pytest.mark.slow
 def test_every_writing_page_has_an_api_operation_or_a_reason(written):
     assert written - SAME.keys() - ONLY_ON_PAGES.keys() == set(), "neither an operation nor an exception"
     assert (SAME.keys() | ONLY_ON_PAGES.keys()) - written == set(), "no page that takes a POST"

@@ -5,9 +5,12 @@ from __future__ import annotations
 import json
 import re
 from collections.abc import Callable
-from datetime import timedelta
+from dataclasses import dataclass
+from datetime import datetime, timedelta
+from typing import Any
 
 import pytest
+from django.conf import settings as django_settings
 from django.core.files.uploadedfile import SimpleUploadedFile
 from django.db import connection
 from django.test.utils import CaptureQueriesContext
@@ -16,7 +19,9 @@ from knox.models import AuthToken
 from rest_framework.test import APIClient
 
 from accounts.models import Racer
+from core import wakeup
 from core.bodies import MAX_NAME, MAX_NAMED
+from core.events import waking
 from league.models import Notice, NoticeKind
 from league.services import create_season
 from league.services.webhooks import add_webhook
@@ -26,6 +31,8 @@ from races.services.timing import make_sensor
 from tests.api.schema import SCHEMA
 from tests.evaluation.reports import a_report
 from tests.factories import a_model, a_race, a_racer, a_track, drive, laps
+from tests.kept import Kept
+from tests.live_shows import an_ended_show
 from tests.races.timing import a_timed_race
 from tests.training.jobs import a_training
 from training.vehicles import save_vehicle
@@ -50,40 +57,82 @@ def body_of(method: str, path: str) -> tuple[str, dict] | None:
     return None
 
 
-@pytest.fixture
-def places(alice, trainings_taken_on) -> Callable[[str], str]:
-    """An address with what it names filled in: all of it Alice's own, so that she is refused for the field only."""
-    now = timezone.now()
+@dataclass
+class Owned:
+    """What addresses may name, all of it Alice's own. ``of``: the ids of what a room's addresses name."""
+
+    alice: Racer
+    names: dict[str, str]
+    of: dict[str, str]
+    numbers: dict[str, int]
+    real: dict[str, Any]
+    guest: int
+    shown: str
+
+    def fill(self, path: str) -> str:
+        """An address with what it names filled in."""
+        if "/live/" in path:
+            return path.format(slug=self.shown)
+        if "/guests/" in path:
+            return path.format(slug=self.real["slug"], id=self.guest)
+        if re.search("/(timing|sessions|laps|sensors|timekeepers)/", path):
+            return path.format(**self.names | self.real)
+        room = path.removeprefix("/api/v1/").split("/")[0]
+        return path.format(**self.names, public_id=self.of.get(room), number=self.numbers.get(room))
+
+
+def make_owned() -> Owned:
+    """Without a broker."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(wakeup, "publish", lambda name, **options: None)
+        patch.setattr(waking, "wake", lambda name: None)
+        patch.setattr(django_settings, "TRAINING", True)
+        patch.setattr(django_settings, "TRAINING_PAUSED", False)
+        return _made_owned(a_racer("alice"), timezone.now())
+
+
+def _made_owned(alice: Racer, now: datetime) -> Owned:
     race = a_race(now, slug="tried", organiser=alice, visibility=Visibility.INVITATION)
     accept_invitation(token=race.invitation, racer=a_racer("guest"), now=now)
     evaluation = drive(race, alice, laps(10_000, 10_000, 10_000), now).evaluation
-    training = a_training(alice, a_track(), now)
     video = Video.objects.create(evaluation=evaluation, asked_by=alice, language="en")
     create_season(slug="tried", name="Tried", starts_on=now.date(), ends_on=now.date() + timedelta(days=9))
     names = {"slug": "tried", "alias": "guest", "token": race.invitation, "stage": "open-qualifier"}
     names["key"] = AuthToken.objects.create(user=alice)[0].token_key
     notice = Notice.objects.create(racer=alice, kind=NoticeKind.OPENS, about="x", params={"race": "Tried"}, at=now)
-    numbers = {"notices": notice.pk, "webhooks": add_webhook(owner=alice, url="https://example.org/hook").pk}
-    vehicle = save_vehicle(owner=alice, name="Van", sensors=["STEREO_CAMERAS"])
     real, mia = a_timed_race(now, alice, a_racer("fast"))
-    report = a_report(alice, now)
+    of = {
+        "models": evaluation.model,
+        "evaluations": evaluation,
+        "trainings": a_training(alice, a_track(), now),
+        "videos": video,
+        "vehicles": save_vehicle(owner=alice, name="Van", sensors=["STEREO_CAMERAS"]),
+        "reports": a_report(alice, now),
+    }
+    return Owned(
+        alice,
+        names,
+        {room: one.public_id for room, one in of.items()},
+        {"notices": notice.pk, "webhooks": add_webhook(owner=alice, url="https://example.org/hook").pk},
+        {
+            "slug": real.slug,
+            "alias": "fast",
+            "id": MeasuredLap.objects.filter(session__race=real).first().pk,
+            "number": TimingSensor.objects.get(race=real).pk,
+        },
+        mia.pk,
+        an_ended_show(now, alice).race.slug,
+    )
 
-    def fill(path: str) -> str:
-        owned = {"models": evaluation.model, "evaluations": evaluation, "trainings": training, "videos": video}
-        owned |= {"vehicles": vehicle, "reports": report}
-        if "/guests/" in path:
-            return path.format(slug=real.slug, id=mia.pk)
-        if re.search("/(timing|sessions|laps|sensors|timekeepers)/", path):
-            of_it = {
-                "slug": real.slug,
-                "alias": "fast",
-                "id": MeasuredLap.objects.filter(session__race=real).first().pk,
-            }
-            return path.format(**names | of_it, number=TimingSensor.objects.get(race=real).pk)
-        room = path.removeprefix("/api/v1/").split("/")[0]
-        return path.format(**names, public_id=getattr(owned.get(room), "public_id", ""), number=numbers.get(room))
 
-    return fill
+@pytest.fixture(scope="session")
+def kept_owned(request, keep: Callable) -> Kept:
+    return keep(request, make_owned, fresh_s=60.0)
+
+
+@pytest.fixture
+def owned(kept_owned: Kept, db: None, trainings_taken_on, wakes) -> Owned:
+    return kept_owned.copy()
 
 
 def written(queries: CaptureQueriesContext) -> list[str]:
@@ -96,12 +145,12 @@ def written(queries: CaptureQueriesContext) -> list[str]:
     ]
 
 
-@pytest.mark.django_db
 @pytest.mark.parametrize(("method", "path"), WRITES, ids=NAMES)
-def test_every_write_refuses_an_unknown_field(method, path, places, alice, as_racer):
+def test_every_write_refuses_an_unknown_field(method, path, owned, as_racer):
+    alice = owned.alice
     taken = body_of(method, path)
     kind = "multipart" if taken and taken[0] == "multipart/form-data" else "json"
-    client, address = as_racer(alice), places(path)
+    client, address = as_racer(alice), owned.fill(path)
     if path == "/api/v1/timing/crossings/":  # a sensor's own token
         _, token = make_sensor(race=Race.objects.get(slug="real-race"), name="Line", by=alice, now=timezone.now())
         client.credentials(HTTP_AUTHORIZATION=f"Bearer {token}")

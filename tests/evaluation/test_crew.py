@@ -13,6 +13,8 @@ from paddock.geometry.catalogue import CATALOGUE, by_slug
 from paddock.rules.race import HEAD_TO_HEAD, RaceRules
 from tests.sandbox.networks import METADATA, small_network
 
+pytestmark = pytest.mark.slow
+
 
 @pytest.fixture(scope="module")
 def job():

@@ -23,7 +23,7 @@ from tests.sandbox.conftest import nothing_left  # noqa: F401
 from tests.sandbox.networks import METADATA, constant_network, small_network
 from tests.shared import CHECKOUT
 
-pytestmark = pytest.mark.usefixtures("nothing_left")
+pytestmark = [pytest.mark.slow, pytest.mark.usefixtures("nothing_left")]
 HOUSE_CARS = CHECKOUT / "training" / "house_cars"
 
 

@@ -65,6 +65,7 @@ def test_a_broken_bound_repeats_the_whole_run(job):
     assert evaluate(job).inexact == []
 
 
+@pytest.mark.slow
 def test_five_runs_across_all_levels_give_one_trace(job):
     from evaluation.sandbox.probe import probe
 

@@ -21,7 +21,7 @@ from tests.sandbox.conftest import PAYLOADS, nothing_left  # noqa: F401
 from tests.sandbox.networks import METADATA, small_network
 from tests.soak import one_of_each
 
-pytestmark = pytest.mark.usefixtures("nothing_left")
+pytestmark = [pytest.mark.slow, pytest.mark.usefixtures("nothing_left")]
 BRISK = PolicyBudget(step_deadline_s=0.2, overage_s=0.2, total_s=20.0)
 
 

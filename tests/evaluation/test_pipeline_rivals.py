@@ -22,7 +22,7 @@ from tests.sandbox.conftest import PAYLOADS, level, nothing_left  # noqa: F401
 from tests.sandbox.networks import METADATA, constant_network, small_network
 from tests.soak import one_of_each
 
-pytestmark = pytest.mark.usefixtures("nothing_left")
+pytestmark = [pytest.mark.slow, pytest.mark.usefixtures("nothing_left")]
 BRISK = PolicyBudget(step_deadline_s=0.3, overage_s=0.7, total_s=20.0)
 STEP = 50
 

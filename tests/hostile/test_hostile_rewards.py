@@ -28,6 +28,14 @@ def takes_seconds(case: str) -> bool:
     return case.startswith(COMPUTING) or case in SLOW
 
 
+def parameters() -> list:
+    """One of each kind; those that take seconds are journeys."""
+    return [
+        pytest.param(*one.values, marks=[*one.marks, pytest.mark.slow]) if takes_seconds(one.values[0]) else one
+        for one in one_of_each(CASES, kind=lambda case: case.split("/")[0] if takes_seconds(case) else case)
+    ]
+
+
 def source(case: str) -> str:
     return (HERE / f"{case}.txt").read_text()
 
@@ -37,10 +45,7 @@ def marked_lines(text: str) -> set[int | None]:
     return {number for number, line in enumerate(text.splitlines(), 1) if line.endswith("# here")} or {None}
 
 
-@pytest.mark.parametrize(
-    "case",
-    one_of_each(CASES, kind=lambda case: case.split("/")[0] if takes_seconds(case) else case),
-)
+@pytest.mark.parametrize("case", parameters())
 def test_a_hostile_reward_function_ends_with_its_code_and_line(
     case: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

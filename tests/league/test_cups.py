@@ -160,6 +160,7 @@ def test_a_cup_goes_from_its_announcement_to_its_winners_by_itself(at_eight):
     assert Event.objects.filter(kind="cup.over").count() == 1
 
 
+@pytest.mark.slow
 def test_racers_meet_those_of_their_own_pace(at_eight):
     cup = announced()
     qualified(cup, 20)

@@ -22,7 +22,7 @@ from paddock.simulator.engine import ENGINE_ID
 from tests.shared import CHECKOUT
 from training.golden.proof import prove as golden_runs
 
-pytestmark = pytest.mark.django_db
+pytestmark = [pytest.mark.slow, pytest.mark.django_db]
 
 
 def examine() -> tuple[int, dict]:

@@ -48,6 +48,8 @@ SHARING = """
 import collections, signal, sys
 from config import supervisor
 from config.forking import PYTHON
+
+pytestmark = pytest.mark.slow
 collections.loaded_here = "loaded by the supervisor"
 held = open(sys.argv[1], "a")
 s = supervisor.Supervisor()

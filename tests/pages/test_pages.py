@@ -123,6 +123,7 @@ def address(world: World, path: str) -> str:
     return path.format(**ids, model=world.model.public_id, invitation=world.secret.invitation)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "languages", [("en", "ko"), *(pytest.param((each,), marks=pytest.mark.soak) for each in ("en", "ko"))], ids="+".join
 )

@@ -108,6 +108,7 @@ def form_of(client: Client, query: str = "", **changes: str) -> dict[str, str]:
     return {**sent, "name": "New-one", **changes}
 
 
+@pytest.mark.slow
 def test_every_page_has_the_right_status_for_everybody(world: World, job: TrainingJob) -> None:
     job = end(run(job), world)
     vehicle = Vehicle.objects.create(owner=world.alice, name="Stereo")

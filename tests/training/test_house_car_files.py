@@ -22,6 +22,8 @@ from training.house_cars.environment import SENSOR
 from training.house_cars.files import FOLDER, KEY, LAPS
 from training.house_cars.recipes import RECIPES, TRACKS
 
+pytestmark = pytest.mark.slow
+
 NAMES = sorted(path.stem for path in FOLDER.glob("*.onnx"))
 
 

@@ -5,6 +5,8 @@ from __future__ import annotations
 import subprocess
 import sys
 
+import pytest
+
 from tests.evaluation.processes import environment
 from tests.shared import CHECKOUT
 
@@ -19,6 +21,7 @@ print([name for name in {HEAVY} if name in sys.modules])
 """
 
 
+@pytest.mark.slow
 def test_the_site_imports_nothing_used_only_in_training(db):
     env = environment("redis://127.0.0.1:1/0")
     done = subprocess.run([sys.executable, "-c", CODE], cwd=CHECKOUT, env=env, capture_output=True, text=True)

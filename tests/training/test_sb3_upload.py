@@ -37,6 +37,8 @@ from training.trainer.learners import Learner
 from training.trainer.network import CONSOLE, OURS, NetworkLayout, to_onnx
 from training.trainer.spec import TrainerSpec
 
+pytestmark = pytest.mark.slow
+
 DISCRETE = dict(DEFAULT_METADATA)
 CONTINUOUS = {
     "action_space_type": "continuous",

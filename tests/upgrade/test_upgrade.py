@@ -27,6 +27,8 @@ from races.models import Entry, Race
 from races.selectors.counting import totals_of
 from tests.shared import CHECKOUT
 
+pytestmark = pytest.mark.slow
+
 HERE = Path(__file__).parent
 SITES = sorted(path.name.removesuffix(".tar.xz") for path in HERE.glob("site-*.tar.xz"))
 # of another version by right: an edition is another where a race has more fields

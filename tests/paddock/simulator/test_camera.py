@@ -49,6 +49,7 @@ def test_a_frame_is_a_fresh_grey_picture_of_official_size(camera):
     assert (frame == kept).all()
 
 
+@pytest.mark.slow
 def test_bullets_renderer_draws_the_same_scene(pairs):
     differences = [np.abs(ours.astype(int) - theirs) for ours, theirs in pairs]
     assert np.mean(differences) < 1.5

@@ -36,6 +36,7 @@ def own_drive(steps=60, steering=lambda step: 20.0 * math.sin(step / 5), speed=1
 
 
 @needs_shared
+@pytest.mark.slow
 @pytest.mark.parametrize("name", TRACES)
 def test_our_car_drives_like_the_official_simulators(name):
     comparison = compare(read_drives((SHARED / "traces" / f"{name}.csv").read_bytes()))

@@ -46,6 +46,7 @@ def count(frame: np.ndarray, grey: int) -> int:
 BACK = OFFICIAL.box[2]  # of a box that heads as the car does
 
 
+@pytest.mark.slow
 def test_bullets_renderer_draws_the_same_boxes(camera):
     boxes = tuple(
         box(*TRACK.point_at(distance, side)[:2], TRACK.point_at(distance)[2] + turn)

@@ -18,6 +18,8 @@ from training.golden.drive import Driven, in_this_process, through_the_pipeline
 from training.golden.processors import NATIVE, side_by_side
 from training.golden.runs import CONSOLE, PROOF, RUNS, runs_of
 
+pytestmark = pytest.mark.slow
+
 NAMES = [run.name for run in RUNS]
 # In the sandbox, one of each race type and the console's car; all of them without it, in one process
 IN_THE_SANDBOX = (*PROOF, "a lap by continuous actions", "a car of the old console")
