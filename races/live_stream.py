@@ -33,7 +33,7 @@ logger = logging.getLogger(__name__)
 LEFT_OUT = ("now", "order", "bracket", "reactions")
 RECENT = 8  # chunks of the past that a late-comer draws: twice and more of what pages play behind
 LOOKED_EVERY_S, RARELY_S = 1.0, 5.0
-LEAST_S = 0.2  # between two looks, however much happens on the site
+LEAST_S = 0.1  # between two looks, however much happens on the site
 AFTER_S = 0.01  # a chunk is asked for so long after it has passed
 MOST_BYTES = 32 * 1024  # of a state; a larger one is asked for by the pages
 
