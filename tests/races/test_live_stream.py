@@ -11,7 +11,7 @@ from django.utils import timezone
 
 from core.events import Event
 from core.streams import can_follow, topics_of
-from races.live_stream import RECENT, Telling, source, welcome
+from races.live_stream import LEAST_S, RECENT, Telling, source, welcome
 from races.models import Visibility
 from races.services import accept_invitation
 from races.services.live import launch, pause_live, react, say_to_spectators, tick_live
@@ -22,7 +22,7 @@ from tests.pages.test_live_walls import a_trace
 
 pytestmark = pytest.mark.django_db
 CHUNK = timedelta(milliseconds=500)
-LOOKS_AGAIN = timedelta(seconds=0.21)
+LOOKS_AGAIN = timedelta(seconds=LEAST_S + 0.01)
 
 
 @pytest.fixture
@@ -131,7 +131,7 @@ def test_a_state_is_told_when_it_changed_and_reactions_apart(event, clock, now, 
     assert told_now(moved=True) == []
     say_to_spectators(event=event, message="Hello", by=alice, seen=None, now=now)
     said, pause = telling.next(moved=True)
-    assert said == [] and pause == pytest.approx(0.2, abs=1e-3), "it has just looked"
+    assert said == [] and pause == pytest.approx(LEAST_S, abs=1e-3), "it has just looked"
     (said,) = told_now(moved=False)
     assert said["state"]["message"] == "Hello" and "order" not in said["state"]
     react(event=event, kind="clap", session="s", address="a", now=now)
