@@ -127,6 +127,7 @@ def test_an_unreachable_database_is_explained(run, database):
     assert "database_not_ready: " in said(run("verify", "abcdefghijkl", DATABASE_URL=database))
 
 
+@pytest.mark.slow
 def test_djangos_own_commands_explain_it_too(run):
     assert "database_not_ready: " in said(run("clearsessions"))
 
@@ -138,6 +139,7 @@ def test_with_json_the_explanation_is_on_standard_output(run):
     assert (error["code"], error["fault"]) == ("database_not_ready", "platform")
 
 
+@pytest.mark.slow
 def test_a_traceback_is_printed_on_request(run):
     assert "Traceback" in run("verify", "abcdefghijkl", "--traceback").stderr
 

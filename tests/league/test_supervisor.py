@@ -14,6 +14,8 @@ import pytest
 from tests.evaluation.processes import is_running, wait_for
 from tests.shared import CHECKOUT
 
+pytestmark = pytest.mark.slow
+
 PROGRAM = """
 import os, sys, time
 name, folder, what = sys.argv[1:]
@@ -48,8 +50,6 @@ SHARING = """
 import collections, signal, sys
 from config import supervisor
 from config.forking import PYTHON
-
-pytestmark = pytest.mark.slow
 collections.loaded_here = "loaded by the supervisor"
 held = open(sys.argv[1], "a")
 s = supervisor.Supervisor()

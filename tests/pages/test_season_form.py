@@ -88,6 +88,7 @@ def fields_of(season: Season, names: tuple[str, ...] = OF_A_RACE) -> dict[tuple[
     }
 
 
+@pytest.mark.slow
 def test_the_form_can_make_the_season_of_a_fresh_installation(client):
     demo = open_demo_season(now=NOW)
     rules = {"ranking_method": "average", "laps": "3", "minimum_laps": "3", "max_submissions": "50"}

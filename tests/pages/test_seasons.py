@@ -118,6 +118,7 @@ class TestSeasonForm:
         assert season.drop_worst == 2 and season.prizes == "A mug"
         assert "37 races" in LogEntry.objects.get(user=admin).change_message
 
+    @pytest.mark.slow
     def test_the_proposed_values_work_beside_the_demo_season(self, set_clock):
         now = datetime(2026, 11, 15, 12, tzinfo=UTC)
         set_clock(now)

@@ -123,6 +123,7 @@ class TestBracket:
             at = show_next(event, alice, at)
         assert [cars(slot) for slot in slots(event) if slot.round == 2] == [[1, 2], [2, 1]]
 
+    @pytest.mark.slow
     def test_eight_run_by_themselves_from_the_lobby_to_the_podium(self, alice, now):
         event = a_live_draw(now, alice, 8, plan={"auto_run": True, "gap_s": 5})
         at = event.starts_at

@@ -58,6 +58,7 @@ def test_bullets_renderer_draws_the_same_scene(pairs):
         assert (difference > 40).mean() < 0.02
 
 
+@pytest.mark.slow
 def test_edges_agree_with_bullets_renderer(pairs):
     """Of all shifts by half pixels the pictures fit best with at most one of them: TinyRenderer itself is half of one
     of its four times smaller pixels off."""
