@@ -37,16 +37,15 @@ class PolicyProcess:
     def __init__(
         self, *, limits: Limits = POLICY, level: int | None = None, module: str = MODULE, **options: Any
     ) -> None:
-        """``module``: another one has pipes alone."""
+        """``module``: another one has pipes alone. Raises what :func:`.launch.launch` raises; the memory goes then."""
         self._shown = shared_memory() if module == MODULE else None
-        try:
+        with contextlib.ExitStack() as undone:
+            undone.callback(self._forget)
             if self._shown is not None:
                 fd = self._shown.reading_fd
                 options |= {"arguments": [str(fd)], "pass_fds": [fd]}
             self.process: SandboxedProcess = launch(module, limits=limits, level=level, **options)
-        except BaseException:
-            self._forget()
-            raise
+            undone.pop_all()
         if self._shown is not None:
             self._shown.handed_over()
         self._cpu_from = 0.0

@@ -16,6 +16,7 @@ from evaluation.sandbox.limits import POLICY
 from evaluation.sandbox.policy import PolicyProcess
 from evaluation.sandbox.policy_client import PolicyClient
 from evaluation.sandbox.shown import SIZE, Shown, fits, shared_memory, to_read, to_write
+from paddock.errors import PlatformFault
 from paddock.network.policy_wire import FAST, REPLY, STEP
 
 from .conftest import PAYLOADS
@@ -97,6 +98,18 @@ def test_a_host_without_such_memory_has_pipes(monkeypatch):
     monkeypatch.delattr(shown_module.os, "memfd_create")
     assert shared_memory() is None
     assert to_write(-1) is None and to_read(-1) is None
+
+
+def test_a_process_that_cannot_be_started_is_our_fault_and_leaves_no_memory(monkeypatch):
+    def refuse(*_args, **_options):
+        raise PlatformFault("sandbox_failed", detail="no more processes")
+
+    monkeypatch.setattr(policy_module, "launch", refuse)
+    before = sorted(os.listdir("/proc/self/fd"))
+    with pytest.raises(PlatformFault) as fault:
+        PolicyProcess()
+    assert fault.value.code == "sandbox_failed"
+    assert sorted(os.listdir("/proc/self/fd")) == before
 
 
 @pytest.mark.parametrize(("header", "shows"), [(HEADER, True), (TOO_LARGE, False)])
