@@ -48,10 +48,7 @@ def evaluation_seen(request: HttpRequest, public_id: str) -> HttpResponse:
     if (late := too_many(request, "seen_frame", RATES)) is not None:
         return late
     shown, number = _finished(request, public_id)
-    try:
-        run, moment = _looked_at(request, shown, number)
-    except UserFault as fault:
-        raise Http404 from fault
+    run, moment = _there(request, shown, number)
     sensors = _sensors(request, shown, number)
     etag = quote_etag(f"{run.trace_sha256[:32]}-{moment.step}-{'-'.join(sensors)}-{SEEN_FORMAT}")
     response = get_conditional_response(request, etag=etag)
@@ -109,10 +106,7 @@ def evaluation_attention(request: HttpRequest, public_id: str) -> HttpResponse:
     if (late := too_many(request, "attention", RATES)) is not None:
         return late
     shown, number = _finished(request, public_id)
-    try:
-        run, moment = _looked_at(request, shown, number)
-    except UserFault as fault:
-        raise Http404 from fault
+    run, moment = _there(request, shown, number)
     if not (_may_ask(request, shown, number) and moment.asked and run.has_camera):
         raise Http404
     response = HttpResponse(run.attention(moment.step, who=racer_of(request).pk), content_type="image/png")
@@ -152,6 +146,14 @@ def _looked_at(request: HttpRequest, shown: Evaluation, number: int) -> tuple[Se
 
     run, step, lap = seen_run(shown, number), asked("step"), asked("lap")
     return run, run.moment(step) if step is not None else run.at(asked("ms") or 0, lap)
+
+
+def _there(request: HttpRequest, shown: Evaluation, number: int) -> tuple[SeenRun, Moment]:
+    """The same for a picture, which has no words for a fault: Http404."""
+    try:
+        return _looked_at(request, shown, number)
+    except UserFault as fault:
+        raise Http404 from fault
 
 
 def _steps(run: SeenRun, moment: Moment) -> list[tuple[str, str, int]]:

@@ -29,6 +29,7 @@ from races.selectors import can_see_race, races_visible_to
 from races.selectors.group_boards import group_board, groups_on
 from races.selectors.visibility import can_see_evaluation, evaluations_visible_to
 from races.services import create_community_race, edit_race, enter_race, remove_entry
+from tests.clients import logged_in
 from tests.factories import a_race, a_racer, a_track, drive, laps
 from tests.league.seasons import a_round, a_season, after, board
 
@@ -43,12 +44,6 @@ def a_group(leader: Racer, now, *members: Racer, listed: bool = False, name: str
     RacerGroup.objects.filter(pk=group.pk).update(is_listed=listed)
     group.refresh_from_db()
     return group
-
-
-def logged_in(racer: Racer) -> Client:
-    client = Client()
-    client.force_login(racer, backend="django.contrib.auth.backends.ModelBackend")
-    return client
 
 
 def test_who_sees_a_group_and_who_is_in_it(alice, bob, charlie, now):

@@ -10,7 +10,6 @@ import numpy as np
 import onnxruntime
 import pytest
 from django.core.cache import cache
-from django.test import Client
 from django.urls import reverse
 from django.utils import timezone
 from PIL import Image
@@ -29,6 +28,7 @@ from paddock.simulator.race import Entrant, RaceResult, run_race
 from paddock.simulator.retracing import RunSight, TracePath, standing_boxes
 from paddock.simulator.stage import PreparedTrack
 from races.services import submit_model
+from tests.clients import logged_in
 from tests.factories import a_race, a_racer, outcome, start
 from tests.rows import model_row
 
@@ -135,13 +135,6 @@ def test_the_network_answers_again_what_it_drove_by(run, monkeypatch):
     assert seen.answers(1, who=1) == told
 
 
-def as_racer(racer) -> Client:
-    client = Client()
-    if racer is not None:
-        client.force_login(racer, backend="django.contrib.auth.backends.ModelBackend")
-    return client
-
-
 def test_everybody_sees_the_frame_and_who_may_use_the_model_its_answers(run):
     evaluation, recorder = run
     frame, page = (reverse(name, args=[evaluation.public_id]) for name in ("evaluation_seen", "evaluation_saw"))
@@ -152,7 +145,7 @@ def test_everybody_sees_the_frame_and_who_may_use_the_model_its_answers(run):
         "guest": None,
     }
     for name, racer in cast.items():
-        client = as_racer(racer)
+        client = logged_in(racer)
         answer = client.get(f"{frame}?lap=1&ms=2000")
         assert answer["Content-Type"] == "image/png" and len(answer.content) < 40_000
         pixels = np.array(Image.open(io.BytesIO(answer.content)))[::ZOOM, ::ZOOM]
@@ -162,10 +155,10 @@ def test_everybody_sees_the_frame_and_who_may_use_the_model_its_answers(run):
         assert len(shown.context["bars"]) == (
             len(recorder.metadata["action_space"]) if name in ("owner", "staff") else 0
         )
-    bars = as_racer(evaluation.owner).get(f"{page}?step=30").context["bars"]
+    bars = logged_in(evaluation.owner).get(f"{page}?step=30").context["bars"]
     assert sum(bar.share for bar in bars) == pytest.approx(100) and sum(bar.chosen for bar in bars) == 1
     share_model(model=evaluation.model, now=timezone.now())
-    assert as_racer(cast["stranger"]).get(f"{page}?step=30").context["bars"]
+    assert logged_in(cast["stranger"]).get(f"{page}?step=30").context["bars"]
 
 
 def test_a_network_that_looks_at_one_place_is_found_to_look_there():
@@ -191,13 +184,13 @@ def test_a_network_that_looks_at_one_place_is_found_to_look_there():
 def test_who_may_use_the_model_sees_where_its_network_looks(run, monkeypatch):
     evaluation, _ = run
     page, frame = (reverse(name, args=[evaluation.public_id]) for name in ("evaluation_saw", "evaluation_attention"))
-    owner, stranger = as_racer(evaluation.owner), as_racer(a_racer("charlie"))
+    owner, stranger = logged_in(evaluation.owner), logged_in(a_racer("charlie"))
     assert f"{frame}?step=30&amp;car=0" in owner.get(f"{page}?step=30&where").content.decode()
     monkeypatch.setattr(seeing, "answered", None)  # the page has asked; the picture asks nobody again
     picture = np.array(Image.open(io.BytesIO(owner.get(f"{frame}?step=30&car=0").content)))[::ZOOM, ::ZOOM].astype(int)
     redness = picture[:, :, 0] - picture[:, :, 2]
     assert picture.shape == (120, 160, 3) and redness.max() > 60 > 5 > redness.min()
-    for reader in (stranger, as_racer(None)):
+    for reader in (stranger, logged_in(None)):
         assert reader.get(f"{frame}?step=30&car=0").status_code == 404
         assert frame not in reader.get(f"{page}?step=30&where").content.decode()
     share_model(model=evaluation.model, now=timezone.now())
@@ -210,7 +203,7 @@ def test_a_run_that_the_reader_may_not_see_shows_nothing(run):
     type(evaluation).with_sealed.filter(pk=evaluation.pk).update(sealed=True)
     for name in ("evaluation_seen", "evaluation_saw", "evaluation_attention"):
         for racer in (None, evaluation.owner, a_racer(f"of-{name[-4:]}", is_staff=True)):
-            assert as_racer(racer).get(reverse(name, args=[evaluation.public_id])).status_code == 404
+            assert logged_in(racer).get(reverse(name, args=[evaluation.public_id])).status_code == 404
 
 
 def test_bad_moments_are_refused_or_cut(run):
@@ -219,7 +212,7 @@ def test_bad_moments_are_refused_or_cut(run):
     with pytest.raises(UserFault) as refused:
         seen.at(0, 9)
     assert refused.value.code == "seen_lap"
-    client = as_racer(None)
+    client = logged_in(None)
     assert client.get(f"{frame}?lap=9").status_code == client.get(f"{frame}?car=1").status_code == 404
     assert client.get(f"{frame}?car=x").status_code == 404
     last = client.get(f"{frame}?ms=99999999999").content
@@ -236,5 +229,5 @@ def test_who_asks_too_often_waits(run, monkeypatch):
     from races.views import seen
 
     monkeypatch.setitem(seen.RATES, "seen_frame", "2/m/key")
-    frame, client = reverse("evaluation_seen", args=[run[0].public_id]), as_racer(None)
+    frame, client = reverse("evaluation_seen", args=[run[0].public_id]), logged_in(None)
     assert [client.get(frame).status_code for _ in range(3)] == [200, 200, 429]

@@ -8,12 +8,12 @@ import re
 from datetime import timedelta
 
 import pytest
-from django.test import Client
 from django.utils import timezone
 
 from accounts.models import Racer
 from races.models import Race
 from races.services import withdraw
+from tests.clients import logged_in
 from tests.factories import a_model, a_race, a_racer, drive, laps
 from tests.pages.conftest import World
 from tests.pages.test_queries import LIMIT, queries
@@ -50,14 +50,8 @@ def house_car(now):
     return model
 
 
-def browser(racer: Racer) -> Client:
-    client = Client()
-    client.force_login(racer, backend="django.contrib.auth.backends.ModelBackend")
-    return client
-
-
 def read(racer: Racer, path: str) -> str:
-    response = browser(racer).get(path)
+    response = logged_in(racer).get(path)
     assert response.status_code == 200
     return html.unescape(response.content.decode())
 
@@ -68,7 +62,7 @@ def words(page: str) -> str:
 
 def test_one_click_trains_a_first_car_for_the_beginners_race(beginners, now):
     alice = a_racer("alice")
-    response = browser(alice).post("/train/first/", follow=True)
+    response = logged_in(alice).post("/train/first/", follow=True)
     job = TrainingJob.objects.get(owner=alice)
     assert response.redirect_chain == [(job.get_absolute_url(), 302)]
     assert "and then drives in First laps by itself" in response.content.decode()
@@ -79,7 +73,7 @@ def test_one_click_trains_a_first_car_for_the_beginners_race(beginners, now):
 def test_a_second_click_leads_to_the_first_car(beginners):
     alice = a_racer("alice")
     for _ in range(2):
-        browser(alice).post("/train/first/")
+        logged_in(alice).post("/train/first/")
     job = TrainingJob.objects.get(owner=alice)
     assert f'href="{job.get_absolute_url()}">Watch your first car being trained' in read(alice, "/")
 
@@ -93,7 +87,7 @@ def test_a_later_first_car_takes_a_free_name(beginners, now):
 def test_a_first_car_is_trained_even_without_a_beginners_race(now):
     alice = a_racer("alice")
     a_race(now, direction="cw")
-    browser(alice).post("/train/first/")
+    logged_in(alice).post("/train/first/")
     assert TrainingJob.objects.get(owner=alice).submit_to_race is None
 
 
@@ -106,7 +100,7 @@ def test_a_race_the_racer_has_left_is_not_chosen(beginners, now):
 def test_without_training_only_uploading_is_offered(beginners, settings, house_car):
     settings.TRAINING_PAUSED = True
     alice = a_racer("alice")
-    response = browser(alice).post("/train/first/", follow=True)
+    response = logged_in(alice).post("/train/first/", follow=True)
     assert "training_paused" in response.content.decode() and not TrainingJob.objects.exists()
     page = read(alice, "/models/")
     assert "/train/first/" not in page and "?clone=" not in page and "/models/upload/" in page
@@ -114,7 +108,7 @@ def test_without_training_only_uploading_is_offered(beginners, settings, house_c
 
 def test_logging_in_leads_back_to_the_button(client):
     assert client.post("/train/first/").status_code == 302
-    assert browser(a_racer("alice")).get("/train/first/").url == "/train/"
+    assert logged_in(a_racer("alice")).get("/train/first/").url == "/train/"
 
 
 @pytest.mark.parametrize("path", ["/", "/models/", "/train/", "/races/{race}/"])

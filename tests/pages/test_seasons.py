@@ -17,6 +17,7 @@ from accounts.models import Racer
 from league.models import Round, Season, Stage
 from league.season_form import SeasonForm
 from league.services import close_due_rounds, close_round, disqualify, open_demo_season
+from tests.clients import logged_in
 from tests.factories import a_model, a_race, a_racer, a_track, drive, laps
 from tests.kept import Kept
 from tests.league.seasons import HOUR, JANUARY, a_round, a_season, after, board, racers
@@ -35,12 +36,6 @@ def _alone(wakes: list[dict]) -> None:
 def set_clock(monkeypatch: pytest.MonkeyPatch):
     """Make it this moment for every view."""
     return lambda moment: monkeypatch.setattr("django.utils.timezone.now", lambda: moment)
-
-
-def logged_in(racer: Racer) -> Client:
-    client = Client()
-    client.force_login(racer, backend="django.contrib.auth.backends.ModelBackend")
-    return client
 
 
 def form_data(now: datetime, **changes: object) -> dict[str, object]:

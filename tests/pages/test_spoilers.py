@@ -20,6 +20,7 @@ from races.models import Entry, LiveEvent, Race, Visibility, WatchedRace
 from races.services.spoilers import hide_results, note_watched, show_results
 from races.spoiler_pages import names_with_results
 from races.spoilers import COOKIE, Spoilers, spoilers_of_racer
+from tests.clients import logged_in
 from tests.factories import a_race, a_racer, drive, laps
 from tests.live_shows import an_ended_show
 
@@ -57,16 +58,9 @@ def now():
     return timezone.now()
 
 
-def as_(racer: Racer | None) -> Client:
-    client = Client()
-    if racer is not None:
-        client.force_login(racer, backend="django.contrib.auth.backends.ModelBackend")
-    return client
-
-
 def hiding(racer: Racer | None, now) -> Client:
     """A reader who hides results since a day ago."""
-    client = as_(racer)
+    client = logged_in(racer)
     if racer is None:
         client.post("/spoilers/", {"do": "hide"})
     else:
@@ -129,7 +123,7 @@ def test_pages_of_a_hidden_race_tell_nothing(now):
         *(f"/evaluations/{run.public_id}/", f"/evaluations/{run.public_id}/trace.csv"),
     ]
     for reader in (None, a_racer("bob")):
-        shown = as_(reader)
+        shown = logged_in(reader)
         seen = [address for address in told if "9.123" in shown.get(address).content.decode()]
         assert {"/", "/races/", "/races/night-race/"} <= set(seen)
         client = hiding(reader, now)
@@ -154,7 +148,7 @@ def test_one_page_is_shown_all_the_same(now):
 
 def test_programs_ask_for_it(now):
     a_led_race(now)
-    client = as_(None)
+    client = logged_in(None)
     assert client.get("/races/night-race/board.json").status_code == 200
     assert client.get("/races/night-race/board.json?spoilers=hide").json()["code"] == "results_hidden"
     assert client.get("/api/v1/races/night-race/board/").status_code == 200
@@ -257,7 +251,7 @@ def test_a_private_race_is_not_named_to_strangers(alice, now):
 @pytest.mark.parametrize("cookie", ["", "x", "[1,[]]:forged", "[1e99,[[1,1]]]:x", "null"])
 def test_a_forged_cookie_hides_nothing_and_breaks_nothing(cookie, now):
     a_led_race(now)
-    client = as_(None)
+    client = logged_in(None)
     client.cookies[COOKIE] = cookie
     assert "9.123" in client.get("/races/night-race/").content.decode()
 
@@ -271,7 +265,7 @@ def test_a_guest_turns_it_off_again(now):
 
 
 def test_the_way_back_leads_nowhere_else(now):
-    answer = as_(None).post("/spoilers/", {"do": "hide", "next": "https://evil.example/"})
+    answer = logged_in(None).post("/spoilers/", {"do": "hide", "next": "https://evil.example/"})
     assert answer.url == "/spoilers/"
 
 
@@ -295,9 +289,9 @@ def test_watching_again_tells_nothing_by_itself_and_everything_to_its_script(ali
 
 def test_an_event_that_has_not_ended_is_not_watched_again(alice, now):
     event = an_ended_show(now, alice, end=False)
-    assert as_(None).get(reverse("live_again_data", args=[event.race.slug])).status_code == 404
-    assert as_(None).get(reverse("live_again", args=[event.race.slug])).status_code == 302
+    assert logged_in(None).get(reverse("live_again_data", args=[event.race.slug])).status_code == 404
+    assert logged_in(None).get(reverse("live_again", args=[event.race.slug])).status_code == 302
     Race.objects.update(visibility=Visibility.INVITATION)
     LiveEvent.objects.update(state="ended", ended_at=now)
-    assert as_(None).get(reverse("live_again", args=[event.race.slug])).status_code == 404
-    assert as_(a_racer("mallory")).get(reverse("live_again_data", args=[event.race.slug])).status_code == 404
+    assert logged_in(None).get(reverse("live_again", args=[event.race.slug])).status_code == 404
+    assert logged_in(a_racer("mallory")).get(reverse("live_again_data", args=[event.race.slug])).status_code == 404

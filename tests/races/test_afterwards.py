@@ -7,7 +7,6 @@ import io
 from datetime import timedelta
 
 import pytest
-from django.test import Client
 from django.urls import reverse
 from django.utils import timezone
 
@@ -23,6 +22,7 @@ from races.models import Entry, LiveRacer, LiveState, Race, Visibility
 from races.selectors.live_runs import driven_runs
 from races.services.live import cancel_live, end_live
 from races.views import afterwards as views
+from tests.clients import logged_in
 from tests.factories import a_race, a_racer
 from tests.live_shows import a_live_race, a_show, an_ended_show, begun, compute, slot_of
 from tests.races.test_live_duels import a_live_draw, show_next
@@ -35,13 +35,6 @@ ADDRESS = "https://paddock.example/races/race-night/"
 @pytest.fixture
 def alice():
     return a_racer("alice")
-
-
-def as_(racer) -> Client:
-    client = Client()
-    if racer is not None:
-        client.force_login(racer, backend="django.contrib.auth.backends.ModelBackend")
-    return client
 
 
 def test_an_event_in_figures(alice, now):
@@ -112,7 +105,7 @@ def test_nothing_is_handed_out_before_the_end(alice, now):
         with pytest.raises(UserFault) as fault:
             make()
         assert fault.value.code == "results_not_yet"
-    client = as_(None)
+    client = logged_in(None)
     answer = client.get(reverse("live_results_csv", args=[event.race.slug]), follow=True)
     assert "results_not_yet" in answer.content.decode()
 
@@ -164,14 +157,14 @@ def test_who_gets_the_files_of_a_private_event(alice, now):
     Race.objects.update(visibility=Visibility.INVITATION)
     bob = Entry.objects.get(race=race).racer
     for viewer in (None, a_racer("mallory")):
-        assert {as_(viewer).get(each).status_code for each in _files(event)} == {404}
+        assert {logged_in(viewer).get(each).status_code for each in _files(event)} == {404}
     for viewer in (alice, bob, a_racer("stella", is_staff=True)):
-        client = as_(viewer)
+        client = logged_in(viewer)
         for each in _files(event):
             answer = client.get(each)
             assert answer.status_code == 200, each
             assert "attachment" in answer["Content-Disposition"]
-    page = as_(bob).get(reverse("live_event", args=[race.slug])).content.decode()
+    page = logged_in(bob).get(reverse("live_event", args=[race.slug])).content.decode()
     assert reverse("race_certificate", args=[race.slug, "bob"]) in page
     assert "Changes of the lead" in page
 
@@ -179,14 +172,14 @@ def test_who_gets_the_files_of_a_private_event(alice, now):
 def test_who_asks_for_too_many_papers_waits(alice, now, monkeypatch):
     monkeypatch.setattr(views, "results_pdf", lambda *told: b"%PDF-")
     event = an_ended_show(timezone.now(), alice, laps={"bob": (9_000,)})
-    client = as_(a_racer("zoe"))
+    client = logged_in(a_racer("zoe"))
     found = [client.get(_files(event)[0]).status_code for _ in range(21)]
     assert found == [200] * 20 + [429]
 
 
 def test_a_racer_who_left_has_no_certificate_and_unknown_ones_are_404(alice, now):
     event = an_ended_show(timezone.now(), alice, laps={"bob": (9_000,)})
-    client = as_(None)
+    client = logged_in(None)
     assert client.get(reverse("race_certificate", args=[event.race.slug, "nobody"])).status_code == 404
     Entry.objects.filter(race=event.race).update(withdrawn_at=timezone.now())
     assert client.get(reverse("race_certificate", args=[event.race.slug, "bob"])).status_code == 404

@@ -5,7 +5,6 @@ from __future__ import annotations
 import io
 
 import pytest
-from django.test import Client
 from django.urls import reverse
 from django.utils import timezone
 
@@ -14,6 +13,7 @@ from paddock.errors import UserFault
 from races.afterwards.highlights import TracedStep, crashes_in, evaluations_of, moments_of, saves_in, segments_of
 from races.models import Entry, Race, Visibility
 from tests import factories
+from tests.clients import logged_in
 from tests.factories import a_racer
 from tests.live_shows import an_ended_show
 from tests.pages.test_show_browser import round_the_track
@@ -122,27 +122,20 @@ def test_one_video_is_made_of_them(alice, now, monkeypatch):
     assert remove_videos_of_model(model=model) == 1
 
 
-def as_(racer) -> Client:
-    client = Client()
-    if racer is not None:
-        client.force_login(racer, backend="django.contrib.auth.backends.ModelBackend")
-    return client
-
-
 def test_who_may_ask_and_see(alice, now):
     event = an_ended_show(now, alice, laps={"bob": (2_000,), "carl": (1_000,)})
     address = reverse("live_highlights", args=[event.race.slug])
     page = reverse("live_event", args=[event.race.slug])
     Race.objects.update(visibility=Visibility.INVITATION)
     bob, mallory = Entry.objects.get(race=event.race, racer__alias="bob").racer, a_racer("mallory")
-    assert "login" in as_(None).post(address).url
-    assert as_(mallory).post(address).status_code == 404
+    assert "login" in logged_in(None).post(address).url
+    assert logged_in(mallory).post(address).status_code == 404
     assert not Video.objects.exists()
-    assert "Make the video" in as_(bob).get(page).content.decode()
-    assert as_(bob).post(address).url == f"{page}#highlights"
+    assert "Make the video" in logged_in(bob).get(page).content.decode()
+    assert logged_in(bob).post(address).url == f"{page}#highlights"
     assert Video.objects.get().asked_by == bob
-    assert "in the queue" in as_(a_racer("stella", is_staff=True)).get(page).content.decode()
-    assert as_(mallory).get(reverse("video_file", args=[Video.objects.get().public_id])).status_code == 404
+    assert "in the queue" in logged_in(a_racer("stella", is_staff=True)).get(page).content.decode()
+    assert logged_in(mallory).get(reverse("video_file", args=[Video.objects.get().public_id])).status_code == 404
 
 
 def test_a_reel_whose_run_is_gone_is_not_drawn(alice, now):

@@ -6,25 +6,18 @@ import re
 from datetime import timedelta
 
 import pytest
-from django.test import Client
 from django.urls import reverse
 from django.utils import timezone
 
 from races.models import LiveEvent, LiveState, SlotState, Visibility
 from races.services import enter_race
 from races.services.live import launch
+from tests.clients import logged_in
 from tests.factories import a_model, a_racer
 from tests.live_shows import a_live_race, a_show, begun, compute, racer_of, slot_of, slots
 
 pytestmark = pytest.mark.django_db
 PAGES = ("live_event", "live_state", "live_console", "live_plan")
-
-
-def as_(racer) -> Client:
-    client = Client()
-    if racer is not None:
-        client.force_login(racer, backend="django.contrib.auth.backends.ModelBackend")
-    return client
 
 
 @pytest.fixture
@@ -41,14 +34,14 @@ def test_a_private_event_is_nowhere_for_a_stranger(alice, now):
     race = a_live_race(now, alice, visibility=Visibility.INVITATION)
     event = a_show_in(race, alice, now)
     for viewer in (a_racer("mallory"), None):
-        client = as_(viewer)
+        client = logged_in(viewer)
         for name in PAGES:
             answer = client.get(reverse(name, args=[race.slug]))
             assert answer.status_code == 404 or "login" in answer.url, name
         for path in ("", "console/", "poses/?slot=1"):
             assert client.get(f"/api/v1/races/{race.slug}/live/{path}").status_code in (401, 403, 404)
     for viewer in (alice, a_racer("stella", is_staff=True)):
-        assert as_(viewer).get(reverse("live_event", args=[race.slug])).status_code == 200
+        assert logged_in(viewer).get(reverse("live_event", args=[race.slug])).status_code == 200
     assert event.race_id == race.pk
 
 
@@ -60,7 +53,7 @@ def a_show_in(race, alice, now):
 
 def test_who_may_see_it_may_not_run_it(alice, now):
     event = a_show(now, alice, ["bob"])
-    client = as_(racer_of(event, "bob").entry.racer)
+    client = logged_in(racer_of(event, "bob").entry.racer)
     assert client.get(reverse("live_event", args=[event.race.slug])).status_code == 200
     assert client.get(reverse("live_console", args=[event.race.slug])).status_code == 404
     assert client.post(reverse("live_act", args=[event.race.slug]), {"action": "begin"}).status_code == 404
@@ -78,11 +71,11 @@ def test_an_organiser_plans_with_a_time_zone(alice, now):
         "order": "as_entered",
         "gap_s": "5",
     }
-    answer = as_(alice).post(reverse("live_plan", args=[race.slug]), sent)
+    answer = logged_in(alice).post(reverse("live_plan", args=[race.slug]), sent)
     assert answer.status_code == 302, answer.content.decode()
     event = LiveEvent.objects.get(race=race)
     assert (event.starts_at.hour, event.starts_at.minute, event.attempt_ms) == (11, 15, 60_000)
-    refused = as_(alice).post(reverse("live_plan", args=[race.slug]), sent | {"time_zone": "Mars/Base"})
+    refused = logged_in(alice).post(reverse("live_plan", args=[race.slug]), sent | {"time_zone": "Mars/Base"})
     assert refused.status_code == 422
 
 
@@ -91,7 +84,7 @@ def test_a_racer_chooses_and_answers_the_roll_call(alice, now):
     LiveEvent.objects.update(lobby_opens_at=now - timedelta(minutes=1))
     bob = racer_of(event, "bob").entry.racer
     other = a_model(bob)
-    client = as_(bob)
+    client = logged_in(bob)
     client.post(reverse("live_mine", args=[event.race.slug]), {"model": other.public_id})
     client.post(reverse("live_mine", args=[event.race.slug]), {"here": "1"})
     mine = racer_of(event, "bob")
@@ -105,7 +98,7 @@ def test_the_console_works_without_scripts(alice, now):
     event = begun(a_show(now, alice, ["bob", "carl"], order="as_entered"), alice, now)
     for name in ("bob", "carl"):
         compute(slot_of(event, name), now, 9_000)
-    client, act = as_(alice), reverse("live_act", args=[event.race.slug])
+    client, act = logged_in(alice), reverse("live_act", args=[event.race.slug])
     event.refresh_from_db()
     client.post(act, {"action": "down", "slot": slot_of(event, "bob").pk, "version": event.version})
     assert [slot.racer.entry.racer.alias for slot in slots(event)] == ["carl", "bob"]
@@ -123,12 +116,12 @@ def test_the_console_works_without_scripts(alice, now):
 
 def test_a_program_runs_an_event(alice, now):
     race = a_live_race(now, alice)
-    client = as_(alice)
+    client = logged_in(alice)
     live = f"/api/v1/races/{race.slug}/live/"
     planned = client.post(live, {"starts_at": (now + timedelta(hours=1)).isoformat(), "rounds": 1}, "application/json")
     assert planned.status_code == 201, planned.content
     enter_race(race=race, racer=(bob := a_racer("bob")), now=now)
-    mine = as_(bob).post(f"{live}mine/", {"model": a_model(bob).public_id, "here": True}, "application/json")
+    mine = logged_in(bob).post(f"{live}mine/", {"model": a_model(bob).public_id, "here": True}, "application/json")
     assert mine.status_code == 200, mine.content
     version = mine.json()["version"]
     begin = client.post(f"{live}console/", {"action": "begin", "version": version}, "application/json")
@@ -145,9 +138,9 @@ def test_poses_come_once_they_have_passed(alice, now):
     compute(slot, now, 9_000)
     launch(event=event, by=alice, seen=None, now=now - timedelta(seconds=13))
     address = reverse("live_poses", args=[event.race.slug])
-    said = as_(None).get(address, {"slot": slot.pk}).json()
+    said = logged_in(None).get(address, {"slot": slot.pk}).json()
     assert 4 <= len(said["chunks"]) <= 12
     assert not said["over"]
-    more = as_(None).get(address, {"slot": slot.pk, "after": said["chunks"][-1]["n"]}).json()["chunks"]
+    more = logged_in(None).get(address, {"slot": slot.pk, "after": said["chunks"][-1]["n"]}).json()["chunks"]
     assert all(chunk["n"] > said["chunks"][-1]["n"] for chunk in more)
-    assert as_(None).get(address, {"slot": "x"}).status_code == 404
+    assert logged_in(None).get(address, {"slot": "x"}).status_code == 404

@@ -9,7 +9,6 @@ from datetime import timedelta
 import numpy as np
 import pytest
 from django.core.cache import cache
-from django.test import Client
 from django.urls import reverse
 from django.utils import timezone
 from PIL import Image
@@ -24,6 +23,7 @@ from races import live_seen
 from races.models import Visibility
 from races.poses import cut
 from races.services.live import launch
+from tests.clients import logged_in
 from tests.drawn_runs import driven_trace
 from tests.factories import a_racer, lap, outcome, start
 from tests.live_shows import a_live_race, a_show, begun, slot_of
@@ -31,13 +31,6 @@ from tests.live_shows import a_live_race, a_show, begun, slot_of
 pytestmark = pytest.mark.django_db
 PLAYED_S = 3
 LAP_MS = 9_000
-
-
-def as_(racer) -> Client:
-    client = Client()
-    if racer is not None:
-        client.force_login(racer, backend="django.contrib.auth.backends.ModelBackend")
-    return client
 
 
 @pytest.fixture
@@ -62,7 +55,7 @@ def played(now, wakes):
 
 
 def frames(slot, n, racer=None):
-    return as_(racer).get(reverse("live_frames", args=[slot.event.race.slug]), {"slot": slot.pk, "n": n})
+    return logged_in(racer).get(reverse("live_frames", args=[slot.event.race.slug]), {"slot": slot.pk, "n": n})
 
 
 def test_frames_come_once_its_half_second_has_passed(played, now, monkeypatch):

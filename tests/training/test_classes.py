@@ -31,6 +31,7 @@ from races.models import Race, Visibility
 from races.selectors import can_see_race
 from races.selectors.offers import enterable_now
 from races.services import enter_race
+from tests.clients import logged_in
 from tests.factories import a_model, a_race, a_racer, a_track, drive, laps
 from tests.training.jobs import a_training
 from training.classes.deleting import delete_class
@@ -56,12 +57,6 @@ def made(alice, now):
     """Alice's class with two learners, and their cards."""
     room = make_class(teacher=alice, name="6a", plan=["agent", "three-ways"], now=now)
     return room, add_learners(classroom=room, by=alice, names=["Kim Minji", "Ann Lee"], now=now)
-
-
-def logged_in(racer: Racer) -> Client:
-    client = Client()
-    client.force_login(racer, backend="django.contrib.auth.backends.ModelBackend")
-    return client
 
 
 def test_only_the_teacher_sees_a_class(made, alice, bob):
