@@ -64,7 +64,7 @@ system-test:
 
 # Each time: its source may have changed, or there is a compiler now. Without one the camera is slower, that is all
 compiled: $(VENV)/.run
-	@$(BIN)/python -m paddock.simulator.camera.compiled || true
+	@$(BIN)/python -m paddock.simulator.compiled || true
 
 $(VENV)/bin/python:
 	@$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11))' || { echo "Paddock needs Python 3.11 or newer; name it with make PYTHON=/path/to/python3.11" >&2; exit 1; }

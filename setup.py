@@ -1,5 +1,5 @@
 """What pyproject.toml cannot say: the engine's C functions are compiled where there is a compiler, and left out
-elsewhere, see paddock/simulator/camera/compiled.py. The same file builds the site and, in a tree that
+elsewhere, see paddock/simulator/compiled.py. The same file builds the site and, in a tree that
 scripts/package.py puts together, the racers' package."""
 
 from __future__ import annotations
@@ -13,15 +13,15 @@ from setuptools.command.build_ext import build_ext
 from setuptools.command.build_py import build_py
 from setuptools.errors import CompileError
 
-SOURCE = Path("paddock", "simulator", "camera", "compiled.py")
+SIMULATOR = Path("paddock", "simulator")
 
 # The package itself cannot be imported where it is built.
-spec = importlib.util.spec_from_file_location("compiled", Path(__file__).parent / SOURCE)
+spec = importlib.util.spec_from_file_location("compiled", Path(__file__).parent / SIMULATOR / "compiled.py")
 compiled = importlib.util.module_from_spec(spec)
 spec.loader.exec_module(compiled)
 
 
-class BuildWarp(build_ext):
+class BuildNative(build_ext):
     """Our own compiler's flags, and a file name that does not depend on the Python."""
 
     def get_ext_filename(self, fullname: str) -> str:
@@ -53,8 +53,8 @@ class WithStart(build_py):
                 self.copy_file(str(line), str(Path(self.build_lib, line.name)))
 
 
-sources = [str(SOURCE.with_name("warp.c")), str(SOURCE.parent.with_name("rows.c"))]
+sources = [str(SIMULATOR / source.relative_to(compiled.LIBRARY.parent)) for source in compiled.SOURCES]
 setup(
-    ext_modules=[Extension("paddock.simulator.camera.warp", sources, optional=True)],
-    cmdclass={"build_ext": BuildWarp, "bdist_wheel": AnyPython, "build_py": WithStart},
+    ext_modules=[Extension("paddock.simulator.native", sources, optional=True)],
+    cmdclass={"build_ext": BuildNative, "bdist_wheel": AnyPython, "build_py": WithStart},
 )

@@ -20,7 +20,7 @@ ROOT = Path(__file__).resolve().parent.parent
 EXAMPLE = ROOT / "training" / "examples" / "train_a_car.py"
 STARTER = Path("paddock", "cli", "starter")
 _BUILD = "import sys; from setuptools import build_meta as b; to = sys.argv[1]; b.build_sdist(to); b.build_wheel(to)"
-_LEFT_OUT = shutil.ignore_patterns("__pycache__", "*.pyc", "*.so", ".warp-*")
+_LEFT_OUT = shutil.ignore_patterns("__pycache__", "*.pyc", "*.so", ".native-*")
 
 
 def assemble(tree: Path) -> None:

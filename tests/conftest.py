@@ -17,7 +17,7 @@ import pytest
 from django.db import connection
 from django.utils import translation
 
-from paddock.simulator.camera import compiled
+from paddock.simulator import compiled
 from tests import costs, database, emptied, kept, postgres
 from tests.pages import browsing
 

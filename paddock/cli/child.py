@@ -46,7 +46,7 @@ def _driven(job: dict[str, Any], folder: Path, out: TextIO) -> dict[str, Any]:
 
     from paddock.geometry.track import TrackGeometry
     from paddock.rules.race import RaceRules
-    from paddock.simulator.camera import compiled
+    from paddock.simulator import compiled
     from paddock.simulator.metrics import metrics_json
     from paddock.simulator.own import drive, drive_again
 

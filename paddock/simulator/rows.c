@@ -2,11 +2,11 @@
    doubles, which is the shortest decimal that reads back as the same double, and of these the nearest.
 
    Digits as in Raffaello Giulietti, "The Schubfach way to render doubles" (2020): whole numbers only, so no flag and no
-   processor can change a result. The powers of ten come from Python, see written.py. No C library is needed. */
+   processor can change a result. The powers of ten come from Python, see rows.py. No C library is needed. */
 
 #include <stdint.h>
 
-struct column { /* as written.py writes it down */
+struct column { /* as rows.py writes it down */
     int64_t kind;
     const void *values;
     int64_t width; /* of a text, in characters of four bytes */

@@ -12,7 +12,7 @@ from functools import cache
 
 import numpy as np
 
-from .camera import compiled
+from . import compiled
 
 _LEAST_POWER, _MOST_POWER = -292, 324  # of ten, that the digits of some double need
 _TEXT, _CHARACTER = "U", 4  # kind of a dtype, bytes

@@ -113,7 +113,7 @@ def test_an_install_alone_makes_the_environments_known(home):
     cars = gymnasium.make_vec("Paddock/ObjectAvoidance-v1", num_envs=2, track="oval")
     from importlib import metadata
     for one in metadata.entry_points(group="gymnasium.envs"): one.load()()  # as Gymnasium before 1.0: changes nothing
-    from paddock.simulator.camera import compiled
+    from paddock.simulator import compiled
     import paddock
     print(json.dumps([early, list(seen["FRONT_FACING_CAMERA"].shape), paddock.__file__, compiled.load() is not None]))
     """
@@ -122,7 +122,7 @@ def test_an_install_alone_makes_the_environments_known(home):
     early, shape, where, compiled = json.loads(done.stdout.strip().split("\n")[-1])
     assert early == [], "importing Gymnasium loads no simulator"
     assert shape == [120, 160, 1] and where.startswith(str(home))
-    assert compiled == bool(list((CHECKOUT / "paddock/simulator/camera").glob("*.so")))
+    assert compiled == bool(list((CHECKOUT / "paddock/simulator").glob("*.so")))
 
 
 def test_nothing_of_the_site_is_there(home):
@@ -134,7 +134,7 @@ def test_every_module_of_the_engine_can_be_imported_there(home):
     program = """if True:
     import importlib, pkgutil, paddock
     for one in pkgutil.walk_packages(paddock.__path__, "paddock."):
-        name = one.name.split(".")[-1]  # "warp-…" is the camera's library
+        name = one.name.split(".")[-1]  # "native-…" is the library in C
         if name.isidentifier() and name not in ("sb3", "__main__"): importlib.import_module(one.name)
     """
     done = run(home, "-c", program)

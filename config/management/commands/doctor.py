@@ -33,7 +33,7 @@ from evaluation.proof import Proof, prove
 from evaluation.sandbox.probe import SandboxReport, probe
 from evaluation.services import engines_at_work
 from evaluation.services.nodes import SILENT_AFTER
-from paddock.simulator.camera import compiled
+from paddock.simulator import compiled
 from paddock.simulator.engine import ENGINE_ID, cpu_model
 from races.engines import site_engine
 from races.selectors.counting import failing_redrives, races_driven_again

@@ -8,7 +8,7 @@ A pixel is the mean of its four neighbours in the picture, weighed by how near t
 what lies outside of the picture is wall. Rows of the frame that cover much ground are the mean of several lines.
 
 There are two ways that draw the same: :class:`NumpyWarp` says what is drawn, :class:`CompiledWarp` is many times as
-fast and needs what :mod:`.compiled` makes.
+fast and needs what :mod:`..compiled` makes.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ from typing import ClassVar
 
 import numpy as np
 
-from . import compiled
+from .. import compiled
 
 FRACTION = 32
 HALF_WEIGHT = 1 << (FRACTION - 9)  # added to a place, so that cutting off its weights rounds them

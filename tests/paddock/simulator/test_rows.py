@@ -10,7 +10,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from paddock.simulator.camera import compiled
+from paddock.simulator import compiled
 from paddock.simulator.rows import written, written_slowly
 from paddock.simulator.trace import COLUMNS, PAUSE, STATUSES, Row, Trace
 from tests.soak import SOAK

@@ -13,7 +13,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from paddock.simulator.camera import compiled
+from paddock.simulator import compiled
 from paddock.simulator.camera.optics import FRONT_CAMERA, STEREO_LEFT, STEREO_RIGHT, Optics
 from paddock.simulator.camera.theme import OFFICIAL
 from paddock.simulator.camera.view import Camera, Scene
@@ -184,24 +184,26 @@ def test_the_camera_uses_numpy_where_nothing_is_compiled(scene, monkeypatch):
 
 
 @needs_compiler
-def test_a_library_of_another_source_is_replaced(tmp_path, monkeypatch):
-    source, library = tmp_path / "warp.c", tmp_path / "warp.so"
-    source.write_bytes(compiled.SOURCE.read_bytes())
-    monkeypatch.setattr(compiled, "SOURCE", source)
+@pytest.mark.parametrize("changed", ["warp.c", "rows.c"])
+def test_a_library_of_another_source_is_replaced(tmp_path, monkeypatch, changed):
+    library = tmp_path / "native.so"
+    sources = [Path(shutil.copy(source, tmp_path)) for source in compiled.SOURCES]
+    monkeypatch.setattr(compiled, "SOURCES", sources)
     compiled.build(library)
     assert compiled.load(library) is not None
-    source.write_text(source.read_text() + "\n/* changed */\n")
+    with (tmp_path / changed).open("a") as source:
+        source.write("\n/* changed */\n")
     assert compiled.load(library) is None
     compiled.build(library)
     # This process has the old file open, and the loader knows it by its name: another one looks.
     script = (
-        "import sys; from pathlib import Path; from paddock.simulator.camera import compiled;"
-        "compiled.SOURCE, library = map(Path, sys.argv[1:]); print(compiled.load(library) is not None)"
+        "import sys; from pathlib import Path; from paddock.simulator import compiled;"
+        "*compiled.SOURCES, library = map(Path, sys.argv[1:]); print(compiled.load(library) is not None)"
     )
-    command = [sys.executable, "-c", script, str(source), str(library)]
+    command = [sys.executable, "-c", script, *map(str, sources), str(library)]
     look = subprocess.run(command, cwd=CHECKOUT, capture_output=True, text=True, timeout=60)
     assert look.stdout == "True\n", look.stderr
-    assert sorted(path.name for path in tmp_path.iterdir()) == ["warp.c", "warp.so"]
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["native.so", "rows.c", "warp.c"]
 
 
 @pytest.mark.parametrize("content", [None, b"", b"\x7fELF and no more"])

@@ -1,7 +1,7 @@
 """The engine's C functions, the camera's before all: how they are compiled, and how they are found again.
 
 They need a C compiler and nothing else, no header of Python's or of the C library. ``pip install`` compiles them where
-it can (``setup.py``), ``make`` too, and so does ``python -m paddock.simulator.camera.compiled``, which needs no package
+it can (``setup.py``), ``make`` too, and so does ``python -m paddock.simulator.compiled``, which needs no package
 at all. Where they are missing, or were made of other sources than those that are here, pictures are drawn by numpy and
 traces written by Python: the same to the bit, and many times slower.
 """
@@ -18,10 +18,10 @@ import sys
 import tempfile
 from pathlib import Path
 
-SOURCE = Path(__file__).parent / "warp.c"
-OTHERS = (Path(__file__).parent.parent / "rows.c",)
+_HERE = Path(__file__).parent
+SOURCES = (_HERE / "camera" / "warp.c", _HERE / "rows.c")
 # One for each kind of processor, for a folder may be shared; whatever the Python, which it does not know.
-LIBRARY = SOURCE.with_name(f"warp-{sys.platform}-{platform.machine()}.so")
+LIBRARY = _HERE / f"native-{sys.platform}-{platform.machine()}.so"
 
 _FLAGS = ["-O3", "-fwrapv", "-ffp-contract=off", "-ffreestanding", "-fPIC", "-shared"]
 if sys.platform == "linux":
@@ -34,7 +34,7 @@ _PATIENCE_S = 60.0
 
 def identity() -> str:
     """What a library must have been made of: sha-256 (hex) of the sources and the flags. Raises OSError."""
-    sources = b"".join(source.read_bytes() for source in (SOURCE, *OTHERS))
+    sources = b"".join(source.read_bytes() for source in SOURCES)
     return hashlib.sha256(sources + "\0".join(_FLAGS).encode()).hexdigest()
 
 
@@ -55,9 +55,9 @@ def build(library: Path = LIBRARY) -> None:
     compiler = os.environ.get("CC") or next(filter(None, map(shutil.which, _COMPILERS)), None)
     if compiler is None:
         raise OSError(f"no C compiler: none of {', '.join(_COMPILERS)}")
-    with tempfile.TemporaryDirectory(dir=library.parent, prefix=".warp-") as folder:
+    with tempfile.TemporaryDirectory(dir=library.parent, prefix=".native-") as folder:
         made = Path(folder) / library.name
-        sources = [str(source) for source in (SOURCE, *OTHERS)]
+        sources = [str(source) for source in SOURCES]
         command = [*compiler.split(), *_FLAGS, f'-DIDENTITY="{identity()}"', "-o", str(made), *sources]
         try:
             done = subprocess.run(command, capture_output=True, text=True, timeout=_PATIENCE_S)
@@ -75,7 +75,7 @@ def main() -> int:
         try:
             build()
         except (OSError, RuntimeError) as error:
-            print(f"The camera's pictures are drawn slowly here: {error}", file=sys.stderr)
+            print(f"Pictures are drawn and traces written slowly here: {error}", file=sys.stderr)
             return 1
     return 0
 
