@@ -10,7 +10,7 @@ from typing import Any
 from django.utils.translation import gettext as _
 
 from .live_story_duels import heats_told
-from .models import PLAYED_BEHIND, LiveEvent, LiveSlot, Opponents
+from .models import COUNTDOWN, PLAYED_BEHIND, LiveEvent, LiveSlot, Opponents
 from .poses import cut
 from .ranking import Standing
 from .replay import SECTORS
@@ -37,13 +37,12 @@ class _Known:
 
 def story_of(event: LiveEvent, now: datetime) -> list[Sentence]:
     """All that was seen by ``now``, the latest first. Spectators' pages play behind the clock, and so does this."""
-    seen_at = now - PLAYED_BEHIND
     runs = shown_runs(event)
     known = _Known()
     told: list[Sentence] = []
     traced = {run.slot.pk for run in runs[-TRACED:]}
     for run in runs:
-        happened = list(_played(run.slot, seen_at)) if run.slot.pk in traced else _by_laps(run)
+        happened = list(_played(run.slot, now)) if run.slot.pk in traced else _by_laps(run)
         told += _of_run(run.slot, run.alias, happened, known)
         told += _outcome(run, known)
     order = running_order(event)
@@ -51,7 +50,7 @@ def story_of(event: LiveEvent, now: datetime) -> list[Sentence]:
     if event.race.opponents == Opponents.MODELS:
         told += heats_told(event, order, now)
     elif playing is not None and playing.racer is not None:
-        told += _of_run(playing, playing.racer.entry.racer.alias, list(_played(playing, seen_at)), known, now)
+        told += _of_run(playing, playing.racer.entry.racer.alias, list(_played(playing, now)), known, now)
     for said in event.log.filter(action="message", undone_at=None).order_by("-pk")[:MESSAGES]:
         if said.told.get("message"):
             told.append(
@@ -81,10 +80,11 @@ def _of_run(
     slot: LiveSlot, alias: str, happened: Sequence[dict[str, Any]], known: _Known, now: datetime | None = None
 ) -> Iterator[Sentence]:
     assert slot.starts_at is not None
-    if now is not None and now < slot.starts_at:
-        yield Sentence(now, "start", _("%(racer)s is about to start.") % {"racer": alias})
-        return
     begun = slot.starts_at + PLAYED_BEHIND
+    if now is not None and now < begun:
+        called = min(now, slot.starts_at - COUNTDOWN)
+        yield Sentence(called, "start", _("%(racer)s is about to start.") % {"racer": alias})
+        return
     yield Sentence(begun, "start", _("%(racer)s is on track, round %(round)s.") % {"racer": alias, "round": slot.round})
     in_lap: dict[int, int] = {}
     for event in happened:

@@ -9,7 +9,7 @@ from typing import Any
 from django.utils.translation import gettext as _
 
 from .duels.bracket import tie_of
-from .models import PLAYED_BEHIND, DuelFormat, LiveEvent, LiveSlot, Race, SlotState
+from .models import COUNTDOWN, PLAYED_BEHIND, DuelFormat, LiveEvent, LiveSlot, Race, SlotState
 from .replay import SECTORS
 from .selectors.duels import Duels, TreeTie, duels_of
 from .selectors.live import on_track, played
@@ -18,21 +18,21 @@ from .story_words import TRACED, Sentence, incident, seconds
 
 def heats_told(event: LiveEvent, order: Sequence[LiveSlot], now: datetime) -> Iterator[Sentence]:
     """Of all heats of the running order what was seen by ``now``, each in the order in which it happened."""
-    seen_at = now - PLAYED_BEHIND
     shown = sorted((slot for slot in order if slot.state == SlotState.DONE), key=lambda slot: slot.done_at or now)
     duels = duels_of(event.race)
     traced = {slot.pk for slot in shown[-TRACED:]}
     for slot in shown:
         if slot.pk in traced and slot.starts_at is not None:
-            yield from _driven(slot, list(_happened(slot, seen_at)))
+            yield from _driven(slot, list(_happened(slot, now)))
         yield from reversed(list(_outcome(event, slot, duels, now)))  # the latest first: at one moment, too
     playing = on_track(order)
     if playing is None or playing.starts_at is None:
         return
-    if now < playing.starts_at:
-        yield Sentence(now, "start", _("%(racers)s are about to start.") % {"racers": playing.who})
+    if now < playing.starts_at + PLAYED_BEHIND:
+        called = min(now, playing.starts_at - COUNTDOWN)
+        yield Sentence(called, "start", _("%(racers)s are about to start.") % {"racers": playing.who})
     else:
-        yield from _driven(playing, list(_happened(playing, seen_at)))
+        yield from _driven(playing, list(_happened(playing, now)))
 
 
 def _happened(slot: LiveSlot, now: datetime) -> Iterator[dict[str, Any]]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import zlib
 from dataclasses import dataclass
 from datetime import datetime
 
@@ -17,6 +18,11 @@ class Sentence:
     at: datetime
     kind: str
     text: str
+
+    @property
+    def key(self) -> str:
+        """What tells it from others on a page that renews itself."""
+        return f"{self.at:%H%M%S%f}-{zlib.crc32(self.text.encode()):x}"
 
 
 def incident(kind: str) -> str:

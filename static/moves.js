@@ -171,7 +171,7 @@
       }
     } catch { /* asked again when it moves, or in a while */ }
     state.busy = false;
-    if (state.again) { state.again = false; soon(address); }
+    if (state.again) { state.again = false; soon(address, 0, state.prompt); }
   }
 
   function renew(address, page) {
@@ -187,13 +187,16 @@
     follow();
   }
 
-  function soon(address, number = 0) {
+  // prompt: a page that few look at and that must not wait until many have asked
+  function soon(address, number = 0, prompt = false) {
     if (!asked.has(address)) asked.set(address, { at: -Infinity, number: 0 });
     const state = asked.get(address);
     state.number = Math.max(state.number, number);
+    state.prompt = prompt;
     if (state.timer) return;
-    const gap = Math.max(0, state.at + Math.max(GAP_MS, 2 * spread) - performance.now());
-    state.timer = setTimeout(() => ask(address), gap + Math.random() * spread);
+    const over = prompt ? 0 : spread;
+    const gap = Math.max(0, state.at + Math.max(GAP_MS, 2 * over) - performance.now());
+    state.timer = setTimeout(() => ask(address), gap + Math.random() * over);
   }
 
   // what htmx asks for: once at a time, for an answer may be the last one
@@ -213,7 +216,7 @@
     const all = topics && new Set(topics);
     partsOf().filter((part) => !all || topicsOf(part).some((topic) => all.has(topic))).forEach((part) => {
       if (part.hasAttribute("hx-get")) nudge(part);
-      else if (part.id) soon(addressOf(part), number);
+      else if (part.id) soon(addressOf(part), number, "prompt" in part.dataset);
     });
   }
   document.addEventListener("paddock:raced", () => { if (!isUp) moved(null); });

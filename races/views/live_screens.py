@@ -19,6 +19,7 @@ from django.views.decorators.http import require_POST, require_safe
 
 from core.forms import explain
 from core.templatetags.site import THEMES, theme
+from core.unchanged import Unchanged, is_shared
 from paddock.errors import UserFault
 from races.live_document import live_document
 from races.live_story import story_of
@@ -42,6 +43,8 @@ OVERLAYS = {
 }
 EMOJI = {"clap": "👏", "fire": "🔥", "wow": "😮", "laugh": "😂", "heart": "💜", "flag": "🏁"}
 TOLD_MOST = 80
+SAME_FOR_S = 0.25  # less than a page waits before it asks for what it has just played (told.js)
+_COMMENTARIES: Unchanged[dict[str, Any]] = Unchanged(32)
 
 
 @require_safe
@@ -85,17 +88,23 @@ def live_commentary(request: HttpRequest, slug: str) -> HttpResponse:
     race, event = _shown(request, slug)
     if event is None:
         raise Http404
+    context = {"race": race, "event": event} | _commentary(event)
+    if "X-Paddock-Parts" in request.headers:  # it renews itself: the rest stays as it is
+        return _fresh(render(request, "races/live/screens/commentary_parts.html", context))
     now = timezone.now()
-    context = {
-        "race": race,
-        "event": event,
-        "phase": phase_of(event, now),
-        "told": story_of(event, now)[:TOLD_MOST],
-        "facts": facts_of(event),
-        "met": met_before(event, request.user, now),
-        "next": up_next(running_order(event)),
-    }
+    context |= {"phase": phase_of(event, now), "met": met_before(event, request.user, now)}
     return _fresh(render(request, "races/live/screens/commentary.html", context))
+
+
+def _commentary(event: LiveEvent) -> dict[str, Any]:
+    """What all commentators read of an event in their language: made once for those who ask at the same moment."""
+
+    def made() -> tuple[dict[str, Any], bool]:
+        told = story_of(event, timezone.now())[:TOLD_MOST]
+        return {"told": told, "facts": facts_of(event), "next": up_next(running_order(event))}, True
+
+    key = event.pk, translation.get_language()
+    return _COMMENTARIES.get(key, SAME_FOR_S, made) if is_shared() else made()[0]
 
 
 @require_safe

@@ -63,3 +63,22 @@ def test_a_commentator_is_told_what_is_needed_in_the_last_sector(now, wakes, dri
     assert [each.text for each in reversed(needs)] == said
     begins_at = needs[-1].at
     assert not [each for each in story_of(event, begins_at - timedelta(milliseconds=600)) if each.kind == "needs"]
+
+
+@pytest.mark.django_db
+def test_a_sentence_comes_when_spectators_see_it_and_is_the_same_ever_after(now, wakes):
+    """What the page follows has keys, so nothing in it may be of the moment at which it is asked for."""
+    alice = a_racer("alice")
+    event = begun(a_show(now, alice, ["bob"]), alice, now)
+    compute(slot_of(event, "bob"), now, 9_000)
+    launch(event=event, slot=slot_of(event, "bob"), by=alice, seen=None, now=now)
+    slot = slot_of(event, "bob")
+    soon = [story_of(event, now + timedelta(seconds=after)) for after in (1, 9.5, 11.4)]
+    assert soon[0] == soon[1] == soon[2] and [each.text for each in soon[0]] == ["bob is about to start."]
+    lap = slot.starts_at + timedelta(seconds=9 + 1.5)
+    assert "bob sets the first time: 9.000 s." not in [
+        each.text for each in story_of(event, lap - timedelta(seconds=0.001))
+    ]
+    told = story_of(event, lap)
+    assert told[0].text == "bob sets the first time: 9.000 s."
+    assert len({each.key for each in told}) == len(told)

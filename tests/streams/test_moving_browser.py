@@ -261,3 +261,31 @@ def test_a_live_page_asks_for_nothing_but_while_the_process_is_away(looks_at, st
     asked.clear()
     plays_on()
     assert asked == [] and page.evaluate("document.querySelector('[data-car]').hasAttribute('hidden')") is False
+
+
+def test_the_commentator_follows_the_stream(looks_at, streams, on_track) -> None:
+    """A sentence is asked for once it was played, nothing while nothing happens; all goes on without the process."""
+    page, asked = looks_at("/races/race-night/live/commentary/"), []
+    told = page.locator("#told")
+    page.on("request", lambda request: asked.append(request.url))
+    page.wait_for_function(f"{FEED}.streams")
+    page.evaluate(
+        """() => {
+          window.happened = 0;
+          document.querySelector("[data-show]").addEventListener("show:event", () => { window.happened += 1; });
+        }"""
+    )
+    asked.clear()
+    begun = told.locator("li").count()
+    page.wait_for_function(f"() => document.querySelectorAll('#told li').length > {begun + 1}", timeout=60_000)
+    assert {url.partition("/races/")[2] for url in asked} <= {"race-night/live/commentary/", ""}, "no state, no poses"
+    assert len(asked) <= page.evaluate("window.happened") + 2
+    say_to_spectators(event=on_track, message="Hello", by=on_track.race.organiser, seen=None, now=timezone.now())
+    told.locator("li", has_text="The organiser says: Hello").wait_for()
+    streams.end(signal.SIGKILL)
+    page.wait_for_function(f"{FEED}.streams === false")
+    say_to_spectators(event=on_track, message="Still here", by=on_track.race.organiser, seen=None, now=timezone.now())
+    told.locator("li", has_text="Still here").wait_for(timeout=60_000)
+    streams.start()
+    page.wait_for_function(f"{FEED}.streams", timeout=60_000)
+    assert page.locator("#facts").get_by_text("bob").count() and not page.locator("#told[hx-get]").count()
