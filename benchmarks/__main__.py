@@ -43,6 +43,7 @@ PARTS: dict[str, tuple[str, tuple[str, ...], tuple[str, ...]]] = {
     "spectators": ("spectators", (), ("--seconds", "2", "--rate", "100")),
     "streams": ("streams", (), ("--streams", "50", "--seconds", "20")),
     "live": ("live", (), ("--quick",)),
+    "panels": ("panels", (), ("--panels", "20", "--seconds", "6")),
     "processors": ("processors", (), ("--quick",)),
 }
 LIMIT_S = 3600

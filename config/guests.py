@@ -123,7 +123,8 @@ def _key(request: HttpRequest) -> tuple:
 def _given(request: HttpRequest, page: _Page) -> HttpResponse:
     small = bool(_TAKES_GZIP.search(request.META.get("HTTP_ACCEPT_ENCODING", "")))
     response = HttpResponse(page.small if small else page.content, headers=page.headers)
-    response["Cache-Control"] = "private, no-cache"
+    if not response.get("Cache-Control", "").startswith("public"):
+        response["Cache-Control"] = "private, no-cache"
     response["ETag"] = page.small_tag if small else page.tag
     if small:
         response["Content-Encoding"] = "gzip"

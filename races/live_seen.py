@@ -24,12 +24,13 @@ _WAIT_S = 2.0
 _drawing = Lock()  # of many who ask at once, one draws
 
 
-def frames_of(slot: LiveSlot, now: datetime, n: int) -> bytes | None:
+def frames_of(slot: LiveSlot, now: datetime, n: int, wait_s: float | None = None) -> bytes | None:
     """Chunk ``n`` of a run as a PNG: a row for each car in the order of their numbers, and in it the frames of every
     :data:`EVERY`-th step of the chunk, 160 by 120 pixels each. None unless the chunk has passed; empty while so much
     else is drawn that it would come too late.
 
-    A car that has no step in the chunk stands where it was last. Raises PlatformFault where files cannot be read."""
+    A car that has no step in the chunk stands where it was last. ``wait_s``: for how long others are waited for who
+    draw. Raises PlatformFault where files cannot be read."""
     chunks, _over = played(slot, now, after=n - 1)
     if not chunks or chunks[0]["n"] != n or not _moments(chunks[0]):
         return None
@@ -37,7 +38,7 @@ def frames_of(slot: LiveSlot, now: datetime, n: int) -> bytes | None:
     strip: bytes | None = cache.get(key)
     if strip is not None:
         return strip
-    if not _drawing.acquire(timeout=_WAIT_S):
+    if not _drawing.acquire(timeout=_WAIT_S if wait_s is None else wait_s):
         return b""
     try:
         strip = cache.get(key)

@@ -12,6 +12,7 @@ from evaluation.events import RUN_FAILED, RUN_FINISHED, RUN_QUEUED, RUN_STARTED,
 from evaluation.models import Evaluation
 from videos.events import VIDEO_READY
 
+from . import live_seen_stream
 from .events import (
     DUEL_DECIDED,
     DUELS_DRAWN,
@@ -38,10 +39,11 @@ _OF_LIVE = {
 
 
 def register() -> None:
-    """``race:ID`` and ``run:ID`` for whoever may see the race or the run, ``live:ID`` with what is played in the live
-    event of a race for whoever may see the race; ``races`` for everybody."""
+    """``race:ID`` and ``run:ID`` for whoever may see the race or the run; ``live:ID`` with what is played in the live
+    event of a race, and ``sees:ID`` with what its cars see there, for whoever may see the race; ``races`` for all."""
     register_topic(Topic("race", _sees_race))
     register_topic(Topic("live", _sees_race, welcome, source))
+    register_topic(Topic("sees", _sees_race, source=live_seen_stream.source))
     register_topic(Topic("run", _sees_run))
     register_topic(Topic(RACES, lambda viewer, key: not key))
     register_moves(moves)

@@ -1,5 +1,6 @@
-// What the cars on track see, beside the map: frames of their cameras, in step with the poses. They are asked for half a
-// second at a time, once that has come as poses, and only while somebody has opened the panel. Comes after show.js.
+// What the cars on track see, beside the map: frames of their cameras, in step with the poses, half a second at a time. While
+// somebody has opened the panel the page follows them on the stream; what that does not tell is asked for, once it has come
+// as poses: what was played before, what is too large for it, and all where there is none. Comes after show.js.
 "use strict";
 
 (() => {
@@ -9,24 +10,57 @@
   const LATE = 4;
   const AT_ONCE = 2; // requests
   const KEPT = 8; // strips
+  const SILENT_MS = 2500; // so long the stream may say nothing of a run that is played
   const OPEN = "paddock-sees";
 
   class Sight {
     constructor(root, panel) {
-      Object.assign(this, { root, panel, strips: new Map(), of: "", drawn: "", asked: 0 });
+      Object.assign(this, { root, panel, strips: new Map(), of: "", drawn: "", asked: 0, told: null, large: false, heardAt: -Infinity });
       this.cars = panel.querySelector("[data-cars]");
+      this.topic = root.dataset.follow && panel.dataset.sees; // not where it is watched again
       panel.hidden = false;
       try { panel.open = localStorage.getItem(OPEN) === "1"; } catch { /* it stays closed */ }
       panel.addEventListener("toggle", () => {
         try { localStorage.setItem(OPEN, panel.open ? "1" : ""); } catch { /* not remembered */ }
+        this.follow();
       });
+      this.follow();
+      document.addEventListener("paddock:said", ({ detail: { to, data } }) => { if (to === this.topic) this.said(data); });
       root.addEventListener("show:state", () => { if (!root.show.slot) this.end(); });
       root.addEventListener("show:frame", ({ detail }) => { if (panel.open) this.frame(detail); });
     }
 
+    follow() {
+      if (this.panel.open && this.topic) this.panel.dataset.follow = this.topic;
+      else delete this.panel.dataset.follow;
+      window.paddockMoves.follow();
+    }
+
+    // The stream tells the frames of a chunk, or that there are some.
+    async said({ slot, n, png }) {
+      if (!this.panel.open || !this.root.show.slot || this.root.show.slot.slot !== slot) return;
+      if (this.of !== this.name()) this.begin(this.root.show.slot);
+      this.heardAt = performance.now();
+      this.told ??= n;
+      this.large = !png;
+      if (!png || this.strips.get(n)?.picture) return;
+      const strip = this.keep(n, { picture: null });
+      const bytes = Uint8Array.from(atob(png), (each) => each.charCodeAt(0));
+      strip.picture = await createImageBitmap(new Blob([bytes], { type: "image/png" }));
+    }
+
+    name() { return `${this.root.show.slot.slot} ${this.root.show.slot.starts_at}`; }
+
+    keep(n, strip) {
+      this.strips.set(n, strip);
+      while (this.strips.size > KEPT) this.strips.delete(this.strips.keys().next().value);
+      return strip;
+    }
+
     // One canvas for each car, with its racer's name where there are several.
     begin(slot) {
-      this.of = `${slot.slot} ${slot.starts_at}`;
+      this.of = this.name();
+      this.told = null;
       this.strips.clear();
       this.drawn = "";
       this.asked = 0;
@@ -56,13 +90,15 @@
     frame({ moment, i }) {
       const { show } = this.root;
       if (!show.slot || moment < 0) return;
-      if (this.of !== `${show.slot.slot} ${show.slot.starts_at}`) this.begin(show.slot);
+      if (this.of !== this.name()) this.begin(show.slot);
       const [long, ms] = [show.state.chunk_ms, show.car.t[i]];
       const now = Math.floor(ms / long);
-      for (let n = now; n <= now + AHEAD; n += 1) this.load(n, long);
+      const streams = show.feed?.streams && performance.now() - this.heardAt < SILENT_MS;
+      for (let n = now; n <= now + AHEAD; n += 1) if (!streams || n < this.told || this.large) this.load(n, long);
       for (let n = now; n >= now - LATE; n -= 1) {
         const strip = this.strips.get(n);
         if (!strip || !strip.picture) continue;
+        strip.t ??= this.moments(n, long);
         const at = strip.t.findLastIndex((t) => t <= ms);
         if (at >= 0 && this.drawn !== `${n} ${at}`) {
           this.drawn = `${n} ${at}`;
@@ -70,6 +106,11 @@
         }
         return;
       }
+    }
+
+    // Of which steps the frames of a chunk are.
+    moments(n, long) {
+      return this.root.show.car.t.filter((each) => Math.floor(each / long) === n).filter((_, at) => at % EVERY === 0);
     }
 
     draw(figure, { picture, t }, at, row) {
@@ -84,11 +125,9 @@
     // A chunk whose poses are here has passed, so its strip is to be had. What comes too late is not asked for again.
     async load(n, long) {
       if (this.strips.has(n) || this.asked >= AT_ONCE) return;
-      const t = this.root.show.car.t.filter((each) => Math.floor(each / long) === n).filter((_, at) => at % EVERY === 0);
+      const t = this.moments(n, long);
       if (!t.length) return;
-      const [strip, of] = [{ t, picture: null }, this.of];
-      this.strips.set(n, strip);
-      while (this.strips.size > KEPT) this.strips.delete(this.strips.keys().next().value);
+      const [strip, of] = [this.keep(n, { t, picture: null }), this.of];
       this.asked += 1;
       try {
         const query = new URLSearchParams({ slot: this.root.show.slot.slot, n });

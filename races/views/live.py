@@ -22,7 +22,7 @@ from races.live_acts import ACTS, act
 from races.live_document import live_document
 from races.live_form import LiveForm
 from races.live_seen import frames_of
-from races.models import Entry, LiveEvent, LiveRacer, LiveState, Opponents, Race
+from races.models import Entry, LiveEvent, LiveRacer, LiveState, Opponents, Race, Visibility
 from races.replay import map_size
 from races.selectors import entry_of
 from races.selectors.duels import duels_of
@@ -45,6 +45,7 @@ from races.services.live import change_live, choose_model, plan_live, say_here
 from .common import organised_race, tell_fault, visible_race
 
 LOG_SHOWN = 30
+FRAMES_KEPT_S = 600
 
 
 @require_safe
@@ -73,13 +74,15 @@ def live_poses(request: HttpRequest, slug: str) -> JsonResponse:
 def live_frames(request: HttpRequest, slug: str) -> HttpResponse:
     """What the cars of a run saw in a chunk of it that has been played: ``slot``, ``n``. 404 before, 204 while the
     machine has too much else to draw."""
-    _race, event = _event(request, slug)
+    race, event = _event(request, slug)
     slot, number = slot_in(event, request.GET.get("slot", "")), _number(request.GET.get("n", ""))
     strip = None if number is None else frames_of(slot, timezone.now(), number)
     if strip is None:
         raise Http404
     response = HttpResponse(strip, content_type="image/png") if strip else HttpResponse(status=204)
-    response["Cache-Control"] = "private, no-store"
+    # what has passed stays as it was, for everybody who may see it
+    kept = "public" if race.visibility == Visibility.PUBLIC else "private"
+    response["Cache-Control"] = f"{kept}, max-age={FRAMES_KEPT_S}" if strip else "private, no-store"
     return response
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import base64
 import io
 from dataclasses import replace
 from datetime import timedelta
@@ -19,7 +20,7 @@ from evaluation.services import finish_evaluation
 from paddock.simulator.camera.view import Scene
 from paddock.simulator.retracing import RunSight, TracePath
 from paddock.simulator.sensors import make_sensors
-from races import live_seen
+from races import live_seen, live_seen_stream
 from races.models import Visibility
 from races.poses import cut
 from races.services.live import launch
@@ -128,3 +129,66 @@ def test_of_a_private_event_a_stranger_sees_nothing(played):
         assert frames(slot, 0, stranger).status_code == 404
     for insider in (slot.racer.entry.racer, slot.event.race.organiser, a_racer("stella", is_staff=True)):
         assert frames(slot, 0, insider).status_code == 200
+
+
+def test_frames_of_a_public_event_may_be_kept_by_everybody(played):
+    """A strip has a number, and what has passed stays as it was."""
+    slot, _trace = played
+    assert (
+        frames(slot, 0)["Cache-Control"] == frames(slot, 0, a_racer("carl"))["Cache-Control"] == "public, max-age=600"
+    )
+    assert "max-age" not in frames(slot, 9999).get("Cache-Control", "")
+    type(slot.event.race).objects.filter(pk=slot.event.race_id).update(visibility=Visibility.INVITATION)
+    assert frames(slot, 0, slot.event.race.organiser)["Cache-Control"] == "private, max-age=600"
+
+
+@pytest.fixture
+def clock(now, monkeypatch):
+    """The time, which a test moves on."""
+    at = [now]
+    monkeypatch.setattr(timezone, "now", lambda: at[0])
+    return at
+
+
+def told(seeing):
+    said, pause = seeing.next()
+    return [data["n"] for data in said], pause
+
+
+def test_the_stream_tells_each_half_second_once_it_has_passed(played, now, clock):
+    slot, _trace = played
+    seeing = live_seen_stream.Seeing(str(slot.event.race_id))
+    (first,), pause = seeing.next()
+    assert (first["slot"], first["n"]) == (slot.pk, PLAYED_S * 2 - 1)
+    assert base64.b64decode(first["png"]) == frames(slot, PLAYED_S * 2 - 1).content
+    assert pause == pytest.approx(0.53)
+    clock[0] = now + timedelta(milliseconds=499)
+    assert told(seeing)[0] == [], "not before its time"
+    clock[0] = now + timedelta(milliseconds=501)
+    assert told(seeing)[0] == [PLAYED_S * 2]
+    clock[0] = now + timedelta(seconds=3)
+    assert told(seeing)[0] == [10, 11], "who is late goes on with the newest"
+    clock[0] = now + timedelta(seconds=30)
+    assert told(seeing)[0] == [], "after the last there is none"
+
+
+def test_the_stream_tells_nothing_of_a_run_that_is_not_played(played, clock):
+    slot, _trace = played
+    for state in ("waiting", "called"):
+        type(slot).objects.filter(pk=slot.pk).update(state=state, starts_at=None, ends_at=None)
+        assert told(live_seen_stream.Seeing(str(slot.event.race_id))) == ([], live_seen_stream.RARELY_S)
+    assert told(live_seen_stream.Seeing("x")) == told(live_seen_stream.Seeing("9" * 40)) == ([], 5.0)
+
+
+def test_what_is_too_large_for_a_stream_is_named_only(played, clock, monkeypatch):
+    slot, _trace = played
+    monkeypatch.setattr(live_seen_stream, "MOST_BYTES", 10)
+    (data,), _pause = live_seen_stream.Seeing(str(slot.event.race_id)).next()
+    assert data == {"slot": slot.pk, "n": PLAYED_S * 2 - 1}
+
+
+def test_while_others_draw_the_stream_goes_on(played, clock, monkeypatch):
+    slot, _trace = played
+    monkeypatch.setattr(live_seen_stream, "WAIT_S", 0.01)
+    with live_seen._drawing:
+        assert told(live_seen_stream.Seeing(str(slot.event.race_id)))[0] == []

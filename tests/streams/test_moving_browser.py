@@ -289,3 +289,38 @@ def test_the_commentator_follows_the_stream(looks_at, streams, on_track) -> None
     streams.start()
     page.wait_for_function(f"{FEED}.streams", timeout=60_000)
     assert page.locator("#facts").get_by_text("bob").count() and not page.locator("#told[hx-get]").count()
+
+
+def test_what_the_car_sees_comes_by_the_stream(looks_at, streams, on_track) -> None:
+    """Who opens the panel asks for what was played before and then for nothing, unless there is no stream."""
+    page, asked = looks_at("/races/race-night/event/"), []
+    page.on("request", lambda request: asked.append(request.url) if "frames.png" in request.url else None)
+    page.wait_for_function(f"{FEED}.streams")
+    page.evaluate(
+        """() => {
+          window.drawn = 0;
+          const draw = CanvasRenderingContext2D.prototype.drawImage;
+          CanvasRenderingContext2D.prototype.drawImage = function (...given) {
+            window.drawn += 1;
+            return draw.apply(this, given);
+          };
+        }"""
+    )
+
+    def draws(by: int) -> None:
+        page.wait_for_function(f"() => window.drawn > {page.evaluate('window.drawn') + by}", timeout=60_000)
+
+    page.locator("[data-frames] summary").click()
+    draws(8)
+    asked.clear()
+    draws(10)
+    assert asked == []
+    page.locator("[data-frames] summary").click()
+    assert page.locator("[data-frames][data-follow]").count() == 0
+    page.locator("[data-frames] summary").click()
+    streams.end(signal.SIGKILL)
+    draws(8)
+    assert asked, "without the stream the page asks"
+    streams.start()
+    page.wait_for_function(f"{FEED}.streams", timeout=60_000)
+    assert page.problems == [] or all("ERR_" in said or "50" in said for said in page.problems), page.problems
