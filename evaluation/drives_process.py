@@ -82,6 +82,7 @@ def _driven(
         progress_every_steps=_NEVER,
         lidar_config=metadata.get("lidar_config"),
         ground=ground,
+        places=client.places,
         disturbance=None if variation is None else variation.disturbance(ground.theme),
     )
     lap, at = result.laps[0], last[-1]

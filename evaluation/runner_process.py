@@ -99,8 +99,8 @@ def _run(frames_in: int, frames_out: int) -> None:
     if len(policies) > 1:
         policies = [_reporting(policy, number, frames_out) for number, policy in enumerate(policies)]
     first, *rivals = [
-        Entrant(space, sorted(metadata["sensor"]), policy, metadata.get("lidar_config"))
-        for metadata, space, policy in zip(job["metadata"], spaces, policies, strict=True)
+        Entrant(space, sorted(metadata["sensor"]), policy, metadata.get("lidar_config"), client.places)
+        for metadata, space, policy, client in zip(job["metadata"], spaces, policies, clients, strict=True)
     ]
     telling = _Telling(frames_out)
     world = new_world()  # never closed: that takes two milliseconds, and it ends with this process
@@ -116,6 +116,7 @@ def _run(frames_in: int, frames_out: int) -> None:
         lidar_config=first.lidar_config,
         ground=ground,
         world=world,
+        places=first.places,
     )
     cars: list[RaceResult | CompetitorRun] = [result, *result.rivals]
     seconds = {**result.seconds, "policy": sum(client.seconds for client in clients)}  # without the wait for the start

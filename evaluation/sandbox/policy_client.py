@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+import ctypes
 import math
 import os
 import select
 import struct
 import time
 from collections.abc import Callable, Mapping
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 
@@ -25,7 +26,9 @@ from paddock.network.policy_wire import (
     observations_of,
     reply_buffer,
 )
+from paddock.simulator import compiled
 
+from .exchange import Exchange, exchange
 from .limits import POLICY_S
 from .shown import fits
 
@@ -47,8 +50,14 @@ class PolicyClient:
     ``policy_died``, ``policy_protocol`` (anything but one reply to this step), ``non_finite_action``. After any of them
     the pipes are of no use any more. ``seconds`` counts the time spent in it. ``before_first``, if it is set, is called
     before the first request; what it waits for is not the network's time. ``memory``: that of :mod:`.shown`, if the
-    model's process has it.
+    model's process has it; ``places`` are then the arrays in it that the model sees, one for each sensor. Whoever has
+    filled them asks with that very dict, and nothing is copied.
+
+    An exchange that goes well is one call into C where that is there (:mod:`.exchange`); whatever else happens is
+    looked at here.
     """
+
+    library: ClassVar[ctypes.CDLL | None] = compiled.load()
 
     def __init__(
         self,
@@ -65,18 +74,22 @@ class PolicyClient:
         self._bank = overage_s
         self._head = bytearray(STEP.size)
         self._sensors = observations_of(header)
-        self._shown = None if memory is None or not fits(header) else observations_in(header, memory)
-        self._request_size = STEP.size + (observation_bytes(header) if self._shown is None else 0)
+        self.places = None if memory is None or not fits(header) else observations_in(header, memory)
+        self._request_size = STEP.size + (observation_bytes(header) if self.places is None else 0)
         reply, action = reply_buffer(header)
         self._reply_size, self._reply_dtype = len(reply), action.dtype
         self._reply = struct.Struct(f"{REPLY.format}{action.size}f")
+        self._answer = struct.Struct(f"<{action.size}f")
+        self._in_c = None
+        if self.places is not None:
+            self._in_c = exchange(self.library, read_fd, write_fd, self._head, self._reply_size)
         self._readable, self._writable = select.poll(), select.poll()
         self._readable.register(read_fd, select.POLLIN)
         self._writable.register(write_fd, select.POLLOUT)
         for fd in (read_fd, write_fd):
             if os.get_blocking(fd):  # the launcher's ends are not, and a locked process may not change them
                 os.set_blocking(fd, False)
-        self._started = self._until = 0.0
+        self._until = self._started = 0.0
         self.before_first: Callable[[], None] = lambda: None
         self.step = 0
         self.seconds = 0.0
@@ -90,29 +103,51 @@ class PolicyClient:
         """One step. ``observation`` must have exactly the header's sensors, dtypes and shapes (else ValueError)."""
         if not self.step:
             self.before_first()
-        parts = self._parts(observation)
+        parts = [self._head] if observation is self.places else self._parts(observation)
         self.step = step = self.step + 1
         STEP.pack_into(self._head, 0, step)
         left_s, most_s = self._total_s - self.seconds, self._step_deadline_s + self._bank
         if left_s > most_s:
             left_s = most_s
-        self._started = started = time.monotonic()
-        self._until = started + left_s
-        if not self._send(parts):
-            left_s = self._until - time.monotonic()
-        # Looked at once in any case, see _wait.
-        reply = self._read() if self._readable.poll(left_s * 1000 if left_s > 0.0 else 0) else b""
-        values = self._checked(reply if len(reply) == self._reply_size else self._receive(reply))
-        taken = time.monotonic() - started
+        if self._in_c is None:
+            values, taken = self._asked(parts, left_s)
+        else:
+            exchanged, call, at = self._in_c
+            way = call(at, left_s)
+            if way < 0:
+                values, taken = self._gone_on(exchanged, parts, left_s)
+            else:
+                self.counts[way] += 1
+                values, taken = list(self._answer.unpack_from(exchanged.room, REPLY.size)), exchanged.taken_s
         self.seconds += taken
         if taken > self._step_deadline_s:
             self._bank -= taken - self._step_deadline_s
         return values
 
+    def _asked(self, parts: list[Any], left_s: float) -> tuple[list[float], float]:
+        """The answer, and the seconds that it took."""
+        self._started = time.monotonic()
+        self._until = self._started + left_s
+        if not self._send(parts):
+            left_s = self._until - time.monotonic()
+        # Looked at once in any case, see _wait.
+        reply = self._read() if self._readable.poll(left_s * 1000 if left_s > 0.0 else 0) else b""
+        values = self._checked(reply if len(reply) == self._reply_size else self._receive(reply))
+        return values, time.monotonic() - self._started
+
+    def _gone_on(self, exchanged: Exchange, parts: list[Any], left_s: float) -> tuple[list[float], float]:
+        """The same from where C left off."""
+        self._started = exchanged.started_s
+        self._until = self._started + left_s
+        if exchanged.sent < self._request_size:
+            self._send_rest(parts, exchanged.sent)
+        values = self._checked(self._receive(bytes(exchanged.room[: exchanged.received])))
+        return values, time.monotonic() - self._started
+
     def _parts(self, observation: Mapping[str, np.ndarray]) -> list[Any]:
         """A request, which the kernel puts together: the arrays go into the pipe from where they are, unless they are
         shown in memory."""
-        shown = self._shown
+        shown = self.places
         if len(observation) != len(self._sensors):
             raise self._disagreed(observation)
         parts: list[Any] = [self._head]
@@ -142,6 +177,11 @@ class PolicyClient:
             raise self._died() from None
         if written == self._request_size:  # as good as always: the pipe holds many requests
             return True
+        self._send_rest(parts, written)
+        return False
+
+    def _send_rest(self, parts: list[Any], written: int) -> None:
+        """What is left of a request of which so many bytes are on their way."""
         left = memoryview(b"".join(parts))[written:]
         while left:
             self._wait(self._writable)
@@ -151,7 +191,6 @@ class PolicyClient:
                 continue
             except BrokenPipeError:
                 raise self._died() from None
-        return False
 
     def _read(self) -> bytes:
         """What there is of a reply; raises UserFault where the pipe is closed."""

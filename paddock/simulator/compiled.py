@@ -19,7 +19,7 @@ import tempfile
 from pathlib import Path
 
 _HERE = Path(__file__).parent
-SOURCES = (_HERE / "camera" / "warp.c", _HERE / "rows.c")
+SOURCES = (_HERE / "camera" / "warp.c", _HERE / "rows.c", _HERE / "exchange.c")
 # One for each kind of processor, for a folder may be shared; whatever the Python, which it does not know.
 LIBRARY = _HERE / f"native-{sys.platform}-{platform.machine()}.so"
 

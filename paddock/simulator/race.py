@@ -56,12 +56,13 @@ class LapResult:
 @dataclass(frozen=True)
 class Entrant:
     """A car that races and who drives it. ``policy`` gets a dict of sensor readings and returns the network's
-    output."""
+    output. ``places``: as for :func:`run_race`."""
 
     action_space: ActionSpace
     sensors: Sequence[str]
     policy: Policy
     lidar_config: Mapping[str, float] | None = None
+    places: dict[str, np.ndarray] | None = None
 
 
 @dataclass(frozen=True)
@@ -155,6 +156,7 @@ def run_race(
     disturbance: Disturbance | None = None,
     progress_due: Callable[[], bool] = lambda: True,
     world: World | None = None,
+    places: dict[str, np.ndarray] | None = None,
 ) -> RaceResult:
     """Race one car, alone or against ``rivals`` in the same world, and return the result.
 
@@ -168,7 +170,9 @@ def run_race(
     ``progress_due`` then says so, and at the end. ``start_m`` (None: that of the rules) moves start and finish along
     the track, but no box. ``ground``: that of this track, direction and theme, where somebody has built it up already.
     ``disturbance``: what is other than usual for a car alone; no race of several has one. ``world``: one with these
-    physics that nobody has used; whoever hands it over closes it, when there is time.
+    physics that nobody has used; whoever hands it over closes it, when there is time. ``places``: an
+    array for each sensor, which gets the readings; ``policy`` then gets this very dict in every step, or a dict of
+    fresh arrays where its car is disturbed; without, it gets fresh arrays.
 
     Raises UserFault where boxes or bots have no room, ValueError for more cars than a world takes and for several that
     are to be disturbed.
@@ -178,7 +182,7 @@ def run_race(
     if rivals and disturbance is not None:
         raise ValueError("only a car alone is disturbed")
     begun = perf_counter()
-    entrants = [Entrant(action_space, sensors, policy, lidar_config), *rivals]
+    entrants = [Entrant(action_space, sensors, policy, lidar_config, places), *rivals]
     with Simulation(ground or PreparedTrack(track, rules.direction, theme), rules, physics, world) as stage:
         begins_m = rules.start_m if start_m is None else start_m
         race = _Race(stage, entrants, begins_m, rules.speed_commands, disturbance)
@@ -293,7 +297,7 @@ class _Race:
         entrant = self._entrants[number]
         disturbance = self._disturbance
         looked = perf_counter()
-        readings = car.observe()
+        readings = car.observe(entrant.places)
         if disturbance is not None:
             readings = disturbance.observe(readings)
         asked = perf_counter()

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Protocol
 
 import numpy as np
 
@@ -25,8 +25,12 @@ SENSORS = SENSOR_NAMES
 # For scripted drivers only, never offered to a model: base x, y (m), yaw (rad), speed (m/s).
 POSE = "POSE"
 
-# A car and all that it can see besides the track, to a fresh array.
-Reading = Callable[["Car", Sequence[Solid]], np.ndarray]
+
+class Reading(Protocol):
+    """A car and all that it can see besides the track, to an array: a fresh one, or ``place``, which is only written
+    to."""
+
+    def __call__(self, car: Car, solids: Sequence[Solid], place: np.ndarray | None = None) -> np.ndarray: ...
 
 
 @dataclass(frozen=True)
@@ -96,16 +100,19 @@ def make_sensors(
 
 
 def _camera_reading(camera: Camera) -> Reading:
-    def read(car: Car, solids: Sequence[Solid]) -> np.ndarray:
-        return camera.render(car.pose, solids)[:, :, None]
+    def read(car: Car, solids: Sequence[Solid], place: np.ndarray | None = None) -> np.ndarray:
+        if place is None:
+            return camera.render(car.pose, solids)[:, :, None]
+        camera.render(car.pose, solids, place[:, :, 0])
+        return place
 
     return read
 
 
 def _stereo_reading(left: Camera, right: Camera) -> Reading:
-    def read(car: Car, solids: Sequence[Solid]) -> np.ndarray:
+    def read(car: Car, solids: Sequence[Solid], place: np.ndarray | None = None) -> np.ndarray:
         pose = car.pose
-        return np.stack((left.render(pose, solids), right.render(pose, solids)), axis=2)
+        return np.stack((left.render(pose, solids), right.render(pose, solids)), axis=2, out=place)
 
     return read
 
@@ -113,8 +120,8 @@ def _stereo_reading(left: Camera, right: Camera) -> Reading:
 def _lidar_reading(name: str, hall: lidar.Hall, config: Mapping[str, float]) -> Reading:
     reach, encode = _encoding(name, config)
 
-    def read(car: Car, solids: Sequence[Solid]) -> np.ndarray:
-        return encode(lidar.scan(car.pose, solids, hall, reach))
+    def read(car: Car, solids: Sequence[Solid], place: np.ndarray | None = None) -> np.ndarray:
+        return _placed(encode(lidar.scan(car.pose, solids, hall, reach)), place)
 
     return read
 
@@ -129,5 +136,12 @@ def _encoding(name: str, config: Mapping[str, float]) -> tuple[float, Callable[[
     return limit, lambda distances: lidar.discretized(distances, sectors, values, limit)
 
 
-def _read_pose(car: Car, solids: Sequence[Solid]) -> np.ndarray:
-    return np.array((*car.pose, car.speed))
+def _read_pose(car: Car, solids: Sequence[Solid], place: np.ndarray | None = None) -> np.ndarray:
+    return _placed(np.array((*car.pose, car.speed)), place)
+
+
+def _placed(reading: np.ndarray, place: np.ndarray | None) -> np.ndarray:
+    if place is None:
+        return reading
+    np.copyto(place, reading, casting="no")
+    return place

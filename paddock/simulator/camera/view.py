@@ -101,9 +101,10 @@ class Camera:
         self._warp = (warp or best_warp())(strips, optics.columns, scene.theme.wall, terms)
         self._painter = BlockPainter(scene.theme, optics)
 
-    def render(self, pose: Pose, solids: Sequence[Solid] = ()) -> np.ndarray:
-        """The grey frame, uint8 (rows, columns), a fresh array. ``solids`` hide each other and the ground by distance;
-        one that the camera is inside of is not seen, as its faces look outwards.
+    def render(self, pose: Pose, solids: Sequence[Solid] = (), place: np.ndarray | None = None) -> np.ndarray:
+        """The grey frame, uint8 (rows, columns), a fresh array; or in ``place``, which is only written to. ``solids``
+        hide each other and the ground by distance; one that the camera is inside of is not seen, as its faces look
+        outwards.
 
         Raises ValueError for a pose that is not finite."""
         x, y, yaw = pose.x, pose.y, pose.yaw  # of anything that has them, as pictures of sensors do
@@ -112,10 +113,13 @@ class Camera:
         x_m, y_m = min(max(x, -_FARTHEST_M), _FARTHEST_M), min(max(y, -_FARTHEST_M), _FARTHEST_M)
         self._warp.aim(math.cos(yaw), math.sin(yaw), x_m, y_m)
         self._warp.draw()
-        frame = self._warp.frame.copy()
+        frame = self._warp.frame.copy() if place is None else self._warp.frame
         if solids:
             self._painter.paint(frame, x, y, yaw, solids)
-        return frame
+        if place is None:
+            return frame
+        place[...] = frame
+        return place
 
 
 def _bands(scene: Scene, optics: Optics) -> list[_Band]:

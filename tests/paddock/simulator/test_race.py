@@ -24,6 +24,25 @@ def pilot_race(track=TRACK, direction="ccw", speed=2.0, offset=0.0, on_progress=
     return run_race(track, rules, pilot.action_space, pilot.sensors, pilot, on_progress)
 
 
+def test_a_race_whose_readings_have_places_is_the_same():
+    place = {"FRONT_FACING_CAMERA": np.zeros((120, 160, 1), np.uint8)}
+    seen: list[list[bytes]] = [[], []]
+
+    def policy(kept):
+        def ask(readings):
+            assert (readings is place) == (kept is seen[1])
+            kept.append(readings["FRONT_FACING_CAMERA"].tobytes())
+            return np.float32([1.0])
+
+        return ask
+
+    rules = RaceRules(max_simulated_ms=4_000)
+    for kept, places in zip(seen, (None, place), strict=True):
+        run_race(TRACK, rules, STRAIGHT_ON, ["FRONT_FACING_CAMERA"], policy(kept), places=places)
+    assert seen[0] == seen[1]
+    assert len(set(seen[0])) > 10
+
+
 def straight_on(readings):
     return np.float32([1.0])
 

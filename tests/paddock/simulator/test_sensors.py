@@ -130,3 +130,23 @@ def test_a_car_senses_boxes_with_its_lidar_configuration():
         assert (readings["FRONT_FACING_CAMERA"] == alone["FRONT_FACING_CAMERA"](competitor.car, solids)).all()
         assert readings["DISCRETIZED_SECTOR_LIDAR"].shape == (8,)
         assert not math.isnan(readings["DISCRETIZED_SECTOR_LIDAR"].sum())
+
+
+@pytest.mark.parametrize("name", [*SENSOR_NAMES, POSE])
+def test_a_reading_in_a_place_is_the_same_and_its_old_content_does_not_matter(name, scene, mine):
+    reading, solids = make_sensors([name], lambda: scene)[name], [box(0.8, -1.2, 0.2)]
+    for seen in (solids, ()):
+        fresh = reading(mine, seen)
+        place = np.full_like(fresh, 77)
+        assert reading(mine, seen, place) is place
+        assert place.tobytes() == fresh.tobytes()
+
+
+def test_a_car_that_is_given_places_fills_them_and_hands_them_back():
+    with Simulation(PreparedTrack(TRACK), RaceRules()) as stage:
+        competitor = stage.add(["FRONT_FACING_CAMERA", "SECTOR_LIDAR"])
+        fresh = competitor.observe()
+        places = {name: np.zeros_like(reading) for name, reading in fresh.items()}
+        assert competitor.observe(places) is places
+        for name, reading in fresh.items():
+            assert (places[name] == reading).all()
