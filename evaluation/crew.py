@@ -52,6 +52,8 @@ class Crew:
             self.runner = self._start(stack, cars)
             if venues:
                 self._tell_of_venues()
+                for policy in self.policies:
+                    policy.get_ready()
             self._stack = stack.pop_all()
 
     def __enter__(self) -> Crew:

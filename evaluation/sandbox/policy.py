@@ -19,6 +19,7 @@ from typing import Any
 from paddock.errors import PaddockError, PlatformFault, UserFault
 
 from .frames import FrameClosed, FrameError, FrameTimeout, read_message, write_message
+from .given import network_memory
 from .launch import SandboxedProcess, launch, widen_pipe
 from .limits import POLICY, Limits
 from .lock import EXIT_MEMORY
@@ -38,16 +39,18 @@ class PolicyProcess:
         self, *, limits: Limits = POLICY, level: int | None = None, module: str = MODULE, **options: Any
     ) -> None:
         """``module``: another one has pipes alone. Raises what :func:`.launch.launch` raises; the memory goes then."""
-        self._shown = shared_memory() if module == MODULE else None
+        own = module == MODULE
+        self._shown, self._given = (shared_memory(), network_memory()) if own else (None, None)
         with contextlib.ExitStack() as undone:
             undone.callback(self._forget)
-            if self._shown is not None:
-                fd = self._shown.reading_fd
-                options |= {"arguments": [str(fd)], "pass_fds": [fd]}
+            if own:
+                fds = [-1 if memory is None else memory.reading_fd for memory in (self._shown, self._given)]
+                options |= {"arguments": [str(fd) for fd in fds], "pass_fds": [fd for fd in fds if fd >= 0]}
             self.process: SandboxedProcess = launch(module, limits=limits, level=level, **options)
             undone.pop_all()
-        if self._shown is not None:
-            self._shown.handed_over()
+        for memory in (self._shown, self._given):
+            if memory is not None:
+                memory.handed_over()
         self._cpu_from = 0.0
         widen_pipe(self.process.stdin)
 
@@ -56,9 +59,15 @@ class PolicyProcess:
         """Where the referee shows what the car sees, see :mod:`.shown`; -1 for nowhere."""
         return -1 if self._shown is None else self._shown.fd
 
+    def get_ready(self) -> None:
+        """What can be done for a network that is to come while nobody waits for it."""
+        if self._given is not None:
+            self._given.get_ready()
+
     def _forget(self) -> None:
-        if self._shown is not None:
-            self._shown.close()
+        for memory in (self._shown, self._given):
+            if memory is not None:
+                memory.close()
 
     def __enter__(self) -> PolicyProcess:
         return self
@@ -80,8 +89,14 @@ class PolicyProcess:
         as far as its lock.
         """
         self._wait_for_lock()
+        told: dict[str, Any] = {"facts": facts}
+        blobs = [onnx]
+        if self._given is not None and self._given.put(onnx):
+            told["size"], blobs = len(onnx), []
         with self._blaming_the_policy():
-            write_message(self.process.stdin, {"facts": facts}, [onnx], time.monotonic() + LOAD_S)
+            write_message(self.process.stdin, told, blobs, time.monotonic() + LOAD_S)
+        if self._given is not None:
+            self._given.close()  # from here on it is the process's alone
 
     def agree(self, header: dict[str, Any]) -> str:
         """Say what goes in and out (a header of :mod:`paddock.network.policy_wire`) and wait until the network is

@@ -1,10 +1,10 @@
 """A model in the sandbox: ``main`` runs in its own locked process, made by :class:`.policy.PolicyProcess`.
 
-It says ``{"state": "locked"}``, reads a message with the canonical ONNX bytes and one with the header (two, so that the
-network loads while the referee still starts), answers ``{"state": "ready"}`` or why not, and then answers the
-fixed-size requests of :mod:`paddock.network.policy_wire` until its input closes. How it answers one is in
-:mod:`paddock.simulator.deciding`. ``sys.argv[1]``: the descriptor of the memory in which it is shown what its car sees
-(:mod:`.shown`), -1 for none.
+It says ``{"state": "locked"}``, hears of the canonical ONNX bytes (where they are, or the bytes themselves) and then of
+the header (two messages, so that the network loads while the referee still starts), answers ``{"state": "ready"}`` or
+why not, and then answers the fixed-size requests of :mod:`paddock.network.policy_wire` until its input closes. How it
+answers one is in :mod:`paddock.simulator.deciding`. ``sys.argv[1:]``: the descriptors of the memory in which it is
+shown what its car sees (:mod:`.shown`) and of that in which its network will lie (:mod:`.given`), -1 for none.
 """
 
 from __future__ import annotations
@@ -18,6 +18,7 @@ import sys
 import numpy as np
 import onnxruntime
 
+from paddock.network.blocked import arranger
 from paddock.network.bound import NetworkFacts
 from paddock.network.canonical import CanonicalNetwork, write_model
 from paddock.network.model import FLOAT, Node, Port
@@ -26,6 +27,7 @@ from paddock.network.session import Refused, load
 from paddock.simulator.deciding import Policy
 
 from .frames import MAX_NETWORK, FrameClosed, read_message, write_message
+from .given import taken
 from .lock import EXIT_MEMORY
 from .shown import fits, to_read
 
@@ -36,12 +38,14 @@ _BLOCK, _BLOCKS = 4 << 20, 32  # bytes; in all what the largest network takes on
 
 def main(frames_in: int, frames_out: int) -> int:
     """Serve one model; see the module. Returns the exit status."""
-    memory = to_read(int(sys.argv[1]) if len(sys.argv) > 1 else -1)
+    shown_fd, given_fd = map(int, sys.argv[1:]) if len(sys.argv) > 1 else (-1, -1)
+    memory = to_read(shown_fd)
     write_message(frames_out, {"state": "locked"})
     keep_freed_memory()
     get_ready(frames_in)
-    given, [onnx] = read_message(frames_in, blob_limit=MAX_NETWORK)
+    given, blobs = read_message(frames_in, blob_limit=MAX_NETWORK)
     try:
+        onnx = taken(given_fd, given["size"]) if "size" in given else blobs[0]
         facts = given.get("facts")
         network = load(onnx, None if facts is None else NetworkFacts.from_dict(facts))
         header, _ = read_message(frames_in)
@@ -108,6 +112,7 @@ def rehearse() -> None:
     header = {"inputs": [{"name": "camera", "dtype": "uint8", "shape": [120, 160, 1]}], "outputs": 2, "ranges": None}
     for bound in (2.0**-20, None):
         Policy(load(network, NetworkFacts(bound=bound)), header).run()
+    arranger()
 
 
 def serve(policy: Policy, frames_in: int, frames_out: int) -> int:

@@ -20,18 +20,19 @@ from paddock.network.policy_wire import Buffer, observation_bytes
 SIZE = 256 * 1024  # bytes; a pair of stereo cameras takes 38 kB of them
 _SEALS = fcntl.F_SEAL_GROW | fcntl.F_SEAL_SHRINK | fcntl.F_SEAL_SEAL
 _FAILED = ctypes.c_void_p(-1).value
+_AT_ONCE = getattr(mmap, "MAP_POPULATE", 0)
 
 
-class Shown:
-    """The memory of one policy process. ``fd`` is for the referee; ``reading_fd`` for the model's process, and closed
-    here by :meth:`handed_over`. A host that has no such memory has pipes: see :func:`shared_memory`."""
+class ReadableMemory:
+    """Memory that a model's process may read. ``fd`` is for who writes; ``reading_fd`` for that process, and closed
+    here by :meth:`handed_over`. Raises OSError, AttributeError where this host has none."""
 
-    def __init__(self) -> None:
-        self.fd = os.memfd_create("observations", os.MFD_CLOEXEC | os.MFD_ALLOW_SEALING)
+    def __init__(self, name: str, size: int, seals: int) -> None:
+        self.fd = os.memfd_create(name, os.MFD_CLOEXEC | os.MFD_ALLOW_SEALING)
         self.reading_fd = -1
         try:
-            os.ftruncate(self.fd, SIZE)
-            fcntl.fcntl(self.fd, fcntl.F_ADD_SEALS, _SEALS)
+            os.ftruncate(self.fd, size)
+            fcntl.fcntl(self.fd, fcntl.F_ADD_SEALS, seals)
             os.fchmod(self.fd, 0o400)  # nobody else opens it again
             self.reading_fd = os.open(f"/proc/self/fd/{self.fd}", os.O_RDONLY | os.O_CLOEXEC)
         except OSError:
@@ -52,6 +53,14 @@ class Shown:
             self.fd = -1
 
 
+class Shown(ReadableMemory):
+    """What the car of one policy process sees: the referee writes. A host that has no such memory has pipes: see
+    :func:`shared_memory`."""
+
+    def __init__(self) -> None:
+        super().__init__("observations", SIZE, _SEALS)
+
+
 def shared_memory() -> Shown | None:
     """Memory for a new policy process; None where this host has none."""
     with contextlib.suppress(OSError, AttributeError):
@@ -61,27 +70,27 @@ def shared_memory() -> Shown | None:
 
 def to_write(fd: int) -> Buffer | None:
     """The referee's view; None without a descriptor (-1). Raises OSError."""
-    return _mapped(fd, mmap.PROT_READ | mmap.PROT_WRITE) if fd >= 0 else None
+    return mapped(fd, SIZE, mmap.PROT_READ | mmap.PROT_WRITE) if fd >= 0 else None
 
 
 def to_read(fd: int) -> Buffer | None:
     """The model's view; None without a descriptor (-1). Raises OSError."""
-    return _mapped(fd, mmap.PROT_READ) if fd >= 0 else None
+    return mapped(fd, SIZE) if fd >= 0 else None
 
 
-def _mapped(fd: int, protection: int) -> Buffer:
-    """Until nobody has it any more. Python's own ``mmap`` copies the descriptor first, which a locked process may
-    not."""
+def mapped(fd: int, size: int, protection: int = mmap.PROT_READ, *, at_once: bool = False) -> Buffer:
+    """Until nobody has it any more. ``at_once``: all of it will be read. Raises OSError. (Python's own ``mmap`` copies
+    the descriptor first, which a locked process may not.)"""
     libc = ctypes.CDLL(None, use_errno=True)
     libc.mmap.restype = ctypes.c_void_p
     libc.mmap.argtypes = [ctypes.c_void_p, ctypes.c_size_t, *[ctypes.c_int] * 3, ctypes.c_long]
     libc.munmap.argtypes = [ctypes.c_void_p, ctypes.c_size_t]
-    address = libc.mmap(None, SIZE, protection, mmap.MAP_SHARED, fd, 0)
+    address = libc.mmap(None, size, protection, mmap.MAP_SHARED | (_AT_ONCE if at_once else 0), fd, 0)
     if address in (None, _FAILED):
         code = ctypes.get_errno()
         raise OSError(code, f"mmap: {os.strerror(code)}")
-    memory = (ctypes.c_ubyte * SIZE).from_address(address)
-    weakref.finalize(memory, libc.munmap, address, SIZE)
+    memory = (ctypes.c_ubyte * size).from_address(address)
+    weakref.finalize(memory, libc.munmap, address, size)
     return memory
 
 

@@ -45,7 +45,7 @@ class CanonicalNetwork:
     weights: dict[str, np.ndarray] = field(default_factory=dict)
 
     @classmethod
-    def read(cls, onnx: bytes) -> CanonicalNetwork:
+    def read(cls, onnx: bytes | memoryview) -> CanonicalNetwork:
         """What :func:`write_model` wrote, with its weights as views into the bytes. Raises UserFault for anything
         else."""
         model = read_model(onnx, _Admitted())
@@ -185,7 +185,7 @@ class _Numbering:
             inputs = [self._rename(self._plain.original(name)) if name else "" for name in node.inputs]
             outputs = [self._rename(name) if name else "" for name in node.outputs]
             attributes = dict(sorted(node.attributes.items()))
-            self._network.nodes.append(Node(node.op, inputs, outputs, attributes, node.name))
+            self._network.nodes.append(Node(node.op, inputs, outputs, attributes, node.name, node.domain))
             self._placed.add(id(node))
             stack.pop()
 

@@ -10,9 +10,11 @@ from __future__ import annotations
 
 import math
 from collections import Counter
+from collections.abc import Callable
 
 import numpy as np
 
+from .blocked import DOMAIN
 from .canonical import CanonicalNetwork, canonicalise
 from .model import Model, Node
 
@@ -22,6 +24,7 @@ LEAST_OUTPUTS = 64
 _LANES = 16  # channels come in blocks of this many, else the runtime has no fast convolution
 
 Shapes = dict[str, tuple[int, ...]]
+Order = Callable[[np.ndarray], np.ndarray | None]
 
 
 class Read(Shapes):
@@ -42,18 +45,20 @@ class Read(Shapes):
         return {name: shape for name, shape in self._known.items() if name in self._read}
 
 
-def dense_as_convolutions(network: CanonicalNetwork, shapes: Shapes) -> CanonicalNetwork:
+def dense_as_convolutions(network: CanonicalNetwork, shapes: Shapes, order: Order | None = None) -> CanonicalNetwork:
     """The same network with every large dense layer as a convolution; the very same if there is none.
 
-    ``shapes``: of its values, and written to; :class:`Read` tells which of them were needed. ``network`` is used up.
-    Raises KeyError for a shape that is missing, and nothing that :func:`.canonicalise` did not raise before.
+    ``shapes``: of its values, and written to; :class:`Read` tells which of them were needed. ``order``: what brings
+    weights (outputs, inputs) into the runtime's own order, such as :func:`.blocked.in_blocks`: only the runtime reads
+    what comes of it. ``network`` is used up. Raises KeyError for a shape that is missing, and nothing that
+    :func:`.canonicalise` did not raise before.
     """
     readers = Counter(name for node in network.nodes for name in node.inputs)
     found = [layer for node in network.nodes if (layer := _layer(network, node, shapes, readers))]
     if not found:
         return network
     for layer in found:
-        _rewrite(network, *layer, shapes)
+        _rewrite(network, *layer, shapes, order)
     model = Model(network.opset, network.nodes, network.weights, network.inputs, [network.output])
     return canonicalise(model)  # leaves out what nobody reads any more, and orders and numbers the rest
 
@@ -81,11 +86,14 @@ def _layer(
     return node, weights, bias
 
 
-def _rewrite(network: CanonicalNetwork, node: Node, weights: np.ndarray, bias: list[str], shapes: Shapes) -> None:
+def _rewrite(
+    network: CanonicalNetwork, node: Node, weights: np.ndarray, bias: list[str], shapes: Shapes, order: Order | None
+) -> None:
     row, result = node.inputs[0], node.outputs[0]
     outputs, inputs = weights.shape
     before: list[Node] = []
-    behind = _picture(network, row, shapes)
+    ordered = order(weights) if order is not None and outputs % _LANES == 0 else None
+    behind = None if ordered is not None else _picture(network, row, shapes)
     if behind is None:
         picture, (channels, *size) = f"{result}_picture", (inputs, 1, 1)
         before.append(Node("Reshape", [row, _shape(network, picture, (1, inputs, 1, 1))], [picture], {}))
@@ -95,15 +103,25 @@ def _rewrite(network: CanonicalNetwork, node: Node, weights: np.ndarray, bias: l
         if turned:
             weights = weights.reshape(outputs, *size, channels).transpose(0, 3, 1, 2)
     kernel = f"{result}_kernel"
-    network.weights[kernel] = np.ascontiguousarray(weights.reshape(outputs, channels, *size))
+    if ordered is None:
+        ordered, domain = np.ascontiguousarray(weights.reshape(outputs, channels, *size)), ""
+    else:
+        domain = DOMAIN
+    network.weights[kernel] = ordered
     pixels = f"{result}_pixels"
-    after = [Node("Conv", [picture, kernel, *bias], [pixels], {"kernel_shape": size})]
+    layer = Node("Conv", [picture, kernel, *bias], [pixels], {"kernel_shape": size}, domain=domain)
+    after = [layer]
     place = network.nodes.index(node)
     end = place + 1
     readers = [other for other in network.nodes if result in other.inputs]
     if len(readers) == 1 and readers == network.nodes[end : end + 1] and readers[0].op == "Relu":
-        after.append(Node("Relu", [pixels], [f"{pixels}_on"], {}))  # at once, the runtime makes one operation of both
-        pixels, result = f"{pixels}_on", readers[0].outputs[0]
+        # at once, the runtime makes one operation of both; of its own it did so before
+        if domain:
+            layer.attributes["activation"] = "Relu"
+        else:
+            after.append(Node("Relu", [pixels], [f"{pixels}_on"], {}))
+            pixels = f"{pixels}_on"
+        result = readers[0].outputs[0]
         end += 1
     shapes[pixels] = (1, outputs, 1, 1)
     after.append(Node("Reshape", [pixels, _shape(network, kernel, (1, outputs))], [result], {}))

@@ -63,13 +63,15 @@ Attribute = int | float | str | list[int] | list[float] | np.ndarray | Rejected
 
 @dataclass
 class Node:
-    """One operation; an empty input name is an optional input left out. ``name``: the exporter's, for messages only."""
+    """One operation; an empty input name is an optional input left out. ``name``: the exporter's, for messages only.
+    ``domain``: of the operator; none that is read has one, what is written for the runtime alone may."""
 
     op: str
     inputs: list[str]
     outputs: list[str]
     attributes: dict[str, Attribute]
     name: str = ""
+    domain: str = ""
 
     def whole(self, name: str, default: int | None = None) -> int:
         """A whole number. Raises KeyError for one that is missing without a default, TypeError for another type."""
@@ -129,7 +131,7 @@ class Model:
     outputs: list[Port] = field(default_factory=list)
 
 
-def read_model(data: bytes, limits: FileBounds, weights: Mapping[str, bytes] | None = None) -> Model:
+def read_model(data: bytes | memoryview, limits: FileBounds, weights: Mapping[str, bytes] | None = None) -> Model:
     """Parse a serialised ModelProto. ``weights``: the files beside it, by name.
 
     Raises UserFault with a code of the gate section.

@@ -12,15 +12,15 @@ import onnxruntime
 
 from paddock.errors import UserFault
 
+from .blocked import ALIGNED, aligned_room, in_blocks
 from .bound import NetworkFacts
 from .canonical import CanonicalNetwork, write_model
-from .dense import dense_as_convolutions
+from .dense import Order, dense_as_convolutions
 from .model import DTYPES
 from .probes import Input
 from .reference import Reference
 
 _ALONE = 1 << 20  # bytes of a weight that the runtime takes as our array, without a copy of its own
-_ALIGNED = 64
 
 
 class Refused(Exception):
@@ -38,25 +38,38 @@ class Loaded:
     arrays: tuple[np.ndarray, ...]
 
 
-def load(onnx: bytes, facts: NetworkFacts | None = None) -> Loaded:
-    """A session of one thread. ``facts``: from the network's admission, if they are known.
+def load(onnx: bytes | memoryview, facts: NetworkFacts | None = None) -> Loaded:
+    """A session of one thread. ``onnx``: stays as it is as long as the network is used. ``facts``: from the network's
+    admission, if they are known.
 
     Raises Refused, MemoryError."""
     try:
         network = CanonicalNetwork.read(onnx)
         reference = Reference(network)
         if facts is not None and facts.shapes:
-            fast = CanonicalNetwork.read(onnx)
-            fast = dense_as_convolutions(fast, facts.shapes)
+            session, arrays = _with_convolutions(onnx, facts)
         else:
-            fast = network
+            session, arrays = _session(network)
     except UserFault as fault:
         raise Refused(plain(str(fault))) from None
     except KeyError as error:
         raise Refused(plain(f"{error} is no operator of a car's network, or a value without a shape")) from None
-    session, arrays = _session(fast)
     inputs = tuple((port.name, DTYPES[port.dtype].name, port.sizes) for port in network.inputs)
     return Loaded(session, reference, inputs, facts, arrays)
+
+
+def _with_convolutions(
+    onnx: bytes | memoryview, facts: NetworkFacts
+) -> tuple[onnxruntime.InferenceSession, tuple[np.ndarray, ...]]:
+    """A session whose large dense layers are convolutions: in the runtime's own order where it takes them so."""
+
+    def session(order: Order | None) -> tuple[onnxruntime.InferenceSession, tuple[np.ndarray, ...]]:
+        return _session(dense_as_convolutions(CanonicalNetwork.read(onnx), dict(facts.shapes), order))
+
+    try:
+        return session(in_blocks)
+    except Refused:
+        return session(None)
 
 
 def _session(network: CanonicalNetwork) -> tuple[onnxruntime.InferenceSession, tuple[np.ndarray, ...]]:
@@ -90,11 +103,9 @@ def _session(network: CanonicalNetwork) -> tuple[onnxruntime.InferenceSession, t
 
 def _aligned(array: np.ndarray) -> np.ndarray:
     """The array where the runtime's kernels read it at full speed: in a file, weights lie anywhere."""
-    if array.flags.c_contiguous and array.ctypes.data % _ALIGNED == 0:
+    if array.flags.c_contiguous and array.ctypes.data % ALIGNED == 0:
         return array
-    room = np.empty(array.nbytes + _ALIGNED, np.uint8)
-    start = -room.ctypes.data % _ALIGNED
-    placed = room[start : start + array.nbytes].view(array.dtype).reshape(array.shape)
+    placed = aligned_room(array.shape, array.dtype)
     placed[...] = array
     return placed
 

@@ -42,16 +42,18 @@ def model_bytes(
     graph += [message(11, _value_info(port)) for port in inputs]
     graph.append(message(12, _value_info(output)))
     before = number(1, ir_version)
-    opset_import = text(1, "") + number(2, opset)
+    opsets = [text(1, "") + number(2, opset)]
+    opsets += [text(1, domain) + number(2, 1) for domain in sorted({node.domain for node in nodes if node.domain})]
     head = key(7, BYTES) + varint(sum(map(len, graph)))
-    return b"".join([before, head, *graph, message(8, opset_import)])
+    return b"".join([before, head, *graph, *(message(8, one) for one in opsets)])
 
 
 def _node(node: Node) -> bytes:
     said = b"".join(text(1, name) for name in node.inputs)
     said += b"".join(text(2, name) for name in node.outputs)
     said += text(4, node.op)
-    return said + b"".join(message(5, _attribute(name, value)) for name, value in node.attributes.items())
+    said += b"".join(message(5, _attribute(name, value)) for name, value in node.attributes.items())
+    return said + text(7, node.domain) if node.domain else said
 
 
 def _attribute(name: str, value: Attribute) -> bytes:

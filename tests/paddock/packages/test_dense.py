@@ -12,6 +12,9 @@ import pytest
 from onnx import helper
 
 from paddock.errors import UserFault
+from paddock.network import dense as dense_module
+from paddock.network import session
+from paddock.network.blocked import arranger
 from paddock.network.canonical import CanonicalNetwork, write_model
 from paddock.network.dense import LEAST_OUTPUTS, LEAST_WEIGHTS, dense_as_convolutions
 from paddock.network.session import load
@@ -80,9 +83,9 @@ def operations(network: bytes) -> list[str]:
 
 def answers(onnx_bytes: bytes) -> np.ndarray:
     """What a network says of a few frames."""
-    session = onnxruntime.InferenceSession(onnx_bytes, providers=["CPUExecutionProvider"])
+    runtime = onnxruntime.InferenceSession(onnx_bytes, providers=["CPUExecutionProvider"])
     frames = np.random.default_rng(3).integers(0, 256, (4, 1, 120, 160, 1)).astype(np.uint8)
-    return np.concatenate([session.run(None, {CAMERA: frame})[0] for frame in frames])
+    return np.concatenate([runtime.run(None, {CAMERA: frame})[0] for frame in frames])
 
 
 REWRITTEN = {
@@ -164,10 +167,38 @@ def test_the_answers_do_not_change(name: str) -> None:
     canonical = gate(model)
     for form in (canonical.onnx, fast(canonical)):
         np.testing.assert_allclose(answers(form), expected, rtol=0, atol=1e-5 * np.abs(expected).max())
-    frames = np.random.default_rng(3).integers(0, 256, (4, 1, 120, 160, 1)).astype(np.uint8)
-    loaded = load(canonical.onnx, canonical.facts)
-    found = np.concatenate([loaded.session.run(None, {CAMERA: frame})[0] for frame in frames])
+    found, _ = loaded_answers(canonical)
     np.testing.assert_allclose(found, answers(fast(canonical)), rtol=0, atol=1e-5 * np.abs(expected).max())
+
+
+def loaded_answers(canonical: Canonical) -> tuple[np.ndarray, list[tuple[int, ...]]]:
+    """What the loaded network says of a few frames, and the shapes of weights that are not the runtime's own copies."""
+    loaded = load(canonical.onnx, canonical.facts)
+    frames = np.random.default_rng(3).integers(0, 256, (4, 1, 120, 160, 1)).astype(np.uint8)
+    found = np.concatenate([loaded.session.run(None, {CAMERA: frame})[0] for frame in frames])
+    return found, [array.shape for array in loaded.arrays]
+
+
+@pytest.mark.skipif(arranger() is None, reason="the runtime has no blocks on this processor")
+@pytest.mark.parametrize("name", REWRITTEN)
+def test_weights_come_to_the_runtime_in_its_own_order(name: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    canonical = gate(REWRITTEN[name]())
+    found, shapes = loaded_answers(canonical)
+    assert any(shape[2:] == (1, 1) for shape in shapes)
+    monkeypatch.setattr(session, "in_blocks", lambda weights: None)  # another processor
+    expected, shapes = loaded_answers(canonical)
+    np.testing.assert_allclose(found, expected, rtol=0, atol=1e-5 * np.abs(expected).max())
+    if name == "over the frame itself":  # there the runtime makes just this of it
+        assert found.tobytes() == expected.tobytes()
+
+
+def test_a_runtime_that_refuses_its_own_order_arranges_weights_itself(monkeypatch: pytest.MonkeyPatch) -> None:
+    canonical = gate(REWRITTEN["over a flattened picture"]())
+    expected, _ = loaded_answers(canonical)
+    monkeypatch.setattr(dense_module, "DOMAIN", "com.example")
+    found, shapes = loaded_answers(canonical)
+    np.testing.assert_allclose(found, expected, rtol=0, atol=1e-5 * np.abs(expected).max())
+    assert shapes == [(FEATURES, 16, 29, 39)]
 
 
 @pytest.mark.parametrize("name", ALL)

@@ -16,10 +16,10 @@ libc.mprotect.argtypes = [ctypes.c_void_p, ctypes.c_size_t, ctypes.c_int]
 libc.fallocate.argtypes = [ctypes.c_int, ctypes.c_int, ctypes.c_long, ctypes.c_long]
 
 
-def attempts(fd, view):
+def attempts(fd, address):
+    """``address``: where it is mapped."""
     import fcntl
 
-    address = ctypes.addressof(view)
     both = mmap.PROT_READ | mmap.PROT_WRITE
     yield "map it to write", lambda: _done(libc.mmap(None, SIZE, both, mmap.MAP_SHARED, fd, 0) != 2**64 - 1)
     yield "write alone", lambda: _done(libc.mmap(None, SIZE, mmap.PROT_WRITE, mmap.MAP_SHARED, fd, 0) != 2**64 - 1)
@@ -45,7 +45,7 @@ def main(frames_in, frames_out):
     fd = int(sys.argv[1])
     view = to_read(fd)
     tried, through = [], []
-    for name, attempt in attempts(fd, view):
+    for name, attempt in attempts(fd, ctypes.addressof(view)):
         tried.append(name)
         try:
             attempt()
