@@ -6,7 +6,7 @@ from datetime import datetime
 from typing import Any
 
 from .live_screens import screens_document
-from .models import PLAYED_BEHIND, LiveEvent, LiveRacer, LiveSlot, LiveState, Opponents, SlotState
+from .models import PLAYED_BEHIND, Entry, LiveEvent, LiveRacer, LiveSlot, LiveState, Opponents, SlotState
 from .poses import CHUNK_MS
 from .ranking import Standing
 from .selectors.duels import DuelRound, duels_of
@@ -50,7 +50,7 @@ def live_document(event: LiveEvent, now: datetime) -> dict[str, Any]:
         else [_racer(racer) | {"here": racer.here_at is not None} for racer in live_racers(event)],
         "standings": [row_document(row) for row in standings],
         "bracket": bracket_document(event),
-        "winner": None if event.winner is None else event.winner.racer.alias,
+        "winner": None if (winner := _winner(event)) is None else winner.racer.alias,
         "podium": _podium(event, standings),
         **screens_document(event),
     }
@@ -155,11 +155,17 @@ def row_document(row: LiveRow) -> dict[str, Any]:
     }
 
 
+def _winner(event: LiveEvent) -> Entry | None:
+    """Who has won; nobody, once they were taken out of the race."""
+    return None if event.winner is None or event.winner.is_withdrawn else event.winner
+
+
 def _podium(event: LiveEvent, standings: list[LiveRow]) -> list[str]:
     """Who stands on it, the winner first; empty until it is shown."""
     if event.podium_at is None or event.state == LiveState.CANCELLED:
         return []
     placed = [row.racer.entry for row in standings if row.rank is not None]
-    if event.winner is not None:
-        placed = [event.winner, *(entry for entry in placed if entry.pk != event.winner_id)]
+    winner = _winner(event)
+    if winner is not None:
+        placed = [winner, *(entry for entry in placed if entry.pk != winner.pk)]
     return [entry.racer.alias for entry in placed[:PODIUM]]

@@ -6,14 +6,14 @@ from typing import Any
 
 from .models import LiveEvent
 from .selectors.live_reactions import reactions_of
-from .selectors.live_runs import shown_runs
+from .selectors.live_runs import of_who_stayed, shown_runs
 from .selectors.live_screens import best_sectors, best_sectors_by_racer, leader_of
 
 
 def screens_document(event: LiveEvent) -> dict[str, Any]:
     """``best_sectors``: of the event, and ``own_sectors``: of each racer by alias, in ms; ``leader``: whose run is
     driven beside as a ghost; ``reactions``: how often each was sent."""
-    runs = shown_runs(event)
+    runs = of_who_stayed(shown_runs(event))
     leader = leader_of(event, runs)
     return {
         "best_sectors": best_sectors(runs),

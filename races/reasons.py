@@ -313,6 +313,7 @@ register(
         "live_nothing_next": _("Nothing is left in the running order. Add a racer, or end the event."),
         "live_not_ready": _("This run is still being computed. Try again in a few seconds."),
         "live_no_model": _("This racer has no model to drive with. They choose one in the lobby."),
+        "live_left": _("This racer has left the race."),
         "live_absent": _("This racer did not answer the roll call."),
         "live_message": _("A message to spectators has at most %(most)s characters."),
         "live_not_in": _("Only who is in the race takes part in its live event. Enter the race first."),

@@ -34,7 +34,7 @@ from videos.services import Asked, ask_for_reel
 
 from ..models import LiveEvent
 from ..selectors.live import live_standings
-from ..selectors.live_runs import DrivenRun, driven_runs
+from ..selectors.live_runs import DrivenRun, driven_runs, of_who_stayed
 from .again import require_ended
 
 if TYPE_CHECKING:
@@ -126,7 +126,7 @@ def moments_of(event: LiveEvent) -> list[Highlight]:
         crashed += [_crash(run, at, status) for at, status in crashes_in(steps)]
         saved += [_save(run, *times) for times in saves_in(steps)]
     chosen: list[Highlight] = []
-    for moment in (_fastest(runs), _closest(event, runs)):
+    for moment in (_fastest(of_who_stayed(runs)), _closest(event, runs)):
         if moment is not None and not any(map(moment.overlaps, chosen)):
             chosen.append(moment)
     of_track = [

@@ -11,7 +11,7 @@ from typing import Any
 from ..models import LiveEvent
 from ..ranking import best_of_sectors
 from ..selectors.live import LiveRow, live_standings
-from ..selectors.live_runs import DrivenRun, driven_runs
+from ..selectors.live_runs import DrivenRun, driven_runs, of_who_stayed
 
 
 @dataclass(frozen=True)
@@ -88,7 +88,7 @@ def figures_of(event: LiveEvent, runs: Sequence[DrivenRun] | None = None) -> Eve
         distance_m=len(complete) * length,
         driven_ms=sum(lap["time_ms"] for run in runs for lap in run.laps),
         average_mps=_speed(complete, length),
-        fastest=_fastest(runs),
+        fastest=_fastest(of_who_stayed(runs)),
         best_sectors=best_of_sectors(lap["sector_ms"] for lap in complete if lap.get("sector_ms")),
         **_faults(runs),
         lead_changes=lead_changes(runs) if all(run.slot.duel_id is None for run in runs) else None,

@@ -131,8 +131,10 @@ def phase_of(event: LiveEvent, now: datetime) -> str:
 
 
 def live_racers(event: LiveEvent) -> list[LiveRacer]:
-    """Who takes part so far: who chose a model, said that they are here, or is in the running order."""
-    racers = LiveRacer.objects.filter(event=event).select_related("entry__racer", "model__owner")
+    """Who takes part: who chose a model, said that they are here, or is in the running order, and has not left."""
+    racers = LiveRacer.objects.filter(event=event, entry__withdrawn_at=None).select_related(
+        "entry__racer", "model__owner"
+    )
     return list(racers.order_by("entry__entered_at", "entry__pk"))
 
 
@@ -155,12 +157,13 @@ def up_next(slots: Sequence[LiveSlot]) -> list[LiveSlot]:
 
 
 def live_standings(event: LiveEvent) -> list[LiveRow]:
-    """How the event stands by the runs that were shown, the first first; then who has no rank yet."""
+    """How the event stands by the runs that were shown, the first first; then who has no rank yet. Who has left stands
+    nowhere."""
     race = event.race
     if race.opponents == Opponents.MODELS:
         return _drawn_standings(event)
-    slots = LiveSlot.objects.filter(event=event, racer__isnull=False).exclude(state=SlotState.REMOVED)
-    slots = slots.select_related("racer__entry__racer").order_by("position", "pk")
+    slots = LiveSlot.objects.filter(event=event, racer__entry__withdrawn_at=None, racer__isnull=False)
+    slots = slots.exclude(state=SlotState.REMOVED).select_related("racer__entry__racer").order_by("position", "pk")
     shown = [slot for slot in slots if slot.state == SlotState.DONE]
     laps = _laps_of(shown)
     racers: dict[int, LiveRacer] = {}
@@ -248,7 +251,7 @@ def _console_row(event: LiveEvent, slot: LiveSlot, computed: bool, busy: bool, n
                 may |= {"launch"}
         if slot.state == SlotState.HELD:
             may |= {"release", "skip", "remove", "move"}
-        if slot.state in (SlotState.SKIPPED, SlotState.REMOVED):
+        if slot.state in (SlotState.SKIPPED, SlotState.REMOVED) and slot.reason_code != "live_left":
             may |= {"release"}
         if slot.state in (SlotState.DONE, SlotState.SKIPPED):
             may |= {"again"}

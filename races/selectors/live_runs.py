@@ -72,6 +72,11 @@ def shown_runs(event: LiveEvent) -> list[DrivenRun]:
     ]
 
 
+def of_who_stayed(runs: Sequence[DrivenRun]) -> list[DrivenRun]:
+    """Those of racers who are still in the race: what somebody drove who was taken out leads nothing."""
+    return [run for run in runs if not run.entry.is_withdrawn]
+
+
 def _driven(
     event: LiveEvent, slot: LiveSlot, entry: Entry, number: int, laps: list[dict[str, Any]] | None
 ) -> DrivenRun:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Collection, Iterable
 from datetime import datetime
+from functools import partial
 from typing import TYPE_CHECKING
 
 from django.db import transaction
@@ -14,7 +15,8 @@ from paddock.errors import UserFault
 
 from ..eligibility import check_eligible
 from ..events import record_board
-from ..models import Entry, Race, RaceState, Visibility
+from ..models import Entry, LiveEvent, Race, RaceState, Visibility
+from ..models.live import UNDER_WAY
 from ..selectors.visibility import can_organise
 from ..signals import board_changed
 from .cars import settle_after_commit
@@ -183,4 +185,13 @@ def _left(entry: Entry, now: datetime) -> None:
     settle_after_commit(entry)
     stop_after_commit(entry.submissions.all(), now=now)
     stop_duels_after_commit(entry, now=now)
+    transaction.on_commit(partial(_leave_live, entry, now), robust=True)
     record_board(entry.race)
+
+
+def _leave_live(entry: Entry, now: datetime) -> None:
+    """Take what is still to come of them in a live event out of its running order. If it fails, the clock does it."""
+    from .live.sealing import prepare_ahead  # it knows entries, too
+
+    for event in LiveEvent.objects.filter(race=entry.race_id, state__in=UNDER_WAY):
+        prepare_ahead(event=event, now=now)

@@ -13,6 +13,7 @@ from ...models import LiveEvent, LiveSlot, SlotState
 from ...models.live import TO_COME, UNDER_WAY
 from .acting import Act, acting
 from .planning import slots_of
+from .roll import require_stayed
 from .sealing import prepare_after_commit
 
 if TYPE_CHECKING:
@@ -49,7 +50,8 @@ def hold_slot(
 def release_slot(
     *, event: LiveEvent, slot: LiveSlot | int, by: Racer | None, seen: int | None, now: datetime
 ) -> LiveSlot:
-    """Let an attempt wait again that was held, skipped or removed. Raises UserFault likewise."""
+    """Let an attempt wait again that was held, skipped or removed. Raises UserFault likewise, ``live_left`` for who has
+    left the race."""
     states = (SlotState.HELD, SlotState.SKIPPED, SlotState.REMOVED)
     return _to(event, slot, SlotState.WAITING, "release", states, by, seen, now)
 
@@ -86,6 +88,7 @@ def run_again(*, event: LiveEvent, slot: LiveSlot | int, by: Racer, seen: int | 
         found = _in(act, slot, SlotState.DONE, SlotState.SKIPPED)
         if found.duel_id is not None:
             return _heat_again(act, found, now)
+        require_stayed(found)
         theirs = LiveSlot.objects.filter(racer=found.racer, round=found.round)
         attempt = (theirs.aggregate(most=Max("attempt"))["most"] or 0) + 1
         new = LiveSlot.objects.create(
@@ -132,6 +135,8 @@ def _to(
 ) -> LiveSlot:
     with acting(event, action, by=by, seen=seen, now=now, states=UNDER_WAY) as act:
         found = _in(act, slot, *states)
+        if state == SlotState.WAITING:
+            require_stayed(found)
         _set(found, state, reason)
         prepare_after_commit(act.event, now)
     return found

@@ -16,7 +16,7 @@ from paddock.errors import UserFault
 
 from ...events import LIVE_CHANGED, of_race
 from ...models import Entry, LiveEvent, LiveRacer, LiveSlot, LiveState, Opponents, Race, SlotState
-from ...models.live import UNDER_WAY
+from ...models.live import TO_COME, UNDER_WAY
 from ...selectors.boards import ranks_of
 from ...selectors.live_speed import slots_of_racer
 from ...sensors import not_offered
@@ -26,6 +26,8 @@ from .acting import acting
 
 if TYPE_CHECKING:
     from accounts.models import Racer
+
+STILL_TO_DRIVE = (*TO_COME, SlotState.HELD, SlotState.SKIPPED)
 
 
 @transaction.atomic
@@ -149,6 +151,26 @@ def throw_away(slot: LiveSlot, evaluation: Evaluation, now: datetime) -> None:
     """Forget the sealed run of a slot that nobody has seen."""
     LiveSlot.objects.filter(pk=slot.pk).update(evaluation=None, reason_code="")
     discard_sealed(evaluation=evaluation, now=now)
+
+
+def take_out_left(event: LiveEvent, now: datetime) -> int:
+    """Take out of the running order what is still to come of racers who have left the race, and throw away what was
+    computed for it. Returns how many places. The caller holds the event. Heats are their draw's to arrange."""
+    slots = LiveSlot.objects.filter(event=event, racer__entry__withdrawn_at__isnull=False, state__in=STILL_TO_DRIVE)
+    found = list(slots.select_related("evaluation"))
+    for slot in found:
+        if slot.evaluation is not None:
+            throw_away(slot, slot.evaluation, now)
+        LiveSlot.objects.filter(pk=slot.pk).update(state=SlotState.REMOVED, reason_code="live_left")
+    if found:
+        _tell(event, now)
+    return len(found)
+
+
+def require_stayed(slot: LiveSlot) -> None:
+    """Raises UserFault("live_left") where its racer has left the race."""
+    if slot.racer is not None and slot.racer.entry.is_withdrawn:
+        raise UserFault("live_left")
 
 
 def _open_to_racers(event: LiveEvent) -> LiveEvent:

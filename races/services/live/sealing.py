@@ -19,7 +19,7 @@ from ...models import HEAT_CARS, LiveEvent, LiveSlot, Race, SlotState
 from ...models.live import TO_COME, UNDER_WAY
 from ...speed_log import rules_with, start_log
 from .heats import arrange_heats, seal_heat
-from .roll import model_of, throw_away
+from .roll import model_of, take_out_left, throw_away
 
 logger = logging.getLogger(__name__)
 AHEAD = 2
@@ -39,6 +39,7 @@ def prepare_ahead(*, event: LiveEvent, now: datetime) -> int:
     event = LiveEvent.objects.select_for_update(of=("self",)).select_related("race__track").get(pk=event.pk)
     if event.state not in UNDER_WAY:
         return 0
+    take_out_left(event, now)
     arrange_heats(event, now)
     queued = 0
     for slot in next_slots(event)[:AHEAD]:

@@ -32,7 +32,7 @@ from ...selectors.live import duels_are_open, live_standings
 from ..locks import lock_entry
 from .acting import acting
 from .heats import begin_heats, hand_heat_over
-from .roll import take_roll
+from .roll import require_stayed, take_roll
 from .sealing import clear_up, next_slots, prepare_after_commit
 from .speed import forget_speed
 
@@ -93,7 +93,7 @@ def launch(
 
     It plays from ``starts_at`` on, ten seconds from now, for everybody at the same instant. Raises UserFault as
     ``acting``, ``live_busy`` while a run is played, ``live_nothing_next``, ``live_slot_state``, ``live_not_ready``
-    while it is being computed, ``live_no_model``.
+    while it is being computed, ``live_no_model``, ``live_left`` for who has left the race.
     """
     with acting(event, "launch", by=by, seen=seen, now=now, states=(LiveState.RUNNING,)) as act:
         if LiveSlot.objects.filter(event=act.event, state=SlotState.RUNNING).exists():
@@ -106,6 +106,7 @@ def launch(
         found = act.slot(slot)
         if found.state not in TO_COME:
             raise UserFault("live_slot_state", state=found.get_state_display())
+        require_stayed(found)
         lasts_ms = ready_ms(found)
         LiveSlot.objects.filter(event=act.event, state=SlotState.CALLED).exclude(pk=found.pk).update(
             state=SlotState.WAITING
@@ -235,7 +236,7 @@ def say_to_spectators(*, event: LiveEvent, message: str, by: Racer, seen: int | 
 def crown(*, event: LiveEvent, entry: Entry, by: Racer, seen: int | None, now: datetime) -> LiveEvent:
     """Say who has won. Raises UserFault as ``acting``, ``live_not_in`` for who does not take part."""
     with acting(event, "winner", by=by, seen=seen, now=now, states=(*UNDER_WAY, LiveState.ENDED)) as act:
-        if not LiveRacer.objects.filter(event=act.event, entry=entry).exists():
+        if not LiveRacer.objects.filter(event=act.event, entry=entry, entry__withdrawn_at=None).exists():
             raise UserFault("live_not_in")
         act.event.winner = entry
         act.told["racer"] = entry.racer.alias
