@@ -287,6 +287,11 @@ class TrackGeometry:
         return self._road.contains(x, y)
 
     @property
+    def segment_rows(self) -> Points:
+        """(N, 13), read-only: the numbers of :class:`.segments.Segment` for each segment, in the order of driving."""
+        return self._table
+
+    @property
     def finish_m(self) -> float:
         """How far from row 0 a lap ends, for whoever draws it."""
         return 0.0

@@ -72,9 +72,18 @@ class Competitor:
 
     def command(self, action: Action) -> None:
         """Write down the state and the action, and give the command to the car."""
+        self.note(action)
+        self.car.command(action.steering_deg, action.speed_mps)
+
+    def note(self, action: Action) -> None:
+        """Write down the state and the action."""
         self.action = action
         self._record()
-        self.car.command(action.steering_deg, action.speed_mps)
+
+    def cruised(self, action: Action, lap_steps: int, states: list[tuple]) -> None:
+        """The car drove on, as :mod:`.cruise` wrote it down; ``action`` was the last."""
+        self.action, self.lap_steps = action, lap_steps
+        self._states += states
 
     def stand(self) -> None:
         """In place of a command while it stands out a penalty: write down the state, put the car back if it is due."""

@@ -19,11 +19,11 @@ import tempfile
 from pathlib import Path
 
 _HERE = Path(__file__).parent
-SOURCES = (_HERE / "camera" / "warp.c", _HERE / "rows.c", _HERE / "exchange.c")
+SOURCES = (_HERE / "camera" / "warp.c", _HERE / "rows.c", _HERE / "exchange.c", _HERE / "cruise.c")
 # One for each kind of processor, for a folder may be shared; whatever the Python, which it does not know.
 LIBRARY = _HERE / f"native-{sys.platform}-{platform.machine()}.so"
 
-_FLAGS = ["-O3", "-fwrapv", "-ffp-contract=off", "-ffreestanding", "-fPIC", "-shared"]
+_FLAGS = ["-O3", "-fwrapv", "-ffp-contract=off", "-fno-math-errno", "-ffreestanding", "-fPIC", "-shared"]
 if sys.platform == "linux":
     _FLAGS.append("-nostdlib")
 if platform.machine() in ("x86_64", "AMD64"):

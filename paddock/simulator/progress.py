@@ -106,6 +106,16 @@ class Odometer:
         self.place = place
         return True
 
+    @property
+    def gains(self) -> list[float]:
+        """See :class:`Reach`."""
+        return self._gains
+
+    def settle(self, metres: float, place: Projection) -> None:
+        """The nose has come here, step by step, and each was credited."""
+        self.metres, self.place, self.seen = metres, place, place
+        self._patience = 1
+
     def _wrap(self, metres: float) -> float:
         length = self._track.length
         return (metres + length / 2) % length - length / 2

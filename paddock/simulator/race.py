@@ -18,6 +18,7 @@ from paddock.rules.speed import SpeedCommand
 from .action import Action, ActionSpace
 from .camera.theme import OFFICIAL, Theme
 from .competitor import Competitor
+from .cruise import Cruise
 from .engine import ENGINE_ID, versions
 from .physics import PADDOCK_CAR, CarPhysics
 from .randomisation import Disturbance
@@ -190,6 +191,7 @@ def run_race(
         while not race.over:
             race.step()
             if on_progress is not None and race.steps % progress_every_steps == 0 and not race.over and progress_due():
+                race.settle()
                 on_progress(progress_of(first, stage))
         if on_progress is not None:
             on_progress(progress_of(first, stage))
@@ -255,6 +257,7 @@ class _Race:
         self._speeds = commanded_speeds(commands, len(entrants))
         self.steps = 0
         self.over = False
+        self._cruise = Cruise.of(self.cars[0]) if alone and not self._speeds and stage.bots is None else None
         self.camera_s = self.policy_s = 0.0
 
     def step(self) -> None:
@@ -284,10 +287,25 @@ class _Race:
 
     def _step_alone(self) -> None:
         """The same where there is one: what it raises goes through."""
-        car = self.cars[0]
-        self._stage.step((None if car.referee.pause_steps > 0 else self._ask(0, car),))
+        car, cruise = self.cars[0], self._cruise
+        if cruise is not None and cruise.on:
+            action = self._ask(0, car)
+            car.car.command(action.steering_deg, action.speed_mps)
+            self._stage.world.step()
+            cruise.step(action)
+        else:
+            self._stage.step((None if car.referee.pause_steps > 0 else self._ask(0, car),))
         self.steps += 1
-        self.over = car.referee.end_reason is not None
+        if cruise is None:
+            self.over = car.referee.end_reason is not None
+        elif not cruise.on:
+            self.over = car.referee.end_reason is not None
+            cruise.begin()
+
+    def settle(self) -> None:
+        """Cars and their referees are asked now."""
+        if self._cruise is not None:
+            self._cruise.settle()
 
     def _all_done(self) -> bool:
         return all([car.done for car in self.cars])
@@ -305,7 +323,7 @@ class _Race:
         answered = perf_counter()
         self.camera_s += asked - looked
         self.policy_s += answered - asked
-        action = entrant.action_space.decode(output, car.referee.step + 1)
+        action = entrant.action_space.decode(output, self.steps + 1)
         if disturbance is not None:
             action = disturbance.act(action)
         speeds = self._speeds.get(number) if self._speeds else None

@@ -25,7 +25,7 @@ from .trace import CRASHED, IMMOBILIZED, IN_PROGRESS, LAP_COMPLETE, OFF_TRACK, P
 SECTORS = 3  # virtual_event: three sectors a lap, here thirds of the length
 PATIENCE_STEPS = 15  # reset/constants.py: steps until a car that stands or reverses is put back
 STANDSTILL_M = 0.0003  # a step of at most this is no movement
-_SURELY_M = 2 * STANDSTILL_M  # a step of more than this along one axis is one, however distances are rounded
+SURELY_M = 2 * STANDSTILL_M  # a step of more than this along one axis is one, however distances are rounded
 
 # Why a run ended; the other reason is TIME_UP. Only a car among others retires.
 LAPS_DONE, RESETS_USED, RETIRED = "laps_done", "resets_used", "retired"
@@ -112,13 +112,13 @@ class Referee:
         self._free = free
         self._owed = False
         self.boxes = BoxWatch(layout, track.length, rules.mercy_resets, start_m + physics.nose_x)
-        self._noses: tuple[tuple[float, float], ...] = ()
+        self.noses: tuple[tuple[float, float], ...] = ()
         start = self._start(start_m, grid)
         self.place(*start)
         self._before_m, self._before = self.odometer.metres, start.pose
         self._clear = False
         self._wheels_on: list[bool] = []
-        self._line_m = self._next_line()
+        self.line_m = self._next_line()
 
     # --- what others read ---------------------------------------------------------------------------------------
 
@@ -153,6 +153,44 @@ class Referee:
             return self.lap.end_ms
         return milliseconds(self.step)
 
+    # --- a car that cruises, see :mod:`.cruise` ---
+
+    def goes_by(self) -> dict[str, float]:
+        """What stays the same through a run."""
+        clear = {"clear_m": self._clear_m, "clear_from": self._clear_from, "clear_to": self._clear_to}
+        return {"nose_m": self._nose_x, "last_step": self._last_step, **clear}
+
+    @property
+    def is_calm(self) -> bool:
+        """Whether the car drives on a lap with nothing the matter: no pause, no end, no place that it was not credited
+        with."""
+        odometer = self.odometer
+        return (
+            self.end_reason is None
+            and self.pause_steps <= 0
+            and self.laps[-1].end_ms is None
+            and not self._owed
+            and odometer.place is odometer.seen
+        )
+
+    def cruised(
+        self,
+        *,
+        step: int,
+        poses: tuple[Pose, Pose],
+        noses: tuple[tuple[float, float], tuple[float, float]],
+        before_m: float,
+        reversing: int,
+        clear: bool,
+        wheels: list[bool],
+        all_wheels: bool,
+    ) -> None:
+        """The car drove on to where it is now, with nothing to judge on the way. ``poses``, ``noses``: a step ago and
+        now; ``wheels``: where the car is not ``clear`` of the borders, whether each is on the road."""
+        self.step, self.reversing, self._standing, self._before_m = step, reversing, 0, before_m
+        (self._before, self.pose), self.noses, self.nose = poses, noses, noses[1]
+        self._clear, self._wheels_on, self.all_wheels_on_track = clear, wheels, all_wheels
+
     # --- judging --------------------------------------------------------------------------------------------------
 
     def place(self, pose: Pose, near_m: float) -> None:
@@ -160,9 +198,9 @@ class Referee:
         self.nose = nose = pose.ahead(self._physics.nose_x)
         self.odometer.put(*nose, near_m)
         self.pose = pose
-        self._noses = (nose, nose)
-        self._standing = self._reversing = 0
-        self.all_wheels_on_track = all(self._wheels(pose))
+        self.noses = (nose, nose)
+        self._standing = self.reversing = 0
+        self.all_wheels_on_track = all(self.wheels(pose))
 
     def begin_at(self, pose: Pose) -> None:
         """The run begins at ``pose`` instead, on the same stretch of road, where nothing stands in the way."""
@@ -200,18 +238,18 @@ class Referee:
         x, y = nose
         odometer.move(x, y)
         self.pose = pose
-        older, newer = self._noses
-        self._noses = (newer, nose)
+        older, newer = self.noses
+        self.noses = (newer, nose)
         # One axis alone tells of most movements.
-        if (abs(x - newer[0]) > _SURELY_M or abs(y - newer[1]) > _SURELY_M) and (
-            abs(x - older[0]) > _SURELY_M or abs(y - older[1]) > _SURELY_M
+        if (abs(x - newer[0]) > SURELY_M or abs(y - newer[1]) > SURELY_M) and (
+            abs(x - older[0]) > SURELY_M or abs(y - older[1]) > SURELY_M
         ):
             self._standing = 0
         else:
             stands = math.dist(nose, newer) <= STANDSTILL_M or math.dist(nose, older) <= STANDSTILL_M
             self._standing = self._standing + 1 if stands else 0
         metres = odometer.metres
-        self._reversing = self._reversing + 1 if metres < before_m else 0
+        self.reversing = self.reversing + 1 if metres < before_m else 0
         if metres >= self.boxes.next_m:
             self.boxes.moved(metres)
         # The common case, and four exact tests less.
@@ -220,7 +258,7 @@ class Referee:
             self._clear = self.all_wheels_on_track = True
         else:
             self._clear = False
-            self._wheels_on = self._wheels(pose)
+            self._wheels_on = self.wheels(pose)
             self.all_wheels_on_track = all(self._wheels_on)
 
     def verdict(self, rammed: bool = False) -> PutBack | None:
@@ -238,7 +276,7 @@ class Referee:
         lap = self.laps[-1]
         if lap.end_ms is not None:
             lap = self._next_lap(lap.end_ms)
-        if self.odometer.metres >= self._line_m:
+        if self.odometer.metres >= self.line_m:
             self._cross_lines(self._before_m, self.odometer.metres)
         if lap.end_ms is not None:
             if lap.number == self.rules.laps:
@@ -253,11 +291,11 @@ class Referee:
         if rammed:
             # Paused in place, without a new place.
             return PutBack(self.pose, self.odometer.metres) if self._fault(CRASHED) else None
-        if not self._clear and (not any(self._wheels_on) or self._elsewhere()):
+        if not self._clear and (not any(self._wheels_on) or self.is_elsewhere(*self.odometer.seen[:2])):
             fault = OFF_TRACK
         elif self._standing >= PATIENCE_STEPS:
             fault = IMMOBILIZED
-        elif self._reversing >= PATIENCE_STEPS:
+        elif self.reversing >= PATIENCE_STEPS:
             fault = REVERSED
         else:
             self.status = IN_PROGRESS
@@ -271,7 +309,7 @@ class Referee:
     def _next_lap(self, start_ms: int) -> Lap:
         lap = Lap(self.laps[-1].number + 1, start_ms)
         self.laps.append(lap)
-        self._line_m = self._next_line()
+        self.line_m = self._next_line()
         return lap
 
     def _back_to_start(self) -> PutBack:
@@ -284,7 +322,7 @@ class Referee:
             return start
         return self._free_place(metres, INNER, metres + _SEARCH_M)
 
-    def _wheels(self, pose: Pose) -> list[bool]:
+    def wheels(self, pose: Pose) -> list[bool]:
         """For each wheel whether its centre is on the road."""
         physics, on_road = self._physics, self.track.on_road
         return [
@@ -293,26 +331,26 @@ class Referee:
             for side in (physics.half_track, -physics.half_track)
         ]
 
-    def _elsewhere(self) -> bool:
-        """True where every wheel is beyond the border of the part of the road that the car is driving.
+    def is_elsewhere(self, distance: float, offset: float) -> bool:
+        """True where every wheel is beyond the border of the part of the road that the car is driving, whose nose is
+        there.
 
         The wheels may still be on the road, on another part of it that lies alongside. The original would let such a
         car drive on there; here it left the track.
         """
-        seen = self.odometer.seen
-        left, right = self.track.half_widths_at(seen.distance)
-        return not -right - self._wheel_m <= seen.offset <= left + self._wheel_m
+        left, right = self.track.half_widths_at(distance)
+        return not -right - self._wheel_m <= offset <= left + self._wheel_m
 
     def _cross_lines(self, before_m: float, metres: float) -> None:
         """Write down the sector and finish lines passed in this step, at the share of the step where it happened."""
         lap = self.lap
-        while lap.end_ms is None and metres >= self._line_m:
-            share = (self._line_m - before_m) / (metres - before_m) if metres > before_m else 1.0
+        while lap.end_ms is None and metres >= self.line_m:
+            share = (self.line_m - before_m) / (metres - before_m) if metres > before_m else 1.0
             at_ms = milliseconds(self.step - 1 + min(max(share, 0.0), 1.0))
             lap.sector_ends_ms.append(at_ms)
             if len(lap.sector_ends_ms) == SECTORS:
                 lap.end_ms = at_ms
-            self._line_m = self._next_line()
+            self.line_m = self._next_line()
 
     def _next_line(self) -> float:
         """Unwrapped distance of the end of the sector being driven."""

@@ -344,7 +344,7 @@ def test_a_car_is_always_put_back_on_the_road_clear_of_boxes(entry, direction):
                 floor = judge.boxes.floor_m
                 put_back = judge._put_back(judge.odometer.metres)
                 x, y, heading = put_back.pose
-                assert any(judge._wheels(put_back.pose)), (metres, offset)
+                assert any(judge.wheels(put_back.pose)), (metres, offset)
                 assert driven.on_road(x, y)
                 assert judge.boxes.free(put_back.pose), (seed, metres, offset)
                 assert put_back.metres >= min(floor, put_back.metres + 1e-9)

@@ -185,7 +185,7 @@ def test_crossing_to_a_parallel_part_is_off_track():
     while judge.status == IN_PROGRESS and sideways < 0.7:
         sideways += 0.05
         pose = Pose(0.5, pose_at(HAIRPIN, 0.5).y + sideways, 0.0)
-        assert any(judge._wheels(pose))  # never off the road as such: the two straights are 4 cm apart
+        assert any(judge.wheels(pose))  # never off the road as such: the two straights are 4 cm apart
         judge.judge(pose)
     assert judge.status == OFF_TRACK
     assert judge.odometer.metres == pytest.approx(before, abs=0.05)

@@ -73,7 +73,7 @@ def test_a_car_is_always_put_back_on_the_road_keeping_progress(track, apart, dir
             before = judge.odometer.metres
             put_back = judge._put_back(before)
             judge.place(*put_back)
-            assert judge.all_wheels_on_track or any(judge._wheels(put_back.pose))
+            assert judge.all_wheels_on_track or any(judge.wheels(put_back.pose))
             assert driven.on_road(put_back.pose.x, put_back.pose.y)
             # The base goes where the nose was; in a bend the nose may swing a little farther.
             assert abs(judge.odometer.metres - before) < 0.5

@@ -203,7 +203,9 @@ def test_a_library_of_another_source_is_replaced(tmp_path, monkeypatch, changed)
     command = [sys.executable, "-c", script, *map(str, sources), str(library)]
     look = subprocess.run(command, cwd=CHECKOUT, capture_output=True, text=True, timeout=60)
     assert look.stdout == "True\n", look.stderr
-    assert sorted(path.name for path in tmp_path.iterdir()) == ["exchange.c", "native.so", "rows.c", "warp.c"]
+    assert sorted(path.name for path in tmp_path.iterdir()) == sorted(
+        [library.name, *(source.name for source in sources)]
+    )
 
 
 @pytest.mark.parametrize("content", [None, b"", b"\x7fELF and no more"])

@@ -1,0 +1,162 @@
+"""Control steps of a car alone in which nothing happens, in C (cruise.c).
+
+That is nearly every step of a time trial: the car moves on along the road, crosses no line and makes no mistake. In
+Python it takes dozens of calls to find that out, and most of their time the processor fetches what they need, as the
+network has used its caches for itself since the last step. While a car cruises, its state lies in one C struct;
+:meth:`Cruise.settle` gives it back to the competitor and its referee, which judge whatever does happen.
+"""
+
+from __future__ import annotations
+
+import ctypes
+import math
+
+import numpy as np
+
+from . import compiled
+from .action import Action
+from .car import Pose
+from .competitor import Competitor
+from .progress import Projection
+from .referee import PATIENCE_STEPS, SURELY_M
+from .states import StepState
+from .trace import IN_PROGRESS
+
+ROWS = 256  # so many steps, then the car settles once: nothing is seen of it
+_STATUS = 12  # characters; with struct row of cruise.c
+_NOT_THIS_ONE, _NOTHING_HAPPENED = 0, 1
+
+_ROW = np.dtype(
+    {
+        "names": list(StepState._fields),
+        "formats": [
+            *("<i8", "<i8", "<f8", "<f8", "<f8", "<f8", "<f8", "<i8", "<f8"),
+            *("?", "?", "<f8", "?", "<f8", "<i8", "<i8", f"<U{_STATUS}", "<i8", "<i8"),
+        ],
+        "offsets": [0, 8, 16, 24, 32, 40, 48, 56, 64, 72, 73, 80, 74, 88, 96, 104, 112, 160, 168],
+        "itemsize": 176,
+    }
+)
+
+_library = compiled.load()
+
+
+class _State(ctypes.Structure):
+    """``struct cruise`` of cruise.c."""
+
+    _fields_ = [
+        *((name, ctypes.c_void_p) for name in ("segments", "gains")),
+        ("count", ctypes.c_int64),
+        *((name, ctypes.c_double) for name in ("length", "nose_m", "surely_m", "clear_m", "clear_from", "clear_to")),
+        ("line_m", ctypes.c_double),
+        *((name, ctypes.c_int64) for name in ("last_step", "patience")),
+        *((name, ctypes.c_double) for name in ("x", "y", "older_x", "older_y")),
+        *((name, ctypes.c_double) for name in ("base_x", "base_y", "yaw", "before_x", "before_y", "before_yaw")),
+        *((name, ctypes.c_double) for name in ("metres", "before_m", "distance", "offset", "tx", "ty")),
+        *((name, ctypes.c_int64) for name in ("segment", "step", "lap_steps", "reversing", "clear", "all_wheels")),
+        ("rows", ctypes.c_void_p),
+        *((name, ctypes.c_int64) for name in ("room", "used")),
+    ]
+
+
+class Cruise:
+    """A competitor that drives alone. While :attr:`on`, what it and its referee say of themselves is old: call
+    :meth:`settle` before they are asked."""
+
+    def __init__(self, competitor: Competitor, library: ctypes.CDLL) -> None:
+        self.on = False
+        self._competitor, self._car, self._referee = competitor, competitor.car, competitor.referee
+        track, told = self._referee.track, self._referee.goes_by()
+        self._segments, self._gains = track.segment_rows, np.array(self._referee.odometer.gains)
+        self._rows = np.zeros(ROWS, _ROW)
+        self._rows["status"] = IN_PROGRESS
+        self._state = _State(
+            segments=self._segments.ctypes.data,
+            gains=self._gains.ctypes.data,
+            count=len(self._segments),
+            length=track.length,
+            rows=self._rows.ctypes.data,
+            room=ROWS,
+            patience=PATIENCE_STEPS,
+            surely_m=SURELY_M,
+            **told,
+        )
+        self._at = ctypes.addressof(self._state)
+        self._call = library.paddock_cruise
+        self._call.argtypes = (ctypes.c_void_p, *[ctypes.c_double] * 7, ctypes.c_int64)
+        self._call.restype = ctypes.c_int64
+        self._action: Action = competitor.action
+        self._wheels: list[bool] = []
+
+    @classmethod
+    def of(cls, competitor: Competitor) -> Cruise | None:
+        """None where each step has to be seen in Python: without the compiled library, on an open track, with boxes."""
+        referee = competitor.referee
+        if _library is None or referee.track.is_open or referee.boxes.next_m < math.inf:
+            return None
+        return cls(competitor, _library)
+
+    def begin(self) -> None:
+        """Cruise from the next step on, unless something is the matter."""
+        competitor, referee, state = self._competitor, self._referee, self._state
+        if competitor.status != IN_PROGRESS or not referee.is_calm:
+            return
+        self._rows["lap"], self._rows["crashes"] = referee.laps[-1].number, referee.crashes
+        self._rows["reward"] = competitor.reward
+        odometer, (older, nose) = referee.odometer, referee.noses
+        state.x, state.y = nose
+        state.older_x, state.older_y = older
+        state.base_x, state.base_y, state.yaw = referee.pose
+        state.metres, (state.distance, _, _, state.segment) = odometer.metres, odometer.place
+        state.line_m, state.reversing = referee.line_m, referee.reversing
+        state.step, state.lap_steps, state.all_wheels = referee.step, competitor.lap_steps, referee.all_wheels_on_track
+        state.used = 0
+        self.on = True
+
+    def step(self, action: Action) -> None:
+        """The car was told ``action`` and the world has moved on. Where something happened in this step, all is settled
+        and judged."""
+        pose = self._car.pose
+        x, y, yaw = pose
+        steering_deg, speed_mps, index = self._action = action
+        said = self._call(
+            self._at,
+            *(x, y, yaw, math.cos(yaw), math.sin(yaw)),
+            *(steering_deg, speed_mps, -1 if index is None else index),
+        )
+        if said == _NOTHING_HAPPENED or (said != _NOT_THIS_ONE and self._is_on_road(pose)):
+            return
+        self.settle()
+        if said == _NOT_THIS_ONE:
+            self._competitor.note(action)
+            self._competitor.move()
+        self._competitor.judge()
+
+    def _is_on_road(self, pose: Pose) -> bool:
+        """Whether a car that is somewhere near a border is no concern of the referee's."""
+        state = self._state
+        self._wheels = self._referee.wheels(pose)
+        state.all_wheels = all(self._wheels)
+        return any(self._wheels) and not self._referee.is_elsewhere(state.distance, state.offset)
+
+    def settle(self) -> None:
+        """Competitor and referee are where the car is, as if they had seen all its steps. Does nothing twice."""
+        if not self.on:
+            return
+        self.on = False
+        state = self._state
+        if not state.used:
+            return
+        self._competitor.cruised(self._action, state.lap_steps, self._rows[: state.used].tolist())
+        place = Projection(state.distance, state.offset, math.atan2(state.ty, state.tx), state.segment)
+        self._referee.odometer.settle(state.metres, place)
+        self._referee.cruised(
+            step=state.step,
+            poses=(Pose(state.before_x, state.before_y, state.before_yaw), Pose(state.base_x, state.base_y, state.yaw)),
+            noses=((state.older_x, state.older_y), (state.x, state.y)),
+            before_m=state.before_m,
+            reversing=state.reversing,
+            clear=bool(state.clear),
+            wheels=self._wheels,
+            all_wheels=bool(state.all_wheels),
+        )
