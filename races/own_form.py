@@ -14,6 +14,7 @@ from evaluation.choices import cars_of
 from evaluation.models import TrainedModel
 from paddock.errors import UserFault
 from paddock.rules.race import MAX_CARS, MODELS, OWN_RULES, ROUND_ROBIN, RULES
+from paddock.rules.ranked import NEEDED
 
 from .errors import RaceRefused
 from .layout_form import DRAWN, FIXED, PROPOSALS, LayoutForm, Preview, preview
@@ -96,8 +97,8 @@ class OwnForm(CarForm, _RuleFields):  # type: ignore[misc, valid-type]
             label = _("Rival %(number)s") % {"number": number}
             self.fields[name] = forms.CharField(label=label, required=False, max_length=12, widget=forms.Select)
             self.fields[name].widget.choices = [("", _("nobody")), *cars]
-        self.fields["minimum_laps"].required = False
-        self.fields["minimum_laps"].widget.attrs["placeholder"] = str(RULES["minimum_laps"].default)
+        self.fields[NEEDED].required = False
+        self.fields[NEEDED].widget.attrs["placeholder"] = str(RULES[NEEDED].default)
 
     def clean(self) -> dict[str, Any]:
         """Rivals count in head-to-head against cars only; values of other types of race are dropped."""
@@ -110,7 +111,7 @@ class OwnForm(CarForm, _RuleFields):  # type: ignore[misc, valid-type]
         if not against_cars:
             cleaned |= dict.fromkeys(RIVALS, "")
         for name in _IN_ROWS:
-            if name not in self.errors and cleaned.get(name) is None and name in RULES and name != "minimum_laps":
+            if name not in self.errors and cleaned.get(name) is None and name in RULES and name != NEEDED:
                 cleaned[name] = usual(name)
         return cleaned
 
@@ -162,7 +163,7 @@ def values_of_rivals(models: list[TrainedModel]) -> dict[str, str]:
 
 
 def _proposed() -> dict[str, Any]:
-    usually = {name: usual(name) for name in OWN_RULES if name in RULES and name != "minimum_laps"}
+    usually = {name: usual(name) for name in OWN_RULES if name in RULES and name != NEEDED}
     return values_of(usually | {"start_m": 0.0}) | {"box_choice": FIXED}
 
 

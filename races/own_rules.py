@@ -10,7 +10,8 @@ from django.core.exceptions import ValidationError
 
 from paddock.errors import UserFault
 from paddock.rules.race import BOTS as AGAINST_BOTS
-from paddock.rules.race import HEAD_TO_HEAD, MODELS, OWN_RULES, ROUND_ROBIN, RULES, TOTAL, RaceRules
+from paddock.rules.race import HEAD_TO_HEAD, MODELS, OWN_RULES, ROUND_ROBIN, RULES, RaceRules
+from paddock.rules.ranked import NEEDED, RANKED, usually_needed
 
 from .errors import RaceRefused, problem
 from .layout import check_layout, race_rules
@@ -26,11 +27,10 @@ _NAMES = tuple(name for name in OWN_RULES if name in RULES)
 
 @dataclass(frozen=True)
 class OwnRules:
-    """What a run is told, and what its laps are worth."""
+    """What a run is told; ``ranked``: what its laps are worth, the values of :data:`paddock.rules.ranked.RANKED`."""
 
     rules: RaceRules
-    ranking_method: str
-    minimum_laps: int
+    ranked: dict[str, Any]
 
 
 def own_rules(track: Track, options: Mapping[str, Any], *, rivals: int = 0) -> OwnRules:
@@ -52,7 +52,7 @@ def own_rules(track: Track, options: Mapping[str, Any], *, rivals: int = 0) -> O
         raise RaceRefused(ValidationError(problems))
     if race.opponents == MODELS and not rivals:
         raise UserFault("own_needs_rivals")
-    return OwnRules(replace(race_rules(race), start_m=start_m), race.ranking_method, race.minimum_laps)
+    return OwnRules(replace(race_rules(race), start_m=start_m), _ranked(race))
 
 
 def rules_as_in(race: Race) -> OwnRules:
@@ -62,7 +62,7 @@ def rules_as_in(race: Race) -> OwnRules:
         raise UserFault("race_track_without_shape", track=race.track.name)
     if race.imported_at is not None:
         raise UserFault("race_recorded")
-    return OwnRules(race_rules(race), race.ranking_method, race.minimum_laps)
+    return OwnRules(race_rules(race), _ranked(race))
 
 
 def race_like(track: Track, options: Mapping[str, Any], *, rivals: int = 0) -> Race:
@@ -70,11 +70,15 @@ def race_like(track: Track, options: Mapping[str, Any], *, rivals: int = 0) -> R
     told = {name: options.get(name, usual(name)) for name in _NAMES}
     if told["race_type"] == HEAD_TO_HEAD and not told["opponents"]:
         told["opponents"] = MODELS if rivals else AGAINST_BOTS if told["bots"] else ""
-    if "minimum_laps" not in options and isinstance(told["laps"], int):
-        told["minimum_laps"] = told["laps"] if told["ranking_method"] == TOTAL else min(3, told["laps"])
+    if NEEDED not in options and isinstance(told["laps"], int):
+        told[NEEDED] = usually_needed(told["ranking_method"], told["laps"])
     # that there are models to race against is looked at elsewhere; in which form they would meet says nothing here
     duels = {"duel_format": ROUND_ROBIN} if told["opponents"] == MODELS else {}
     return Race(track=track, **told, **duels)
+
+
+def _ranked(race: Race) -> dict[str, Any]:
+    return {name: getattr(race, name) for name in RANKED}
 
 
 def _problems(race: Race, start_m: float) -> dict[str, Any]:

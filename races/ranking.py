@@ -2,8 +2,8 @@
 
 Pure functions of the laps that an evaluation measured (paddock.simulator LapResult dicts, times in whole simulated
 milliseconds); no database. The average is the old service's (DRoA, ModelPerformanceMetricsHelper.ts): the lowest
-floor(mean) over every window of ``minimum_laps`` consecutive complete laps. Unlike there, an unfinished lap is never a
-best lap.
+floor(mean) over every window of so many consecutive complete laps as are needed. Unlike there, an unfinished lap is
+never a best lap.
 
 A race of duels (``Points``) ranks by its method until they are drawn: that is the qualifying. Then it ranks by what the
 duels gave (races.duels.points).
@@ -108,18 +108,18 @@ class RankingRule(ABC):
     column: Any
     figure = "score_ms"
 
-    def standing(self, laps: Sequence[Lap], minimum_laps: int) -> Standing:
+    def standing(self, laps: Sequence[Lap], needed: int) -> Standing:
         """The standing that ``laps`` (in the order driven) are worth.
 
-        A car is classified when it finished ``minimum_laps`` consecutive laps. Raises ValueError if that is below 1.
+        A car is classified when it finished ``needed`` consecutive laps. Raises ValueError if that is below 1.
         """
-        if minimum_laps < 1:
-            raise ValueError(f"minimum_laps must be at least 1, not {minimum_laps}")
+        if needed < 1:
+            raise ValueError(f"laps needed must be at least 1, not {needed}")
         complete = [lap for lap in laps if lap["complete"]]
         best = min(complete, key=lambda lap: lap["time_ms"], default=None)
-        window = _best_window(laps, minimum_laps)
-        average_ms = None if window is None else _total(laps[window : window + minimum_laps]) // minimum_laps
-        total_ms = _total(laps) if laps and len(complete) == len(laps) and len(laps) >= minimum_laps else None
+        window = _best_window(laps, needed)
+        average_ms = None if window is None else _total(laps[window : window + needed]) // needed
+        total_ms = _total(laps) if laps and len(complete) == len(laps) and len(laps) >= needed else None
         best_ms = None if best is None else best["time_ms"]
         standing = Standing(
             classified=False,
@@ -135,7 +135,7 @@ class RankingRule(ABC):
             sectors=() if best is None else _sectors(best),
             best_sectors=best_of_sectors(_sectors(lap) for lap in complete),
             best_lap_number=None if best is None else best["number"],
-            window=None if window is None else (laps[window]["number"], laps[window + minimum_laps - 1]["number"]),
+            window=None if window is None else (laps[window]["number"], laps[window + needed - 1]["number"]),
         )
         score_ms = None if window is None else self.score(standing, laps)
         return standing if score_ms is None else replace(standing, classified=True, score_ms=score_ms)

@@ -18,10 +18,10 @@ from paddock.rules.race import (
     OWN_RULES,
     RULES,
     RUN_RULES,
-    TOTAL,
     BoxPlace,
     RaceRules,
 )
+from paddock.rules.ranked import NEEDED, RANKED, contradiction, usually_needed
 from paddock.rules.rule import Rule
 
 _METAVARS = {"ms": "SECONDS", "m": "METRES", "m/s": "MPS"}
@@ -32,7 +32,7 @@ def add_race_options(parser: ArgumentParser) -> None:
     """Everything that :func:`rules_of` reads: an option for each rule of a run. One that is not given is None."""
     for rule in _ASKED:
         said = (rule.help or rule.label).rstrip(".")
-        option = f"--{_option(rule).replace('_', '-')}"
+        option = _flag(_option(rule))
         if rule.type is bool:
             parser.add_argument(option, action="store_true", default=None, help=said)
         elif rule.choices:
@@ -56,11 +56,10 @@ def add_race_options(parser: ArgumentParser) -> None:
 
 def add_ranking_options(parser: ArgumentParser) -> None:
     """What the laps are worth: the ranking method, and how many laps in a row it asks for."""
-    method, needed = OWN_RULES["ranking_method"], OWN_RULES["minimum_laps"]
-    parser.add_argument("--ranking-method", choices=method.choices, help=f"default: {method.default}")
-    parser.add_argument(
-        "--minimum-laps", type=int, metavar="N", help=f"{needed.label.lower()}; default: 3, or as many as are driven"
-    )
+    method, needed = (OWN_RULES[name] for name in RANKED)
+    usual = f"default: {needed.default}, or as many as are driven"
+    parser.add_argument(_flag(method.name), choices=method.choices, help=f"default: {method.default}")
+    parser.add_argument(_flag(needed.name), type=int, metavar="N", help=f"{needed.label.lower()}; {usual}")
 
 
 def ranking_of(options: dict[str, Any]) -> tuple[str, int]:
@@ -68,20 +67,18 @@ def ranking_of(options: dict[str, Any]) -> tuple[str, int]:
     "race_total_needs_all_laps")."""
     method = options["ranking_method"] or OWN_RULES["ranking_method"].default
     laps = RULES["laps"].default if options["laps"] is None else options["laps"]
-    needed = options["minimum_laps"]
+    needed = options[NEEDED]
     if needed is None:
-        return method, laps if method == TOTAL else min(RULES["minimum_laps"].default, laps)
-    if not 1 <= needed <= laps:
-        raise UserFault("race_minimum_laps", laps=laps)
-    if method == TOTAL and needed != laps:
-        raise UserFault("race_total_needs_all_laps", laps=laps)
+        return method, usually_needed(method, laps)
+    if code := contradiction(method, laps, needed):
+        raise UserFault(code, laps=laps)
     return method, needed
 
 
 def options_given(options: dict[str, Any]) -> list[str]:
     """Those of all these options that were given, as the command line calls them."""
-    names = [*map(_option, _ASKED), "ranking_method", "minimum_laps", "box"]
-    return [f"--{name.replace('_', '-')}" for name in names if options[name] not in (None, [])]
+    names = [*map(_option, _ASKED), *RANKED, "box"]
+    return [_flag(name) for name in names if options[name] not in (None, [])]
 
 
 def check_start(rules: RaceRules, length_m: float) -> None:
@@ -98,6 +95,10 @@ def rules_of(options: dict[str, Any]) -> RaceRules:
         return RaceRules(boxes=boxes, **{rule.name: _value(rule, options) for rule in _ASKED})
     except ValueError as error:
         raise Refusal(UserFault("rules_senseless", problem=str(error))) from error
+
+
+def _flag(name: str) -> str:
+    return f"--{name.replace('_', '-')}"
 
 
 def _option(rule: Rule) -> str:

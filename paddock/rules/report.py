@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from .race import RaceRules
+from .race import UNTIL_THE_FIRST_FAULT, RaceRules
 
 START, LIGHT, COLOURS, SENSORS, ALL = KINDS = ("start", "light", "colours", "sensors", "all")
 EACH = 20  # of each kind, from mild to as much as is sensible
 VARIATIONS = EACH * len(KINDS)
 MOST_SEED = 2**31 - 1
 # One lap until the first fault: how far a car comes by itself, and how fast.
-LAP = RaceRules(laps=1, max_resets=0)
+LAP = RaceRules(laps=1, **UNTIL_THE_FIRST_FAULT)
 
 
 def kind_of(variation: int) -> str:

@@ -27,8 +27,10 @@ from evaluation.services import stop_evaluation
 from evaluation.services.results import read_layout, read_trace
 from paddock.errors import UserFault
 from paddock.errors.reasons import REASONS
+from paddock.rules.ranked import RANKED
 
-from ..models import OwnEvaluation, RankingMethod
+from ..models import OwnEvaluation
+from ..rules.serializers import with_rules
 from ..selectors.own import OwnResult, can_stop_run, own_of, own_result, seen_race_of
 from ..services import delete_own
 from ..video_words import race_of
@@ -180,12 +182,10 @@ class WouldBeSerializer(serializers.Serializer):
     is_better = serializers.BooleanField(source="change.is_better", help_text="Than what you have in the race.")
 
 
-class OwnSerializer(serializers.Serializer):
+class OwnSerializer(with_rules(serializers.Serializer, RANKED)):  # type: ignore[misc]
     """What a run of one's own is besides."""
 
     race = serializers.SerializerMethodField(help_text="The race that it was driven as in, as long as you see it.")
-    ranking_method = serializers.ChoiceField(RankingMethod.choices)
-    minimum_laps = serializers.IntegerField()
     classified = serializers.SerializerMethodField(help_text="Once it has a result.")
     score_ms = serializers.SerializerMethodField(help_text="By the ranking method; null unless it is classified.")
     would_be = serializers.SerializerMethodField(help_text="In its race, against the board as it is now.")

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 from django.conf import settings
 from django.db import models
 from django.db.models import Q
@@ -11,13 +13,15 @@ from django.utils.translation import gettext_lazy as _
 
 from core.jobs.models import reason_sentence
 from paddock.rules.race import BOTS, RULES, RaceRules
+from paddock.rules.ranked import NEEDED, RANKED
 
 from .choices import RankingMethod
 from .race import Race
+from .rules import with_columns, within
 from .submission import Submission
 
 
-class OwnEvaluation(models.Model):
+class OwnEvaluation(with_columns({name: RULES[name] for name in RANKED})):  # type: ignore[misc]
     """A run that a racer asked for: private, and counted in no race.
 
     ``race``: the race whose rules it was driven by, where it was one. ``submission``: what was sent to that race
@@ -39,8 +43,6 @@ class OwnEvaluation(models.Model):
     race = models.ForeignKey(
         Race, models.SET_NULL, null=True, blank=True, related_name="own_evaluations", verbose_name=_("as in the race")
     )
-    ranking_method = models.CharField(_("ranked by"), max_length=7, choices=RankingMethod.choices)
-    minimum_laps = models.PositiveSmallIntegerField(_("laps in a row to be classified"))
     submit_if_better = models.BooleanField(_("submit if better"), default=False)
     submission = models.OneToOneField(
         Submission,
@@ -67,10 +69,7 @@ class OwnEvaluation(models.Model):
                 name="own_deleted_has_no_run",
             ),
             models.CheckConstraint(condition=Q(ranking_method__in=RankingMethod.values), name="own_ranking_known"),
-            models.CheckConstraint(
-                condition=Q(minimum_laps__gte=1, minimum_laps__lte=RULES["minimum_laps"].most),
-                name="own_minimum_laps_range",
-            ),
+            models.CheckConstraint(condition=within(NEEDED), name="own_minimum_laps_range"),
             models.CheckConstraint(
                 condition=Q(submit_if_better=True) | Q(submission=None, submit_reason_code=""),
                 name="own_submitted_as_wished",
@@ -88,6 +87,11 @@ class OwnEvaluation(models.Model):
         """Why it was not submitted, in the reader's language, or ``""``."""
         return reason_sentence(self.submit_reason_code, self.submit_reason_params)
 
+    @property
+    def ranked(self) -> dict[str, Any]:
+        """What its laps are worth: the values of :data:`paddock.rules.ranked.RANKED`."""
+        return {name: getattr(self, name) for name in RANKED}
+
     @cached_property
     def rules(self) -> RaceRules:
         """What the run was told. Raises AttributeError once it is deleted."""
@@ -99,5 +103,4 @@ class OwnEvaluation(models.Model):
         """A race that is nowhere, with the run's rules: for what its laps are worth, and for the words of both."""
         told = {name: value for name, value in self.rules.to_dict().items() if name in RULES}
         told["boxes"] = list(told["boxes"])
-        told |= {"ranking_method": self.ranking_method, "minimum_laps": self.minimum_laps}
-        return Race(**told, opponents=BOTS if self.rules.bots else "")
+        return Race(**told, **self.ranked, opponents=BOTS if self.rules.bots else "")

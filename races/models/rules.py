@@ -13,6 +13,7 @@ from django.db.models import F, Q
 from django.utils.translation import gettext_lazy as _
 
 from paddock.rules.race import RULES, STAGE, TOTAL
+from paddock.rules.ranked import NEEDED, contradiction
 from paddock.rules.rule import Rule
 from tracks.models import Direction
 
@@ -178,8 +179,5 @@ def lap_problems(row: Any) -> dict[str, ValidationError]:
     driven, needed = row.laps, row.minimum_laps
     if not isinstance(driven, int) or not isinstance(needed, int):
         return {}
-    if needed > driven:
-        return {"minimum_laps": problem("race_minimum_laps", laps=driven)}
-    if row.ranking_method == TOTAL and needed != driven:
-        return {"minimum_laps": problem("race_total_needs_all_laps", laps=driven)}
-    return {}
+    code = contradiction(row.ranking_method, driven, needed) if needed > 0 else ""  # below it, by its bounds
+    return {NEEDED: problem(code, laps=driven)} if code else {}

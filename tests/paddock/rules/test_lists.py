@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import ast
 import dataclasses
+import re
 from argparse import ArgumentParser
 from pathlib import Path
 
@@ -17,6 +18,20 @@ from paddock.rules.rule import Rule
 from paddock.rules.training import DRIVEN_BY, SETTINGS, TrainingSettings, taken_from
 from training.models import TrainingJob
 
+ROOMS = (
+    "config",
+    "league",
+    "training",
+    "races",
+    "videos",
+    "evaluation",
+    "tracks",
+    "accounts",
+    "core",
+    "paddock",
+    "static",
+    "templates",
+)
 SHARE = Rule("share", float, 1.0, least=0.5, most=1.0)
 COUNT = Rule("count", int, 3, least=1, most=9)
 OPTIONAL = Rule("count", int, None, least=1, most=9)
@@ -104,3 +119,15 @@ def test_a_training_drives_by_rules_of_a_run_and_has_a_value_for_each_setting():
     assert {"direction", "race_type", "boxes"} < set(DRIVEN_BY) < RUN_RULES.keys()
     columns = {field.name for field in TrainingJob._meta.get_fields()}
     assert {field.name for field in dataclasses.fields(TrainingSettings)} <= columns
+
+
+@pytest.mark.parametrize("name", ["max_resets", "minimum_laps"])
+def test_a_rule_is_named_in_few_files(name):
+    """What a rule is stands in the list; the others are those that decide by it and those that set a value."""
+    rooms = [Path(paddock.__file__).parents[1] / room for room in ROOMS]
+    files = [file for room in rooms for file in room.rglob("*.*") if file.suffix in (".py", ".html", ".js")]
+    named = [
+        str(file) for file in files if "migrations" not in file.parts and re.search(rf"\b{name}\b", file.read_text())
+    ]
+    assert "paddock/rules/race.py" in " ".join(named)
+    assert len(named) <= 6, named
