@@ -114,7 +114,8 @@ def expected_wait_s(evaluation: Evaluation, position: int | None = None) -> floa
     if position is None:
         return None
     took = ExpressionWrapper(F("evaluation__ended_at") - F("evaluation__started_at"), output_field=DurationField())
-    recent = list(Result.objects.order_by("-pk").values_list("pk", flat=True)[:RECENT])
+    # The last rows first, and then without the sealed ones: in one, SQLite may join all runs before it looks for them
+    recent = list(Result.with_sealed.order_by("-pk").values_list("pk", flat=True)[:RECENT])
     mean: timedelta | None = Result.objects.filter(pk__in=recent).aggregate(mean=Avg(took))["mean"]
     if mean is None:
         return None

@@ -8,7 +8,8 @@ from datetime import timedelta
 
 import pytest
 from django.core.files.storage import default_storage
-from django.db import connections, transaction
+from django.db import connection, connections, transaction
+from django.test.utils import CaptureQueriesContext
 
 from core import wakeup
 from core.jobs.kinds import SweepReport
@@ -136,6 +137,24 @@ class TestPosition:
         third = [submit(alice, 100) for _ in range(3)][-1]
         assert selectors.queue_position(third) == 3
         assert selectors.expected_wait_s(third) == pytest.approx(8.0)  # the second round of two workers
+
+    def test_the_expected_wait_reads_the_last_results_before_it_joins_anything(self, alice, submit, now):
+        submit(alice)
+        finish(claim(now), now + timedelta(seconds=64))
+        waiting = submit(alice, 100)
+        with CaptureQueriesContext(connection) as queries:
+            assert selectors.expected_wait_s(waiting, 1) is not None
+        last = [query["sql"] for query in queries if f"LIMIT {selectors.RECENT}" in query["sql"]]
+        assert last and not any("JOIN" in sql for sql in last), last
+
+    def test_a_sealed_run_does_not_show_in_what_others_expect_to_wait(self, alice, submit, now):
+        submit(alice)
+        finish(claim(now), now + timedelta(seconds=64))
+        submit(alice, 100)
+        slow = claim(now, 200)
+        finish(slow, now + timedelta(seconds=300))
+        Evaluation.objects.filter(pk=slow.pk).update(sealed=True)
+        assert selectors.expected_wait_s(submit(alice, 300), 1) == pytest.approx(4.0)
 
 
 class TestLease:
