@@ -27,7 +27,16 @@ from evaluation.services import finish_evaluation
 from races.models import LiveEvent, LiveSlot, Visibility
 from races.replay import map_point
 from races.services import enter_race
-from races.services.live import begin_live, choose_model, command_now, launch, plan_live, prepare_ahead, tick_live
+from races.services.live import (
+    begin_live,
+    choose_model,
+    command_now,
+    end_live,
+    launch,
+    plan_live,
+    prepare_ahead,
+    tick_live,
+)
 from tests.evaluation.stubs import HEADER
 from tests.factories import a_model, lap, outcome, start
 from tests.pages.conftest import World, make_world
@@ -285,7 +294,13 @@ def test_what_is_sought_is_found_once_it_was_played(show: Show):
 
 
 @pytest.mark.parametrize("viewer", only(("stranger",), ("guest", "stranger")))
-def test_a_private_show_is_nowhere_for_strangers(show: Show, viewer: str):
+@pytest.mark.parametrize("when", ["while it is played", "when it is over"])
+def test_a_private_show_is_nowhere_for_strangers(show: Show, viewer: str, when: str):
+    if when == "when it is over":
+        assert show.playing.ends_at is not None
+        over = show.playing.ends_at + timedelta(seconds=3)
+        tick_live(now=over)
+        end_live(event=show.event, by=show.world.alice, seen=None, now=over)
     type(show.event.race).objects.filter(pk=show.event.race_id).update(visibility=Visibility.INVITATION)
     for address, status, content in fetched(show, viewer):
         assert status != 200 or b"Open race" not in content or "/races/open-race" not in address, address

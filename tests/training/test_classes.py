@@ -31,8 +31,10 @@ from races.models import Race, Visibility
 from races.selectors import can_see_race
 from races.selectors.offers import enterable_now
 from races.services import enter_race
+from races.services.live import launch, prepare_ahead
 from tests.clients import logged_in
 from tests.factories import a_model, a_race, a_racer, a_track, drive, laps
+from tests.live_shows import a_live_race, a_show, begun, compute, show, slot_of
 from tests.training.jobs import a_training
 from training.classes.deleting import delete_class
 from training.classes.progress import progress_of
@@ -198,3 +200,48 @@ def test_the_pages(alice):
         "The class is deleted" in teacher.post(where, {"do": "delete", "confirm": "6a"}, follow=True).content.decode()
     )
     assert not Racer.objects.filter(email__endswith="@learner.invalid").exists()
+
+
+def test_cards_that_are_reloaded_or_clicked_twice_make_no_second_class(alice):
+    """Reloading the page with the cards sends the form again."""
+    teacher = logged_in(alice)
+    where = teacher.post("/classes/", {"name": "6a", "plan": ["agent"]})["Location"]
+
+    def form() -> dict[str, str]:
+        return {"once": re.findall(r'name="once" value="([^"]+)"', teacher.get(where).content.decode())[0]}
+
+    add = {"do": "add", "names": "\n".join(f"Learner {number}" for number in range(40)), **form()}
+    assert teacher.post(where, add).content.decode().count('class="class-card"') == 40
+    again = teacher.post(where, add, follow=True)
+    assert "This was done already." in again.content.decode() and ClassLearner.objects.count() == 40
+    digests = set(ClassLearner.objects.values_list("code_digest", flat=True))
+    codes = {"do": "codes", **form()}
+    teacher.post(where, codes)
+    printed = set(ClassLearner.objects.values_list("code_digest", flat=True))
+    assert not digests & printed
+    teacher.post(where, codes)
+    assert set(ClassLearner.objects.values_list("code_digest", flat=True)) == printed, "the cards on paper still log in"
+    # what was refused may be sent again, mended
+    refused = {"do": "add", "names": "x" * 90, **form()}
+    assert teacher.post(where, refused).status_code == 422
+    assert teacher.post(where, refused | {"names": "Kim Minji"}).status_code == 200
+    assert ClassLearner.objects.count() == 41
+
+
+def test_a_class_whose_race_is_live_is_deleted_too(alice, now, django_capture_on_commit_callbacks):
+    """A run that is played, one that is computed and sealed, and one that waits for a worker."""
+    room = make_class(teacher=alice, name="6a", plan=[], now=now)
+    cards = add_learners(classroom=room, by=alice, names=["Kim", "Ann", "Lee", "Pat"], now=now)
+    race = a_live_race(now, alice, group=room.group, visibility=Visibility.INVITATION)
+    names = [card.learner.racer.alias for card in cards]
+    event = begun(a_show(now, alice, names, race=race, order="as_entered", speed_control=True), alice, now)
+    for name in names[:2]:
+        compute(slot_of(event, name), now, 9_000)
+    show(event, slot_of(event, names[0]), alice, now)
+    prepare_ahead(event=event, now=now)
+    compute(slot_of(event, names[2]), now, 9_000)
+    launch(event=event, by=alice, seen=None, now=now)
+    with django_capture_on_commit_callbacks(execute=True):
+        assert delete_class(classroom=room, by=alice) == 4
+    assert not Evaluation.with_sealed.exists() and not Race.objects.exists()
+    assert not Racer.objects.filter(alias__in=names).exists()

@@ -41,7 +41,7 @@ def delete_class(*, classroom: Classroom, by: Racer) -> int:
     submissions = Submission.objects.filter(Q(entry__race__in=races) | Q(entry__racer__in=learners))
     runs = set(duels.exclude(evaluation=None).values_list("evaluation", flat=True))
     runs |= set(submissions.filter(entry__racer__in=learners).values_list("evaluation", flat=True))
-    runs |= set(Evaluation.objects.filter(owner__in=learners).values_list("pk", flat=True))
+    runs |= set(Evaluation.with_sealed.filter(owner__in=learners).values_list("pk", flat=True))
     files = _files(runs)
     for job in TrainingJob.objects.filter(owner__in=learners):
         files += files_of(job)
@@ -51,7 +51,7 @@ def delete_class(*, classroom: Classroom, by: Racer) -> int:
     TrainingJob.objects.filter(owner__in=learners).delete()
     OwnEvaluation.objects.filter(owner__in=learners).delete()
     submissions.delete()
-    Evaluation.objects.filter(pk__in=runs).delete()
+    Evaluation.with_sealed.filter(pk__in=runs).delete()
     Race.objects.filter(pk__in=races).delete()
     TrainedModel.objects.filter(owner__in=learners).delete()
     group = classroom.group
@@ -65,13 +65,14 @@ def delete_class(*, classroom: Classroom, by: Racer) -> int:
 def _delete_live(races: Iterable[int], runs: Iterable[int]) -> None:
     from races.models import LiveSlot
 
-    LiveSlot.objects.filter(Q(evaluation__in=runs) | Q(submission__entry__race__in=races)).delete()
+    shown = Q(evaluation__in=runs) | Q(speed_run__in=runs) | Q(submission__entry__race__in=races)
+    LiveSlot.objects.filter(shown).delete()
 
 
 def _files(runs: Iterable[int]) -> list[str]:
     runs = list(runs)
-    names = [*Result.objects.filter(evaluation__in=runs).values_list("trace", flat=True)]
-    names += Result.objects.filter(evaluation__in=runs).values_list("bots", flat=True)
+    names = [*Result.with_sealed.filter(evaluation__in=runs).values_list("trace", flat=True)]
+    names += Result.with_sealed.filter(evaluation__in=runs).values_list("bots", flat=True)
     names += RivalResult.objects.filter(result__evaluation__in=runs).values_list("trace", flat=True)
     return [name for name in names if name]
 

@@ -27,6 +27,7 @@ from accounts.quotas import usage_of
 from accounts.who import racer_of
 from core.addresses import origin_of
 from core.forms import add_fault, explain
+from core.once import first_time, new_once, not_this_time
 from paddock.errors import UserFault
 from races.selectors import races_visible_to
 from training.classes.deleting import delete_class
@@ -89,7 +90,10 @@ def classroom(request: HttpRequest, slug: str) -> HttpResponse:
     has codes answers with the cards to print, which are shown this once."""
     shown = get_object_or_404(services.classes_taught_by(request.user), group__slug=slug)
     by, do = racer_of(request), request.POST.get("do", "")
-    names = NamesForm(request.POST if do == "add" else None)
+    names, once = NamesForm(request.POST if do == "add" else None), request.POST.get("once", "")
+    if do in ("add", "codes") and not first_time(once):
+        messages.info(request, _("This was done already. Make new codes to print cards again."))
+        return redirect(shown)
     try:
         if do == "add" and names.is_valid():
             wanted = services.names_in(names.cleaned_data["names"])
@@ -111,12 +115,14 @@ def classroom(request: HttpRequest, slug: str) -> HttpResponse:
             messages.success(request, _("The class is deleted, with all that was made in it."))
             return redirect("classrooms")
     except UserFault as fault:
+        not_this_time(once)
         add_fault(names, fault) if names.is_bound else messages.error(request, explain(fault))
     context = {
         "classroom": shown,
         "rows": progress_of(shown),
         "races": races_visible_to(request.user).filter(group=shown.group),
         "form": names,
+        "once": new_once(),
         "plan": ClassForm(initial={"name": shown.group.name, "plan": shown.plan}),
         "usage": usage_of(by, timezone.now(), only=[services.LEARNERS.name]),
     }
