@@ -10,7 +10,17 @@ from .models import PLAYED_BEHIND, Entry, LiveEvent, LiveRacer, LiveSlot, LiveSt
 from .poses import CHUNK_MS
 from .ranking import Standing
 from .selectors.duels import DuelRound, duels_of
-from .selectors.live import PODIUM, LiveRow, live_racers, live_standings, on_track, phase_of, running_order, up_next
+from .selectors.live import (
+    PODIUM,
+    LiveRow,
+    duels_are_open,
+    live_racers,
+    live_standings,
+    on_track,
+    phase_of,
+    running_order,
+    up_next,
+)
 from .selectors.live_speed import present_speed
 
 
@@ -43,7 +53,7 @@ def live_document(event: LiveEvent, now: datetime) -> dict[str, Any]:
         "submissions_open": event.submissions_open and not event.is_over,
         "message": event.message,
         "current": None if playing is None else slot_document(playing, now),
-        "next": [slot_document(slot, now) for slot in up_next(slots)],
+        "next": [slot_document(slot, now) for slot in up_next(event, slots)],
         "order": [slot_document(slot, now) for slot in slots],
         "racers": []
         if begun
@@ -161,11 +171,11 @@ def _winner(event: LiveEvent) -> Entry | None:
 
 
 def _podium(event: LiveEvent, standings: list[LiveRow]) -> list[str]:
-    """Who stands on it, the winner first; empty until it is shown."""
-    if event.podium_at is None or event.state == LiveState.CANCELLED:
+    """Who stands on it, the winner first; empty until it is shown, and of duels that were ended before their last."""
+    winner = _winner(event)
+    if event.podium_at is None or event.state == LiveState.CANCELLED or (winner is None and duels_are_open(event.race)):
         return []
     placed = [row.racer.entry for row in standings if row.rank is not None]
-    winner = _winner(event)
     if winner is not None:
         placed = [winner, *(entry for entry in placed if entry.pk != winner.pk)]
     return [entry.racer.alias for entry in placed[:PODIUM]]

@@ -6,6 +6,7 @@
   const COUNT_MS = 200;
   const GHOST_MS = 4000; // all pages ask for the ghost of a new leader; before the next start there is time
   const LIT_MS = 1800;
+  const SECTORS = 3;
   const SLIDE_MS = 500;
   const still = () => matchMedia("(prefers-reduced-motion: reduce)").matches;
   const element = (tag, name, text = "") => {
@@ -63,6 +64,7 @@
       this.root.toggleAttribute("data-between", told.drawn && under && !shows && !told.current && !this.root.show.slot);
       this.all("on-track").forEach((each) => { each.hidden = !told.current && !this.root.show.slot; });
       this.all("has-next").forEach((each) => { each.hidden = !told.next.length; });
+      this.all("standings-head").forEach((each) => { each.textContent = told.standings.length || under ? this.words.standings : this.words.lobby; });
       this.all("stage-tower").forEach((each) => { each.hidden = !told.standings.length; });
       this.all("has-podium").forEach((each) => { each.hidden = !told.podium.length; });
       this.all("message").forEach((each) => { each.hidden = !told.message; if (each.textContent !== told.message) each.textContent = told.message; });
@@ -91,7 +93,8 @@
         line.dataset.racer = row.racer;
         const marks = element("span", "marks");
         (row.sectors || []).forEach((ms, at) => marks.append(element("i", colour(ms, best[at], (own[row.racer] || [])[at]))));
-        const gap = row.points != null ? String(row.points) : row.score_ms == null ? "–" : row.gap_ms ? signed(row.gap_ms) : time(row.score_ms);
+        const here = row.here ? this.words.here : "–"; // in the lobby
+        const gap = !standings.length ? here : row.points != null ? String(row.points) : row.score_ms == null ? "–" : row.gap_ms ? signed(row.gap_ms) : time(row.score_ms);
         line.append(element("span", "pos num", row.rank ?? "–"), element("span", "who name", row.racer), marks, element("span", "time num", gap));
         list.times.set(row.racer, row.score_ms);
         if (times.has(row.racer) && times.get(row.racer) !== row.score_ms) light(line);
@@ -158,7 +161,7 @@
       if (event.car !== 0 || !this.told) return;
       if (event.kind === "lap") { this.lapFrom = event.t; this.inLap = []; }
       if (event.kind !== "sector") return;
-      if (event.sector === 1) { this.inLap = []; this.all("sectors").forEach((each) => each.replaceChildren()); }
+      if (event.sector === 1 || this.inLap.length >= SECTORS) { this.inLap = []; this.all("sectors").forEach((each) => each.replaceChildren()); }
       this.inLap.push(event.ms);
       const { best_sectors: best, own_sectors: own, current, leader } = this.told;
       const mine = (current && own[current.racer]) || [];

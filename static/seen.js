@@ -17,7 +17,7 @@
     constructor(root, panel) {
       Object.assign(this, { root, panel, strips: new Map(), of: "", drawn: "", asked: 0, told: null, large: false, heardAt: -Infinity });
       this.cars = panel.querySelector("[data-cars]");
-      this.topic = root.dataset.follow && panel.dataset.sees; // not where it is watched again
+      this.topic = document.querySelector("[data-again]") ? "" : panel.dataset.sees;
       panel.hidden = false;
       try { panel.open = localStorage.getItem(OPEN) === "1"; } catch { /* it stays closed */ }
       panel.addEventListener("toggle", () => {

@@ -137,7 +137,11 @@
         const name = document.createElement("span");
         name.className = number ? "show-name rival" : "show-name";
         name.textContent = racer;
-        return number ? [" – ", name] : [name];
+        if (!number) return [name];
+        const between = document.createElement("span"); // where there is room they stand below each other
+        between.className = "show-between";
+        between.textContent = " – ";
+        return [between, name];
       });
     }
 
@@ -220,7 +224,7 @@
     figures(place, moment) {
       this.drawnAt = moment;
       const end = this.car.t[this.car.t.length - 1];
-      const at = Math.max(0, this.over ? Math.min(moment, end) : moment);
+      const at = Math.max(0, Math.min(moment, end)); // of what the car does: where nothing comes, it stands
       this.write("clock", clock(at - this.lapFrom));
       this.write("lap-number", String(place.lap));
       this.write("speed", `${place.v.toFixed(1)} m/s`);

@@ -119,7 +119,7 @@ def live_now(racer: Racer | AnonymousUser | None, now: datetime, races: Iterable
     found = []
     for event in events[:TOLD_OF]:
         slots = running_order(event) if event.begun_at is not None else []
-        found.append(LiveNow(event, phase_of(event, now), on_track(slots), up_next(slots)))
+        found.append(LiveNow(event, phase_of(event, now), on_track(slots), up_next(event, slots)))
     return found
 
 
@@ -150,8 +150,10 @@ def on_track(slots: Sequence[LiveSlot]) -> LiveSlot | None:
     return next((slot for slot in slots if slot.state == SlotState.RUNNING), None)
 
 
-def up_next(slots: Sequence[LiveSlot]) -> list[LiveSlot]:
-    """Who comes next, who was called first."""
+def up_next(event: LiveEvent, slots: Sequence[LiveSlot]) -> list[LiveSlot]:
+    """Who comes next of the running order, who was called first; nobody once the event is over."""
+    if event.is_over:
+        return []
     coming = [slot for slot in slots if slot.state in TO_COME]
     return sorted(coming, key=lambda slot: (slot.state != SlotState.CALLED, slot.position, slot.pk))[:UP_NEXT]
 

@@ -156,7 +156,7 @@ def live_console(request: HttpRequest, slug: str) -> HttpResponse:
         "phase": phase_of(event, now),
         "rows": rows,
         "current": next((row for row in rows if row.phase in ("countdown", "on_track")), None),
-        "next": next(iter(up_next(slots)), None),
+        "next": next(iter(up_next(event, slots)), None),
         "standings": live_standings(event),
         "roll": [(entry, here.get(entry.pk)) for entry in entered.order_by("entered_at", "pk")],
         "late": [
@@ -225,7 +225,7 @@ def _shown(request: HttpRequest, race: Race, event: LiveEvent) -> dict[str, Any]
         "phase": phase_of(event, now),
         "document": document,
         "current": on_track(slots),
-        "next": up_next(slots),
+        "next": up_next(event, slots),
         "commanded": [car for car in (document["current"] or {}).get("cars", ()) if car["speed"] is not None],
         "standings": standings,
         "figures": figures,

@@ -101,7 +101,7 @@ def _commentary(event: LiveEvent) -> dict[str, Any]:
 
     def made() -> tuple[dict[str, Any], bool]:
         told = story_of(event, timezone.now())[:TOLD_MOST]
-        return {"told": told, "facts": facts_of(event), "next": up_next(running_order(event))}, True
+        return {"told": told, "facts": facts_of(event), "next": up_next(event, running_order(event))}, True
 
     key = event.pk, translation.get_language()
     return _COMMENTARIES.get(key, SAME_FOR_S, made) if is_shared() else made()[0]

@@ -6,6 +6,7 @@ import io
 from datetime import datetime, timedelta
 
 import pytest
+from django.urls import reverse
 from PIL import Image
 
 from core.events import Event
@@ -26,6 +27,7 @@ from races.services.live import (
     begin_live,
     cancel_live,
     choose_model,
+    crown,
     end_live,
     hold_slot,
     launch,
@@ -38,6 +40,7 @@ from races.services.live import (
     tick_live,
     undo_last,
 )
+from tests.clients import logged_in
 from tests.duels import a_duel_race, duel_outcome, qualify
 from tests.factories import a_model, a_racer, break_down, start
 from tests.live_shows import slots
@@ -342,3 +345,22 @@ def test_both_cars_are_played(alice, now, monkeypatch):
     picture = Image.open(io.BytesIO(frames_of(slot, timezone.now(), 0)))
     assert picture.height == 2 * 120, "what each of them sees"
     assert frames_of(slot, timezone.now(), 8) is None
+
+
+def test_an_event_that_ends_before_its_last_duel_has_no_podium_and_nobody_next(now, alice, wakes):
+    event, at = begun(a_live_draw(now, alice, 4), alice)
+    first = slots(event)[0]
+    compute(first, at)
+    launch(event=event, by=alice, seen=None, now=at)
+    first.refresh_from_db()
+    at = first.ends_at + timedelta(seconds=5)
+    tick_live(now=at)
+    page = logged_in(None).get(reverse("live_event", args=[event.race.slug])).content.decode()
+    assert ">Points</th>" in page and ">Best lap</th>" not in page.partition('id="live-standings"')[2]
+    assert live_document(event, at)["next"]
+    event.refresh_from_db()
+    end_live(event=event, by=alice, seen=None, now=at)
+    told = live_document(event, at)
+    assert (told["podium"], told["winner"], told["next"]) == ([], None, [])
+    crown(event=event, entry=first.starting[0], by=alice, seen=None, now=at)
+    assert live_document(event, at)["podium"][0] == first.starting[0].racer.alias
