@@ -103,7 +103,7 @@ def _camera_reading(camera: Camera) -> Reading:
     def read(car: Car, solids: Sequence[Solid], place: np.ndarray | None = None) -> np.ndarray:
         if place is None:
             return camera.render(car.pose, solids)[:, :, None]
-        camera.render(car.pose, solids, place[:, :, 0])
+        camera.render(car.pose, solids, place)
         return place
 
     return read

@@ -102,23 +102,25 @@ class Camera:
         self._painter = BlockPainter(scene.theme, optics)
 
     def render(self, pose: Pose, solids: Sequence[Solid] = (), place: np.ndarray | None = None) -> np.ndarray:
-        """The grey frame, uint8 (rows, columns), a fresh array; or in ``place``, which is only written to. ``solids``
-        hide each other and the ground by distance; one that the camera is inside of is not seen, as its faces look
-        outwards.
+        """The grey frame, uint8 (rows, columns), a fresh array; or in ``place``, of whatever shape has as many pixels,
+        which is only written to. ``solids`` hide each other and the ground by distance; one that the camera is inside
+        of is not seen, as its faces look outwards.
 
         Raises ValueError for a pose that is not finite."""
         x, y, yaw = pose.x, pose.y, pose.yaw  # of anything that has them, as pictures of sensors do
         if not math.isfinite(x + y + yaw):
             raise ValueError(f"nothing is seen from ({x}, {y}, {yaw})")
         x_m, y_m = min(max(x, -_FARTHEST_M), _FARTHEST_M), min(max(y, -_FARTHEST_M), _FARTHEST_M)
-        self._warp.aim(math.cos(yaw), math.sin(yaw), x_m, y_m)
-        self._warp.draw()
+        if place is not None and not solids:
+            self._warp.see(math.cos(yaw), math.sin(yaw), x_m, y_m, place)
+            return place
+        self._warp.see(math.cos(yaw), math.sin(yaw), x_m, y_m)
         frame = self._warp.frame.copy() if place is None else self._warp.frame
         if solids:
             self._painter.paint(frame, x, y, yaw, solids)
         if place is None:
             return frame
-        place[...] = frame
+        place[...] = frame.reshape(place.shape)
         return place
 
 

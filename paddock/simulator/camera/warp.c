@@ -32,6 +32,20 @@ struct line {
     int64_t column, row, column_step, row_step;
 };
 
+/* What a line is reckoned from, side by side: they are read once a frame, mostly from far away. */
+struct terms {
+    double column[4], row[4]; /* times the cosine, the sine, the camera's place, and one */
+    double column_step[2], row_step[2];
+};
+
+struct view { /* as CompiledWarp writes it down */
+    const struct strip *strips;
+    int64_t strip_count;
+    const struct terms *terms;
+    struct line *lines;
+    int64_t line_count, columns, wall;
+};
+
 const char paddock_identity[] = IDENTITY;
 
 PART int within(int64_t place, int64_t end) { return (uint64_t)place < (uint64_t)end; }
@@ -106,35 +120,34 @@ PART void add(const struct strip *strip, struct line at, int count, uint32_t wal
 }
 
 /* Whether all of a line's places between its first and its last pixel have their four neighbours in the picture. */
-PART int stays_inside(const struct strip *strip, const int64_t *line, int64_t line_count, int64_t columns)
+PART int stays_inside(const struct strip *strip, const struct line *line, int64_t columns)
 {
     const int64_t width = (strip->width - 1) << FRACTION, height = (strip->height - 1) << FRACTION;
-    const int64_t column = line[0], row = line[line_count];
-    return within(column, width) && within(column + (columns - 1) * line[2 * line_count], width) &&
-           within(row, height) && within(row + (columns - 1) * line[3 * line_count], height);
+    return within(line->column, width) && within(line->column + (columns - 1) * line->column_step, width) &&
+           within(line->row, height) && within(line->row + (columns - 1) * line->row_step, height);
 }
 
 /* A row of one grey, which needs no looking up; 0 where it is none. */
-PART int fill(const struct strip *strip, const int64_t *lines, int64_t line_count, int samples, uint8_t *pixels,
-              int64_t columns)
+PART int fill(const struct strip *strip, const struct line *lines, int samples, uint8_t *pixels, int64_t columns)
 {
     if (strip->flat < 0)
         return 0;
     for (int sample = 0; sample < samples; sample++)
-        if (!stays_inside(strip, lines + sample, line_count, columns))
+        if (!stays_inside(strip, lines + sample, columns))
             return 0;
     for (int64_t i = 0; i < columns; i++)
         pixels[i] = (uint8_t)strip->flat;
     return 1;
 }
 
-PART void warp(const struct strip *strip, int64_t strips, const int64_t *lines, int64_t line_count, uint8_t *frame,
-               int64_t columns, int64_t wall)
+PART void warp(const struct view *view, uint8_t *frame)
 {
-    for (; strips > 0; strips--, strip++) {
+    const struct line *lines = view->lines;
+    const int64_t columns = view->columns;
+    for (const struct strip *strip = view->strips; strip < view->strips + view->strip_count; strip++) {
         const int samples = 1 << strip->doublings, shift = 16 + (int)strip->doublings;
         for (int64_t row = strip->first; row < strip->last; row++, lines += samples) {
-            if (fill(strip, lines, line_count, samples, frame + row * columns, columns))
+            if (fill(strip, lines, samples, frame + row * columns, columns))
                 continue;
             for (int64_t from = 0; from < columns; from += CHUNK) {
                 const int count = columns - from < CHUNK ? (int)(columns - from) : CHUNK;
@@ -142,14 +155,10 @@ PART void warp(const struct strip *strip, int64_t strips, const int64_t *lines, 
                 for (int i = 0; i < CHUNK; i++)
                     sums[i] = (uint32_t)1 << (shift - 1);
                 for (int sample = 0; sample < samples; sample++) {
-                    const int64_t *line = lines + sample;
-                    const struct line at = {
-                        line[0] + from * line[2 * line_count],
-                        line[line_count] + from * line[3 * line_count],
-                        line[2 * line_count],
-                        line[3 * line_count],
-                    };
-                    add(strip, at, count, (uint32_t)wall, sums);
+                    struct line at = lines[sample];
+                    at.column += from * at.column_step;
+                    at.row += from * at.row_step;
+                    add(strip, at, count, (uint32_t)view->wall, sums);
                 }
                 uint8_t *pixels = frame + row * columns + from;
                 if (count == CHUNK)
@@ -164,11 +173,7 @@ PART void warp(const struct strip *strip, int64_t strips, const int64_t *lines, 
 }
 
 #ifdef __x86_64__
-__attribute__((target("avx2"))) static void warp_avx2(const struct strip *strip, int64_t strips, const int64_t *lines,
-                                                      int64_t line_count, uint8_t *frame, int64_t columns, int64_t wall)
-{
-    warp(strip, strips, lines, line_count, frame, columns, wall);
-}
+__attribute__((target("avx2"))) static void warp_avx2(const struct view *view, uint8_t *frame) { warp(view, frame); }
 
 /* 1 where processor and system have AVX2, else 2: asked once. */
 static int avx2(void)
@@ -187,17 +192,16 @@ static int avx2(void)
 }
 #endif
 
-/* lines: four arrays of line_count numbers, the members of struct line. */
-void paddock_warp(const struct strip *strip, int64_t strips, const int64_t *lines, int64_t line_count, uint8_t *frame,
-                  int64_t columns, int64_t wall)
+/* The frame of the lines as they are. */
+void paddock_warp(const struct view *view, uint8_t *frame)
 {
 #ifdef __x86_64__
     if (avx2() == 1) {
-        warp_avx2(strip, strips, lines, line_count, frame, columns, wall);
+        warp_avx2(view, frame);
         return;
     }
 #endif
-    warp(strip, strips, lines, line_count, frame, columns, wall);
+    warp(view, frame);
 }
 
 /* The nearest whole number; of two as near the even one. */
@@ -215,15 +219,21 @@ static int64_t whole(double number)
 #endif
 }
 
-/* terms: four by four arrays of line_count numbers, see Warp.aim; lines: as of paddock_warp, written down. */
-void paddock_aim(const double *terms, int64_t *lines, int64_t line_count, double cos, double sin, double x, double y)
+/* The lines, see Warp.aim. */
+void paddock_aim(const struct view *view, double cos, double sin, double x, double y)
 {
-    const double *by_cos = terms, *by_sin = terms + 4 * line_count;
-    const double *by_place = terms + 8 * line_count, *fixed = terms + 12 * line_count;
-    for (int64_t i = 0; i < line_count; i++)
-        lines[i] = whole((by_cos[i] * cos + by_sin[i] * sin) + (by_place[i] * x + fixed[i]));
-    for (int64_t i = line_count; i < 2 * line_count; i++)
-        lines[i] = whole((by_cos[i] * cos + by_sin[i] * sin) + (by_place[i] * y + fixed[i]));
-    for (int64_t i = 2 * line_count; i < 4 * line_count; i++)
-        lines[i] = whole(by_cos[i] * cos + by_sin[i] * sin);
+    const struct terms *of = view->terms;
+    for (struct line *line = view->lines; line < view->lines + view->line_count; line++, of++) {
+        line->column = whole((of->column[0] * cos + of->column[1] * sin) + (of->column[2] * x + of->column[3]));
+        line->row = whole((of->row[0] * cos + of->row[1] * sin) + (of->row[2] * y + of->row[3]));
+        line->column_step = whole(of->column_step[0] * cos + of->column_step[1] * sin);
+        line->row_step = whole(of->row_step[0] * cos + of->row_step[1] * sin);
+    }
+}
+
+/* Both, in one call. */
+void paddock_see(const struct view *view, double cos, double sin, double x, double y, uint8_t *frame)
+{
+    paddock_aim(view, cos, sin, x, y);
+    paddock_warp(view, frame);
 }

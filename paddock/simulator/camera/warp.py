@@ -74,6 +74,14 @@ class Warp(ABC):
     def draw(self) -> None:
         """Fill the frame from the lines."""
 
+    def see(self, cos: float, sin: float, x: float, y: float, place: np.ndarray | None = None) -> None:
+        """:meth:`aim` and :meth:`draw`; with ``place`` (uint8, as many pixels as the frame has) that is filled, which
+        is only written to, and :attr:`frame` then holds nothing of use."""
+        self.aim(cos, sin, x, y)
+        self.draw()
+        if place is not None:
+            place[...] = self.frame.reshape(place.shape)
+
 
 class NumpyWarp(Warp):
     """The one that needs nothing but numpy, and that the other is held against."""
@@ -119,12 +127,13 @@ class CompiledWarp(Warp):
     def __init__(self, strips: Sequence[Strip], columns: int, wall: int, terms: np.ndarray | None = None) -> None:
         super().__init__(strips, columns, wall, terms)
         assert self.library is not None
-        pair = (ctypes.c_void_p, ctypes.c_int64)
-        self._warp, self._aim = self.library.paddock_warp, self.library.paddock_aim
-        self._warp.argtypes = (*pair, *pair, *pair, ctypes.c_int64)
-        self._aim.argtypes = (ctypes.c_void_p, *pair, *[ctypes.c_double] * 4)
-        self._warp.restype = self._aim.restype = None
-        # struct strip of warp.c; the arrays stay where they are as long as this object has them
+        numbers = [ctypes.c_double] * 4
+        self._warp, self._aim, self._see = (getattr(self.library, f"paddock_{name}") for name in ("warp", "aim", "see"))
+        self._warp.argtypes = (ctypes.c_void_p, ctypes.c_void_p)
+        self._aim.argtypes = (ctypes.c_void_p, *numbers)
+        self._see.argtypes = (ctypes.c_void_p, *numbers, ctypes.c_void_p)
+        self._warp.restype = self._aim.restype = self._see.restype = None
+        # Structures of warp.c; the arrays stay where they are as long as this object has them.
         self._table = np.array(
             [
                 (
@@ -135,18 +144,40 @@ class CompiledWarp(Warp):
             ],
             np.int64,
         )
-        self._arguments = (
-            *(self._table.ctypes.data, len(self._table)),
-            *(self.lines.ctypes.data, self.lines.shape[1]),
-            *(self.frame.ctypes.data, columns, wall),
+        starts, steps = self.terms[:, :2], self.terms[:2, 2:]
+        sides = [*starts[:, 0], *starts[:, 1], *steps[:, 0], *steps[:, 1]]
+        self._terms = np.ascontiguousarray(np.transpose(sides))
+        self.lines = np.ascontiguousarray(self.lines.T).T  # the four numbers of a line side by side
+        self._view = np.array(
+            [
+                *(self._table.ctypes.data, len(self._table)),
+                *(self._terms.ctypes.data, self.lines.ctypes.data, self.lines.shape[1]),
+                *(columns, wall),
+            ],
+            np.int64,
         )
-        self._aimed = (self.terms.ctypes.data, self.lines.ctypes.data, self.lines.shape[1])
+        self._at = self._view.ctypes.data
+        self._own = self._place = self.frame.ctypes.data
+        self._placed: np.ndarray | None = None  # the array at _place
 
     def aim(self, cos: float, sin: float, x: float, y: float) -> None:
-        self._aim(*self._aimed, cos, sin, x, y)
+        self._aim(self._at, cos, sin, x, y)
 
     def draw(self) -> None:
-        self._warp(*self._arguments)
+        self._warp(self._at, self._own)
+
+    def see(self, cos: float, sin: float, x: float, y: float, place: np.ndarray | None = None) -> None:
+        if place is None:
+            self._see(self._at, cos, sin, x, y, self._own)
+            return
+        if place is not self._placed:  # it is the same in nearly every step, and to look where it is takes a while
+            if not (place.flags.c_contiguous and place.flags.writeable and place.dtype == np.uint8):
+                super().see(cos, sin, x, y, place)
+                return
+            if place.size != self.frame.size:
+                raise ValueError(f"{place.shape} is no place for a frame of {self.frame.shape}")
+            self._place, self._placed = place.ctypes.data, place
+        self._see(self._at, cos, sin, x, y, self._place)
 
 
 def _only_grey(pixels: np.ndarray) -> int:

@@ -19,6 +19,7 @@ from paddock.simulator.camera.theme import OFFICIAL
 from paddock.simulator.camera.view import Camera, Scene
 from paddock.simulator.camera.warp import HALF_WEIGHT, CompiledWarp, NumpyWarp, Strip
 from paddock.simulator.car import Pose
+from paddock.simulator.solids import box
 from tests.shared import CHECKOUT
 
 from .tracks_for_tests import stadium
@@ -135,6 +136,31 @@ def test_numpy_and_c_aim_the_same_lines(scene, in_c):
             camera.render(pose)
         fast, slow = (camera._warp.lines for camera in cameras)
         assert np.array_equal(fast, slow), pose
+
+
+@needs_compiler
+@pytest.mark.parametrize("solids", [(), (box(0.6, -1.2, 0.3),)])
+def test_a_frame_is_drawn_where_it_is_wanted(scene, in_c, solids):
+    here, there = np.zeros((120, 160, 1), np.uint8), np.zeros((120, 160), np.uint8)
+    apart = np.zeros((120, 160, 2), np.uint8)[:, :, 1]  # beside another
+    for way in (in_c, NumpyWarp):
+        camera = Camera(scene, FRONT_CAMERA, way)
+        for pose in (*poses(scene, 6, seed=5), Pose(0.0, -1.2, 0.0)):
+            fresh = camera.render(pose, solids)
+            kept = fresh.copy()
+            for place in (here, there, here, apart):
+                place[...] = 1
+                assert camera.render(pose, solids, place) is place
+                assert place.reshape(fresh.shape).tobytes() == kept.tobytes()
+            assert np.array_equal(fresh, kept)
+        assert np.array_equal(camera.render(pose, solids), kept)
+
+
+@needs_compiler
+def test_a_place_of_another_size_is_refused(scene, in_c):
+    for way in (in_c, NumpyWarp):
+        with pytest.raises(ValueError):
+            Camera(scene, FRONT_CAMERA, way).render(Pose(0.0, -1.2, 0.0), (), np.zeros((120, 161), np.uint8))
 
 
 @needs_compiler
