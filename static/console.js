@@ -1,16 +1,45 @@
-// The console of a live event: it looks for news every two seconds, and the running order is put right by dragging.
-// Without this script the buttons do the same.
+// The console of a live event: what changes comes by the stream (moves.js). That a run was computed is told to nobody, and that
+// a countdown is over comes by the clock, so the page looks for these, and for all where there is no stream. The running
+// order is put right by dragging; without this script the buttons do the same. What is clicked twice is sent once.
 "use strict";
 
 (() => {
   const LOOK_MS = 2000;
+  const RARELY_MS = 30000;
+  const SENT_MS = 8000; // then an answer is not to be hoped for
   const console_ = document.querySelector("[data-console]");
   if (!console_) return;
   let dragged = null;
 
+  let streams = false;
+  let lookedAt = performance.now();
+  let missed = false;
+  document.addEventListener("paddock:stream", ({ detail: { up } }) => { streams = up; });
+
+  const part = () => document.getElementById("console");
+  function look() {
+    lookedAt = performance.now();
+    htmx.trigger(part(), "paddock:look");
+  }
   setInterval(() => {
-    if (!dragged && !document.hidden) htmx.trigger(document.getElementById("console"), "paddock:look");
+    if (dragged || document.hidden) return;
+    const waits = part().hasAttribute("data-waits") || !streams;
+    if (waits || performance.now() - lookedAt > RARELY_MS) look();
   }, LOOK_MS);
+
+  // nothing moves under a hand that drags
+  document.addEventListener("htmx:beforeRequest", (event) => {
+    if (!dragged || event.detail.elt !== part()) return;
+    event.preventDefault();
+    missed = true;
+  });
+
+  let sent = 0;
+  document.addEventListener("submit", (event) => {
+    if (performance.now() - sent < SENT_MS && sent) event.preventDefault();
+    else sent = performance.now();
+  });
+  addEventListener("pageshow", () => { sent = 0; });
 
   const place = (event) => event.target.closest && event.target.closest("[data-slot][draggable]");
 
@@ -47,5 +76,7 @@
   document.addEventListener("dragend", () => {
     document.querySelectorAll(".dragged, .drop-here").forEach((one) => one.classList.remove("dragged", "drop-here"));
     dragged = null;
+    if (missed) look();
+    missed = false;
   });
 })();

@@ -155,6 +155,7 @@ def live_console(request: HttpRequest, slug: str) -> HttpResponse:
         "now": now,
         "phase": phase_of(event, now),
         "rows": rows,
+        "waits": any(row.sealed == "computing" or row.phase == "countdown" for row in rows),
         "current": next((row for row in rows if row.phase in ("countdown", "on_track")), None),
         "next": next(iter(up_next(event, slots)), None),
         "standings": live_standings(event),

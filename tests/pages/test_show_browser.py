@@ -115,7 +115,9 @@ def test_from_the_lobby_to_the_podium(browser, live_server, event):
     for number, alias in enumerate(("carl", "bob", "dora"), 1):
         compute(event)
         organising.reload()
-        organising.get_by_role("button", name=f"Launch {alias}").click()
+        organising.get_by_role("button", name=f"Launch {alias}").dblclick()
+        expect(organising.locator(".console-slot.countdown, .console-slot.on_track")).to_contain_text(alias)
+        expect(organising.get_by_text("Somebody did something")).to_have_count(0)
         expect(watching.locator("[data-who]")).to_have_text(alias, timeout=LATE_MS)
         expect(watching.locator("[data-car]")).to_be_visible(timeout=LATE_MS)
         if number == 1:

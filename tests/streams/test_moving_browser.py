@@ -17,7 +17,7 @@ from django.utils import timezone
 from races.events import record_board
 from races.models import Visibility
 from races.services import accept_invitation, remove_entry, submit_model
-from races.services.live import launch, say_to_spectators
+from races.services.live import launch, pause_live, say_to_spectators
 from tests.evaluation.processes import wait_for
 from tests.factories import a_model, a_race, a_racer, drive, laps, start
 from tests.live_shows import a_live_race, a_show, begun, slot_of
@@ -324,3 +324,17 @@ def test_what_the_car_sees_comes_by_the_stream(looks_at, streams, on_track) -> N
     streams.start()
     page.wait_for_function(f"{FEED}.streams", timeout=60_000)
     assert page.problems == [] or all("ERR_" in said or "50" in said for said in page.problems), page.problems
+
+
+def test_the_console_follows_the_stream(looks_at, on_track) -> None:
+    """What another organiser does comes by itself; while nothing is computed or counted down, it asks only then."""
+    alice, asked = on_track.race.organiser, []
+    page = looks_at("/races/race-night/event/console/", alice)
+    page.on("request", lambda request: asked.append(request.url) if "console" in request.url else None)
+    page.locator("#console:not([data-waits])").wait_for()
+    say_to_spectators(event=on_track, message="Dinner is at eight.", by=alice, seen=None, now=timezone.now())
+    page.locator('#console [data-act="message"]').wait_for()
+    assert len(asked) <= 3
+    pause_live(event=on_track, by=alice, seen=None, now=timezone.now())
+    page.get_by_role("button", name="Go on", exact=True).wait_for()
+    assert page.problems == []
