@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from datetime import timedelta
 
 import pytest
 from django.core import mail
@@ -38,6 +39,7 @@ from tests.live_shows import a_live_race, a_show, begun, compute, show, slot_of
 from tests.training.jobs import a_training
 from training.classes.deleting import delete_class
 from training.classes.progress import progress_of
+from training.classes.series import series_of
 from training.models import TrainingJob
 
 pytestmark = pytest.mark.django_db
@@ -245,3 +247,38 @@ def test_a_class_whose_race_is_live_is_deleted_too(alice, now, django_capture_on
         assert delete_class(classroom=room, by=alice) == 4
     assert not Evaluation.with_sealed.exists() and not Race.objects.exists()
     assert not Racer.objects.filter(alias__in=names).exists()
+
+
+def test_a_class_has_a_series_of_its_races(alice, made, now):
+    """Points by place; a race that is open counts as it stands, one that was called off or is to come does not."""
+    room, cards = made
+    kim, ann = (card.learner.racer for card in cards)
+    fields = {"organiser": alice, "group": room.group, "visibility": Visibility.INVITATION}
+    over, open_ = a_race(now, slug="first", **fields), a_race(now + timedelta(seconds=1), slug="second", **fields)
+    later = now + timedelta(minutes=1)
+    for race, times in ((over, (10_000, 11_000)), (open_, (12_000, 11_500))):
+        for racer, time_ms in zip((kim, ann), times, strict=True):
+            drive(race, racer, laps(*[time_ms] * 3), later)
+    drive(open_, alice, laps(*[9_000] * 3), later)
+    Race.objects.filter(pk=over.pk).update(closes_at=later)
+    a_race(now, slug="called-off", cancelled_at=now, cancel_reason="Rain", **fields)
+    series = series_of(room, later + timedelta(seconds=1))
+    assert [race.slug for race in series.races] == ["first", "second"] and series.is_provisional
+    found = [(row.place, row.racer, row.points, row.cells) for row in series.rows]
+    assert found == [(1, kim, 25 + 15, [1, 3]), (2, ann, 18 + 18, [2, 2]), (3, alice, 25, [None, 1])]
+    assert [row.points for row in series_of(room, later, without=[open_.pk]).rows] == [25, 18]
+    for reader in (kim, alice):
+        where = room.get_absolute_url() if reader == alice else "/class/"
+        page = logged_in(reader).get(where).content.decode().partition('id="series"')[2]
+        assert page.index(kim.alias) < page.index(ann.alias)
+        assert "Kim Minji" not in page
+
+
+def test_equals_share_their_place_in_the_series(alice, made, now):
+    room, cards = made
+    fields = {"organiser": alice, "group": room.group, "visibility": Visibility.INVITATION}
+    for number, order in enumerate(((0, 1), (1, 0))):
+        race = a_race(now, slug=f"race-{number}", **fields)
+        for place, at in enumerate(order):
+            drive(race, cards[at].learner.racer, laps(*[10_000 + 500 * place] * 3), now)
+    assert [(row.place, row.points) for row in series_of(room, now).rows] == [(1, 43), (1, 43)]

@@ -30,8 +30,10 @@ from core.forms import add_fault, explain
 from core.once import first_time, new_once, not_this_time
 from paddock.errors import UserFault
 from races.selectors import races_visible_to
+from races.spoilers import spoilers_of
 from training.classes.deleting import delete_class
 from training.classes.progress import progress_of
+from training.classes.series import series_of
 from training.lessons import BY_SLUG, LESSONS
 
 
@@ -120,6 +122,7 @@ def classroom(request: HttpRequest, slug: str) -> HttpResponse:
     context = {
         "classroom": shown,
         "rows": progress_of(shown),
+        "series": series_of(shown, timezone.now(), spoilers_of(request).hidden),
         "races": races_visible_to(request.user).filter(group=shown.group),
         "form": names,
         "once": new_once(),
@@ -164,4 +167,5 @@ def class_log_in(request: HttpRequest, code: str = "") -> HttpResponse:
     if mine is not None:
         context["plan"] = [(BY_SLUG[slug], slug in mine.lessons) for slug in mine.classroom.plan if slug in BY_SLUG]
         context["races"] = races_visible_to(request.user).filter(group=mine.classroom.group)
+        context["series"] = series_of(mine.classroom, timezone.now(), spoilers_of(request).hidden)
     return render(request, "training/classes/log_in.html", context, status=422 if problem else 200)
