@@ -22,7 +22,7 @@ from paddock.simulator.sensors import policy_header
 from paddock.simulator.stage import PreparedTrack
 from paddock.simulator.variations import Variation
 
-from .runner_process import ground_of, policy_client, telling_faults
+from .runner_process import ground_of, policy_client, policy_of, telling_faults
 from .sandbox.frames import FrameError, read_message, write_message
 from .sandbox.policy_client import PolicyClient
 
@@ -77,7 +77,7 @@ def _driven(
         ),
         space,
         sorted(metadata["sensor"]),
-        client.ask,
+        policy_of(client, space),
         on_progress=last.append,
         progress_every_steps=_NEVER,
         lidar_config=metadata.get("lidar_config"),

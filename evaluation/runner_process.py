@@ -31,7 +31,7 @@ from paddock.errors import PaddockError, UserFault
 from paddock.geometry.track import TrackGeometry
 from paddock.network.policy_wire import WAYS
 from paddock.rules.race import RaceRules
-from paddock.simulator.action import ActionSpace
+from paddock.simulator.action import DISCRETE, ActionSpace
 from paddock.simulator.camera.theme import THEMES
 from paddock.simulator.engine import versions
 from paddock.simulator.metrics import metrics_json
@@ -95,7 +95,7 @@ def _run(frames_in: int, frames_out: int) -> None:
     clients = [policy_client(number, header, job["budget"]) for number, header in enumerate(headers)]
     for client in clients:
         client.before_first = start.wait
-    policies: list[Policy] = [client.ask for client in clients]
+    policies = [policy_of(client, space) for client, space in zip(clients, spaces, strict=True)]
     if len(policies) > 1:
         policies = [_reporting(policy, number, frames_out) for number, policy in enumerate(policies)]
     first, *rivals = [
@@ -132,6 +132,11 @@ def policy_client(number: int, header: dict[str, Any], budget: dict[str, float])
     """The client of a car's policy, by the car's number."""
     read_fd, write_fd, memory_fd = (int(fd) for fd in sys.argv[1 + 3 * number : 4 + 3 * number])
     return PolicyClient(read_fd, write_fd, header, memory=to_write(memory_fd), **budget)
+
+
+def policy_of(client: PolicyClient, space: ActionSpace) -> Policy:
+    """Who drives a car with these actions."""
+    return client.choose if space.kind == DISCRETE else client.ask
 
 
 def ground_of(venue: dict[str, Any]) -> PreparedTrack:
@@ -187,7 +192,7 @@ class _Start:
 def _reporting(policy: Policy, number: int, frames_out: int) -> Policy:
     """``policy`` of car ``number``, whose faults the pipeline hears of at once: it knows how the process ended."""
 
-    def ask(readings: dict[str, np.ndarray]) -> np.ndarray | list[float]:
+    def ask(readings: dict[str, np.ndarray]) -> np.ndarray | list[float] | int:
         try:
             return policy(readings)
         except UserFault as fault:

@@ -28,7 +28,7 @@ from paddock.network.policy_wire import (
 )
 from paddock.simulator import compiled
 
-from .exchange import Exchange, exchange
+from .exchange import Exchange
 from .limits import POLICY_S
 from .shown import fits
 
@@ -44,11 +44,9 @@ class PolicyClient:
     A step may take ``step_deadline_s``; what is above comes from a bank of ``overage_s`` for the whole run (Kaggle's
     rule), and all steps together may take ``total_s``. Slowness within that budget changes nothing but wall time.
 
-    ``counts``: steps by the way they were answered, see :data:`paddock.network.policy_wire.WAYS`.
-
     Raises UserFault: ``policy_late``, ``policy_late_exact`` (the same where most steps went the exact way),
     ``policy_died``, ``policy_protocol`` (anything but one reply to this step), ``non_finite_action``. After any of them
-    the pipes are of no use any more. ``seconds`` counts the time spent in it. ``before_first``, if it is set, is called
+    the pipes are of no use any more. ``before_first``, if it is set, is called
     before the first request; what it waits for is not the network's time. ``memory``: that of :mod:`.shown`, if the
     model's process has it; ``places`` are then the arrays in it that the model sees, one for each sensor. Whoever has
     filled them asks with that very dict, and nothing is copied.
@@ -70,30 +68,38 @@ class PolicyClient:
         memory: Buffer | None = None,
     ) -> None:
         self._read_fd, self._write_fd = read_fd, write_fd
-        self._step_deadline_s, self._overage_s, self._total_s = step_deadline_s, overage_s, total_s
-        self._bank = overage_s
-        self._head = bytearray(STEP.size)
+        self._overage_s = overage_s
         self._sensors = observations_of(header)
         self.places = None if memory is None or not fits(header) else observations_in(header, memory)
         self._request_size = STEP.size + (observation_bytes(header) if self.places is None else 0)
         reply, action = reply_buffer(header)
         self._reply_size, self._reply_dtype = len(reply), action.dtype
         self._reply = struct.Struct(f"{REPLY.format}{action.size}f")
-        self._answer = struct.Struct(f"<{action.size}f")
-        self._in_c = None
-        if self.places is not None:
-            self._in_c = exchange(self.library, read_fd, write_fd, self._head, self._reply_size)
+        self._account = account = Exchange(read_fd, write_fd, self._reply_size)
+        account.step_deadline_s, account.bank_s, account.total_s = step_deadline_s, overage_s, total_s
+        self._at, self._call = ctypes.addressof(account), None if self.places is None else account.call(self.library)
         self._readable, self._writable = select.poll(), select.poll()
         self._readable.register(read_fd, select.POLLIN)
         self._writable.register(write_fd, select.POLLOUT)
         for fd in (read_fd, write_fd):
             if os.get_blocking(fd):  # the launcher's ends are not, and a locked process may not change them
                 os.set_blocking(fd, False)
-        self._until = self._started = 0.0
         self.before_first: Callable[[], None] = lambda: None
-        self.step = 0
-        self.seconds = 0.0
-        self.counts = dict.fromkeys(WAYS, 0)
+
+    @property
+    def step(self) -> int:
+        """The last one that was asked, from 1."""
+        return self._account.step
+
+    @property
+    def seconds(self) -> float:
+        """Spent with the model so far."""
+        return self._account.seconds
+
+    @property
+    def counts(self) -> dict[int, int]:
+        """Steps by the way they were answered, see :data:`paddock.network.policy_wire.WAYS`."""
+        return dict(zip(WAYS, self._account.counts, strict=True))
 
     def __call__(self, observation: Mapping[str, np.ndarray]) -> np.ndarray:
         """:meth:`ask`, and the answer as an array."""
@@ -101,64 +107,58 @@ class PolicyClient:
 
     def ask(self, observation: Mapping[str, np.ndarray]) -> list[float]:
         """One step. ``observation`` must have exactly the header's sensors, dtypes and shapes (else ValueError)."""
-        if not self.step:
+        values = self._asked(observation)
+        return list(self._reply.unpack_from(self._account.room)[2:]) if values is None else values
+
+    def choose(self, observation: Mapping[str, np.ndarray]) -> int:
+        """The same where only the place of the first of the greatest numbers is of interest."""
+        values = self._asked(observation)
+        return self._account.best if values is None else values.index(max(values))
+
+    def _asked(self, observation: Mapping[str, np.ndarray]) -> list[float] | None:
+        """The answer; None where C has it and says all of it."""
+        account = self._account
+        if not account.step:
             self.before_first()
-        parts = [self._head] if observation is self.places else self._parts(observation)
-        self.step = step = self.step + 1
-        STEP.pack_into(self._head, 0, step)
-        left_s, most_s = self._total_s - self.seconds, self._step_deadline_s + self._bank
-        if left_s > most_s:
-            left_s = most_s
-        if self._in_c is None:
-            values, taken = self._asked(parts, left_s)
-        else:
-            exchanged, call, at = self._in_c
-            way = call(at, left_s)
-            if way < 0:
-                values, taken = self._gone_on(exchanged, parts, left_s)
-            else:
-                self.counts[way] += 1
-                values, taken = list(self._answer.unpack_from(exchanged.room, REPLY.size)), exchanged.taken_s
-        self.seconds += taken
-        if taken > self._step_deadline_s:
-            self._bank -= taken - self._step_deadline_s
+        shown = observation is self.places
+        parts = [] if shown else self._parts(observation)
+        if self._call is None:
+            account.step += 1
+            account.left_s = min(account.total_s - account.seconds, account.step_deadline_s + account.bank_s)
+            account.started_s = time.monotonic()
+            account.sent = account.received = 0
+        elif self._call(self._at) >= 0:
+            return None
+        values = self._by_hand([STEP.pack(account.step), *parts])
+        taken = time.monotonic() - account.started_s
+        account.seconds += taken
+        if taken > account.step_deadline_s:
+            account.bank_s -= taken - account.step_deadline_s
         return values
 
-    def _asked(self, parts: list[Any], left_s: float) -> tuple[list[float], float]:
-        """The answer, and the seconds that it took."""
-        self._started = time.monotonic()
-        self._until = self._started + left_s
-        if not self._send(parts):
-            left_s = self._until - time.monotonic()
-        # Looked at once in any case, see _wait.
-        reply = self._read() if self._readable.poll(left_s * 1000 if left_s > 0.0 else 0) else b""
-        values = self._checked(reply if len(reply) == self._reply_size else self._receive(reply))
-        return values, time.monotonic() - self._started
-
-    def _gone_on(self, exchanged: Exchange, parts: list[Any], left_s: float) -> tuple[list[float], float]:
-        """The same from where C left off."""
-        self._started = exchanged.started_s
-        self._until = self._started + left_s
-        if exchanged.sent < self._request_size:
-            self._send_rest(parts, exchanged.sent)
-        values = self._checked(self._receive(bytes(exchanged.room[: exchanged.received])))
-        return values, time.monotonic() - self._started
+    def _by_hand(self, parts: list[Any]) -> list[float]:
+        """The answer, from where the exchange is now."""
+        account = self._account
+        if not account.sent:
+            self._send(parts)
+        # What C sent is small and whole, or nothing.
+        return self._checked(self._receive(bytes(account.room[: account.received])))
 
     def _parts(self, observation: Mapping[str, np.ndarray]) -> list[Any]:
-        """A request, which the kernel puts together: the arrays go into the pipe from where they are, unless they are
-        shown in memory."""
-        shown = self.places
+        """What of an observation goes through the pipe, which the kernel puts together from where the arrays are:
+        nothing where it is shown in memory."""
+        places = self.places
         if len(observation) != len(self._sensors):
             raise self._disagreed(observation)
-        parts: list[Any] = [self._head]
+        parts: list[Any] = []
         for name, dtype, shape in self._sensors:
             value = observation.get(name)
             if value is None:
                 raise self._disagreed(observation)
             if value.shape != shape or value.dtype != dtype:
                 raise ValueError(f"{name}: {value.dtype}{value.shape} where {dtype}{shape} was agreed")
-            if shown is not None:
-                shown[name][...] = value
+            if places is not None:
+                places[name][...] = value
                 continue
             parts.append(value if value.flags.c_contiguous else np.ascontiguousarray(value))
         return parts
@@ -167,8 +167,7 @@ class PolicyClient:
         agreed = [name for name, _, _ in self._sensors]
         return ValueError(f"sensors {sorted(observation)} where {agreed} were agreed")
 
-    def _send(self, parts: list[Any]) -> bool:
-        """Whether it went out at once."""
+    def _send(self, parts: list[Any]) -> None:
         try:
             written = os.writev(self._write_fd, parts)
         except BlockingIOError:
@@ -176,12 +175,7 @@ class PolicyClient:
         except BrokenPipeError:
             raise self._died() from None
         if written == self._request_size:  # as good as always: the pipe holds many requests
-            return True
-        self._send_rest(parts, written)
-        return False
-
-    def _send_rest(self, parts: list[Any], written: int) -> None:
-        """What is left of a request of which so many bytes are on their way."""
+            return
         left = memoryview(b"".join(parts))[written:]
         while left:
             self._wait(self._writable)
@@ -204,7 +198,7 @@ class PolicyClient:
         return chunk
 
     def _receive(self, reply: bytes) -> bytes:
-        """The rest of a reply that did not come in one piece."""
+        """All of a reply of which so much has come."""
         while len(reply) < self._reply_size:
             self._wait(self._readable)
             reply += self._read()
@@ -214,27 +208,28 @@ class PolicyClient:
 
     def _checked(self, reply: bytes) -> list[float]:
         step, way, *values = self._reply.unpack(reply)
-        if step != self.step or way not in self.counts:
+        if step != self.step or way not in WAYS:
             raise UserFault("policy_protocol", step=self.step)
-        self.counts[way] += 1
+        self._account.counts[way] += 1
         # a sum of finite ones is finite: float32 is far from what a float64 holds
         if not math.isfinite(sum(values)):
             raise UserFault("non_finite_action", step=self.step)
         return values
 
     def _wait(self, poller: select.poll) -> None:
+        account = self._account
         # Looked at once in any case: if this process was not scheduled in time, that is not the network's slowness.
-        left = max(0.0, self._until - time.monotonic())
+        left = max(0.0, account.started_s + account.left_s - time.monotonic())
         if not poller.poll(left * 1000):
-            exact = self.counts[EXACT] + self.counts[EXCEEDED]
+            exact = account.counts[EXACT] + account.counts[EXCEEDED]
             raise UserFault(
-                "policy_late_exact" if 2 * exact > self.step else "policy_late",
-                step=self.step,
+                "policy_late_exact" if 2 * exact > account.step else "policy_late",
+                step=account.step,
                 exact=exact,
-                step_s=self._step_deadline_s,
+                step_s=account.step_deadline_s,
                 overage_s=self._overage_s,
-                total_s=self._total_s,
-                waited_s=round(self.seconds + time.monotonic() - self._started, 3),
+                total_s=account.total_s,
+                waited_s=round(account.seconds + time.monotonic() - account.started_s, 3),
             )
 
     def _died(self) -> UserFault:

@@ -82,14 +82,19 @@ class ActionSpace:
         """What :func:`is_clear` needs to know, in plain JSON values: the ranges, or None for a list of actions."""
         return None if self.kind == DISCRETE else [list(self.steering), list(self.speed)]
 
-    def decode(self, output: np.ndarray | list[float], step: int = 0) -> Action:
-        """The command in a network's ``output`` (an array of any shape with ``size`` values, or a list of them).
+    def decode(self, output: np.ndarray | list[float] | int, step: int = 0) -> Action:
+        """The command in a network's ``output`` (an array of any shape with ``size`` values, or a list of them; of a
+        discrete space also the place of the first of the greatest scores, where somebody has looked at them).
 
         Discrete: the first of the greatest scores. Continuous: clipped to [-1, 1], scaled to the ranges
         (deepracer-simapp, multi_agent_coach/action_space_configs.py), clipped to what the car can do, and rounded to
         0.01 degrees and 0.001 m/s, far finer than a servo. Raises UserFault("non_finite_action"), which names ``step``;
         ValueError for a wrong size.
         """
+        if type(output) is int and self.kind == DISCRETE:
+            if 0 <= output < len(self.commands):
+                return self.commands[output]
+            raise ValueError(f"there is no action {output} among {self.size}")
         # so few numbers are looked at faster without numpy
         values: list[float] = output if type(output) is list else np.asarray(output).reshape(-1).tolist()
         if len(values) != self.size:

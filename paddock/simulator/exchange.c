@@ -25,14 +25,19 @@ extern int clock_gettime(int clock, struct moment *now);
 
 enum { WAYS = 4, HEAD = 8 }; /* paddock/network/policy_wire.py */
 
-struct exchange { /* as policy_client.py writes it down */
+struct exchange { /* as evaluation/sandbox/exchange.py writes it down */
     int32_t write_file, read_file;
-    const uint32_t *request; /* the number of the step, which is all of it */
     uint8_t *reply; /* with room for a byte more than one has */
     int64_t reply_size;
-    /* and what came of it: */
+    double step_deadline_s, total_s;
+    /* what was used of these so far, and how many steps were answered in each way */
+    double bank_s, seconds;
+    int64_t counts[WAYS];
+    /* the last step, and what came of it: */
+    uint32_t step, unused;
+    int64_t best; /* the place of the first of the greatest numbers */
     int64_t sent, received; /* bytes; none where a call failed */
-    double started_s, taken_s; /* by the clock of time.monotonic */
+    double started_s, left_s; /* by the clock of time.monotonic, and how long it might take from then on */
 };
 
 static double now_s(void)
@@ -49,40 +54,57 @@ static uint32_t word(const uint8_t *bytes) /* little-endian, wherever it lies */
 
 static int64_t at_least_none(long count) { return count < 0 ? 0 : count; }
 
-/* Whether this is one reply to the step, of finite numbers only. */
-static int is_sound(const struct exchange *all, uint32_t step)
+/* Whether this is one reply to the step, of finite numbers only; finds the first of the greatest. */
+static int is_sound(struct exchange *all)
 {
     const uint8_t *const reply = all->reply;
-    if (all->received != all->reply_size || word(reply) != step || word(reply + 4) >= WAYS)
+    if (all->received != all->reply_size || word(reply) != all->step || word(reply + 4) >= WAYS)
         return 0;
-    for (int64_t place = HEAD; place < all->reply_size; place += 4)
-        if ((word(reply + place) & 0x7f800000u) == 0x7f800000u)
+    int64_t most = 0;
+    for (int64_t place = HEAD; place < all->reply_size; place += 4) {
+        const uint32_t bits = word(reply + place), size = bits & 0x7fffffffu;
+        if (size >= 0x7f800000u)
             return 0;
+        const int64_t rank = bits >> 31 ? -(int64_t)size : size; /* in the order of the numbers, both zeros alike */
+        if (place == HEAD || rank > most) {
+            most = rank;
+            all->best = (place - HEAD) / 4;
+        }
+    }
     return 1;
 }
 
-/* Send the request, wait at most left_s seconds for the reply, and read it. Returns the way in which it was answered; or
-   -1 where that is not all there is to say: sent, received and started_s tell how far it came. */
-int64_t paddock_exchange(struct exchange *all, double left_s)
+/* Send the number of the next step, wait for the reply as long as the budget allows, read it, and count what it took.
+   Returns the way in which it was answered; or -1 where that is not all there is to say: then nothing is counted, and
+   sent, received, started_s and left_s tell how far it came. */
+int64_t paddock_exchange(struct exchange *all)
 {
+    const double most_s = all->step_deadline_s + all->bank_s, total_s = all->total_s - all->seconds;
+    all->left_s = total_s > most_s ? most_s : total_s;
+    all->step++;
     all->received = 0;
     all->started_s = now_s();
-    all->sent = at_least_none(write(all->write_file, all->request, sizeof *all->request));
-    if (all->sent != sizeof *all->request)
+    all->sent = at_least_none(write(all->write_file, &all->step, sizeof all->step));
+    if (all->sent != sizeof all->step)
         return -1;
     /* On one core the model has mostly answered by now. A byte more than wanted, to see a second reply with the first. */
     const unsigned long room = (unsigned long)all->reply_size + 1;
     all->received = at_least_none(read(all->read_file, all->reply, room));
     if (!all->received) {
-        const double left_ms = left_s < 0.0 ? 0.0 : left_s * 1000.0;
+        const double left_ms = all->left_s < 0.0 ? 0.0 : all->left_s * 1000.0;
         struct polled file = {all->read_file, READABLE, 0};
         if (poll(&file, 1, left_ms < LONGEST_MS ? (int)left_ms + 1 : (int)LONGEST_MS) == 1)
             all->received = at_least_none(read(all->read_file, all->reply, room));
     }
-    if (!is_sound(all, *all->request))
+    if (!is_sound(all))
         return -1;
-    all->taken_s = now_s() - all->started_s;
-    return word(all->reply + 4);
+    const double taken_s = now_s() - all->started_s;
+    all->seconds += taken_s;
+    if (taken_s > all->step_deadline_s)
+        all->bank_s -= taken_s - all->step_deadline_s;
+    const int64_t way = word(all->reply + 4);
+    all->counts[way]++;
+    return way;
 }
 
 #else

@@ -121,7 +121,7 @@ class RecordedCommands(ActionSpace):
             raise ValueError("not a sim-trace: it has no rows")
         return cls(CONTINUOUS, commands=tuple(commands))
 
-    def decode(self, output: np.ndarray | list[float], step: int = 0) -> Action:
+    def decode(self, output: np.ndarray | list[float] | int, step: int = 0) -> Action:
         """The command of the step; of a step behind the last row the last one, so that the run comes to an end."""
         return self.commands[min(step, len(self.commands)) - 1]
 

@@ -28,7 +28,8 @@ from .stage import PreparedTrack, Simulation
 from .trace import LABELS, Trace
 from .world import World
 
-Policy = Callable[[dict[str, np.ndarray]], np.ndarray | list[float]]
+# Answers as paddock.simulator.action.ActionSpace.decode takes them.
+Policy = Callable[[dict[str, np.ndarray]], np.ndarray | list[float] | int]
 
 
 @dataclass(frozen=True)

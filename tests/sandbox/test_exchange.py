@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+import array
+import fcntl
 import os
+import termios
 import threading
 import time
 
@@ -45,6 +48,12 @@ class Ends:
         self.client = client(read, write, HEADER, memory=to_write(self.shown.fd), **budget)
         self.write_fd = write
 
+    def waiting_bytes(self):
+        """What of the answers nobody has read yet."""
+        count = array.array("i", [0])
+        fcntl.ioctl(self.answers, termios.FIONREAD, count)
+        return count[0]
+
     def close_end(self, fd):
         self._fds.remove(fd)
         os.close(fd)
@@ -71,9 +80,9 @@ def fault_of(client):
 
 def test_the_library_here_has_the_exchange():
     with Ends(PolicyClient) as ends:
-        assert ends.client._in_c is not None
+        assert ends.client._call is not None
     with Ends(ByPython) as ends:
-        assert ends.client._in_c is None
+        assert ends.client._call is None
 
 
 def test_answers_are_numbers_and_counted_by_their_way(client):
@@ -89,6 +98,33 @@ def test_answers_are_numbers_and_counted_by_their_way(client):
         assert list(ends.client.counts.values()) == [2, 1, 1, 0]
         assert ends.client.step == 4
         assert 0 < ends.client.seconds < 60
+
+
+@pytest.mark.parametrize(
+    ("values", "best"),
+    [
+        ((0.25, -1.5, 3.0), 2),
+        ((-3.0, -1.5, -2.0), 1),
+        ((1.0, 1.0, 1.0), 0),
+        ((0.0, 2.5, 2.5), 1),
+        ((-0.0, 0.0, -1.0), 0),
+        ((-3.4e38, -3.4e38, -3.3e38), 2),
+        ((1e-45, 0.0, 3e-45), 2),
+        ((-1e-45, -3e-45, -2e-38), 0),
+    ],
+)
+def test_the_first_of_the_greatest_is_chosen(client, values, best):
+    with Ends(client) as ends:
+        os.write(ends.answers, reply(1, values))
+        assert ends.client.choose(GREY) == best
+        os.write(ends.answers, reply(2, values))
+        answer = ends.client.ask(GREY)
+        assert answer.index(max(answer)) == best
+        for step, odd in enumerate((float("nan"), float("inf")), 3):
+            os.write(ends.answers, reply(step, (0.0, odd, 1.0)))
+            with pytest.raises(UserFault) as caught:
+                ends.client.choose(GREY)
+            assert caught.value.code == "non_finite_action"
 
 
 def test_whoever_filled_the_places_asks_with_them(client):
@@ -128,8 +164,8 @@ def test_a_reply_that_comes_in_pieces_is_put_together(client, cut):
         def answer():
             assert os.read(ends.requests, 100) == STEP.pack(1)
             os.write(ends.answers, whole[:cut])
-            while ends.client._until == 0.0 and cut:
-                time.sleep(0.001)  # until C has given it up
+            while ends.waiting_bytes():
+                time.sleep(0.001)
             os.write(ends.answers, whole[cut:])
 
         other = threading.Thread(target=answer)
@@ -165,7 +201,7 @@ def test_a_reply_that_is_there_is_taken_however_late_it_is(client):
     with Ends(client, IMPATIENT) as ends:
         os.write(ends.answers, reply(1))
         assert ends.client.ask(GREY) == [0.25, -1.5, 3.0]
-        assert ends.client._bank < 0.0
+        assert ends.client._account.bank_s < 0.0
         assert fault_of(ends.client)[0] == "policy_late"
 
 
@@ -174,8 +210,8 @@ def test_what_is_above_the_deadline_comes_from_the_bank(client):
         for step in (1, 2):
             os.write(ends.answers, reply(step))
             ends.client.ask(GREY)
-        assert ends.client._bank == pytest.approx(60.0 - ends.client.seconds, abs=1e-9)
-        ends.client._bank = -1.0
+        assert ends.client._account.bank_s == pytest.approx(60.0 - ends.client.seconds, abs=1e-9)
+        ends.client._account.bank_s = -1.0
         assert fault_of(ends.client)[0] == "policy_late"
 
 
@@ -188,7 +224,7 @@ def test_mostly_exact_answers_are_named_where_one_is_late(client):
     with Ends(client, IMPATIENT) as ends:
         for step in (1, 2):
             os.write(ends.answers, reply(step, way=EXACT))
-            ends.client._bank = 0.0
+            ends.client._account.bank_s = 0.0
             ends.client.ask(GREY)
         assert fault_of(ends.client)[0] == "policy_late_exact"
 

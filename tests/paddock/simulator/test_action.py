@@ -77,3 +77,16 @@ def test_every_command_stays_within_the_cars_limits(values):
     assert 0.5 <= speed <= 2
     assert index is None
     assert round(steering, 4) == steering and round(speed, 4) == speed
+
+
+def test_a_chosen_place_of_a_list_is_its_command():
+    space = ActionSpace.discrete([(-20.0, 1.0), (0.0, 2.0), (20.0, 1.5)])
+    for place in range(3):
+        scores = [1.0, 1.0, 1.0]
+        scores[place] = 2.0
+        assert space.decode(place) == space.decode(scores)
+    for wrong in (-1, 3):
+        with pytest.raises(ValueError):
+            space.decode(wrong)
+    with pytest.raises(ValueError):
+        ActionSpace.continuous((-30.0, 30.0), (1.0, 2.0)).decode(1)
