@@ -292,6 +292,16 @@ class TrackGeometry:
         return self._table
 
     @property
+    def half_widths(self) -> Points:
+        """(N, 2): metres from each waypoint to the left and to the right border."""
+        return np.column_stack((self._left_m, self._right_m))
+
+    @property
+    def road(self) -> Road:
+        """What :meth:`on_road` asks."""
+        return self._road
+
+    @property
     def finish_m(self) -> float:
         """How far from row 0 a lap ends, for whoever draws it."""
         return 0.0

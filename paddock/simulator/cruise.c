@@ -10,6 +10,10 @@ struct segment { /* paddock/geometry/segments.py */
     double ax, ay, ex, ey, tx, ty, ux, uy, along, bend, start, size, reach;
 };
 
+struct edge { /* of a border, paddock/geometry/road.py */
+    double ax, ay, dx, dy, square;
+};
+
 struct row { /* paddock/simulator/states.py; what is not written here stays the same from row to row */
     int64_t lap, lap_steps;
     double x, y, yaw, steering_deg, speed_mps;
@@ -25,12 +29,19 @@ struct row { /* paddock/simulator/states.py; what is not written here stays the 
 struct cruise { /* as cruise.py writes it down; metres and radians */
     /* the track */
     const struct segment *segments;
-    const double *gains;
+    const double *gains, *half_widths; /* of each waypoint, to the left and to the right */
     int64_t count;
     double length;
+    const struct edge *edges;
+    const int64_t *bands;
+    int64_t band_count;
+    double low_m;
     /* what the referee goes by */
-    double nose_m, surely_m, clear_m, clear_from, clear_to, line_m;
+    double nose_m, front_m, rear_m, side_m, surely_m, clear_m, clear_from, clear_to, line_m;
     int64_t last_step, patience;
+    /* a step: where the base is now, cosine and sine of its heading, and the command that it was given before */
+    double new_x, new_y, new_yaw, cos, sin, steering_deg, speed_mps;
+    int64_t index;
     /* the car: its nose now and a step before, its base now and a step before */
     double x, y, older_x, older_y;
     double base_x, base_y, yaw, before_x, before_y, before_yaw;
@@ -43,6 +54,8 @@ struct cruise { /* as cruise.py writes it down; metres and radians */
 };
 
 #define ROUNDING_M 1e-9
+#define ON_LINE_M 1e-9
+#define BAND_M 0.25
 #define WINDOW_M 2.0
 
 static double size_of(double number) { return number < 0.0 ? -number : number; }
@@ -103,13 +116,55 @@ static double wrapped(double metres, double length)
     return sum - length / 2;
 }
 
-/* Write down the present state with the command that it was given, and follow the car to where its base is now. */
-int64_t paddock_cruise(struct cruise *car, double base_x, double base_y, double yaw, double cos, double sin,
-                       double steering_deg, double speed_mps, int64_t index)
+enum { BESIDE, ON_ROAD, UNSURE };
+
+/* Road.contains of the point so far ahead of the base and to its left. */
+static int is_on_road(const struct cruise *car, double ahead, double left)
 {
+    const double x = car->new_x + ahead * car->cos - left * car->sin;
+    const double y = car->new_y + ahead * car->sin + left * car->cos;
+    const double bands = (y - car->low_m) / BAND_M;
+    if (!(bands >= 0.0 && bands < (double)car->band_count))
+        return UNSURE;
+    const int64_t band = (int64_t)bands;
+    int odd = 0;
+    for (const struct edge *at = car->edges + car->bands[band]; at < car->edges + car->bands[band + 1]; at++) {
+        const double px = x - at->ax, py = y - at->ay;
+        const double turn = at->dx * py - at->dy * px;
+        if (turn * turn <= ON_LINE_M * ON_LINE_M * at->square)
+            return UNSURE; /* as good as on the line */
+        odd ^= (py >= 0.0) != (py >= at->dy) && (turn < 0.0) == (at->dy < 0.0);
+    }
+    return odd ? ON_ROAD : BESIDE;
+}
+
+/* A car that is not clear of the borders: whether it still has a wheel on the road, beside which it surely is. Then
+   finds out about all of them. */
+static int is_on_its_road(struct cruise *car)
+{
+    const int64_t after = car->segment + 1 == car->count ? 0 : car->segment + 1;
+    const double *here = car->half_widths + 2 * car->segment, *next = car->half_widths + 2 * after;
+    /* The referee lets the nose be farther out, by what it is away from the wheels; so near roundings do not matter. */
+    if (car->offset > here[0] || car->offset > next[0] || -car->offset > here[1] || -car->offset > next[1])
+        return 0;
+    int on_road = 0;
+    for (int wheel = 0; wheel < 4; wheel++) {
+        const int found = is_on_road(car, wheel < 2 ? car->front_m : car->rear_m, wheel % 2 ? -car->side_m : car->side_m);
+        if (found == UNSURE)
+            return 0;
+        on_road += found == ON_ROAD;
+    }
+    car->all_wheels = on_road == 4;
+    return on_road > 0;
+}
+
+/* Write down the present state with the command that it was given, and follow the car to where its base is now. */
+int64_t paddock_cruise(struct cruise *car)
+{
+    const double cos = car->cos, sin = car->sin;
     if (car->used == car->room || car->step + 1 >= car->last_step)
         return NOT_THIS_ONE;
-    const double x = base_x + car->nose_m * cos - 0.0 * sin, y = base_y + car->nose_m * sin + 0.0 * cos;
+    const double x = car->new_x + car->nose_m * cos - 0.0 * sin, y = car->new_y + car->nose_m * sin + 0.0 * cos;
     struct place place;
     if (!project(car, x, y, &place))
         return NOT_THIS_ONE;
@@ -129,9 +184,9 @@ int64_t paddock_cruise(struct cruise *car, double base_x, double base_y, double 
     row->x = car->x;
     row->y = car->y;
     row->yaw = car->yaw;
-    row->steering_deg = steering_deg;
-    row->speed_mps = speed_mps;
-    row->index = index;
+    row->steering_deg = car->steering_deg;
+    row->speed_mps = car->speed_mps;
+    row->index = car->index;
     row->all_wheels = (uint8_t)car->all_wheels;
     row->metres = car->metres;
     row->distance = car->distance;
@@ -145,9 +200,9 @@ int64_t paddock_cruise(struct cruise *car, double base_x, double base_y, double 
     car->before_x = car->base_x;
     car->before_y = car->base_y;
     car->before_yaw = car->yaw;
-    car->base_x = base_x;
-    car->base_y = base_y;
-    car->yaw = yaw;
+    car->base_x = car->new_x;
+    car->base_y = car->new_y;
+    car->yaw = car->new_yaw;
     car->before_m = car->metres;
     car->metres = metres;
     car->reversing = reversing;
@@ -158,5 +213,5 @@ int64_t paddock_cruise(struct cruise *car, double base_x, double base_y, double 
     car->segment = place.segment;
     car->clear = car->all_wheels = -car->clear_m < place.offset && place.offset < car->clear_m &&
                                    car->clear_from < place.distance && place.distance < car->clear_to;
-    return car->clear ? NOTHING_HAPPENED : LOOK_AT_WHEELS;
+    return car->clear || is_on_its_road(car) ? NOTHING_HAPPENED : LOOK_AT_WHEELS;
 }

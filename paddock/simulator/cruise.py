@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import ctypes
 import math
+import struct
 
 import numpy as np
 
@@ -45,11 +46,17 @@ class _State(ctypes.Structure):
     """``struct cruise`` of cruise.c."""
 
     _fields_ = [
-        *((name, ctypes.c_void_p) for name in ("segments", "gains")),
+        *((name, ctypes.c_void_p) for name in ("segments", "gains", "half_widths")),
         ("count", ctypes.c_int64),
-        *((name, ctypes.c_double) for name in ("length", "nose_m", "surely_m", "clear_m", "clear_from", "clear_to")),
-        ("line_m", ctypes.c_double),
+        ("length", ctypes.c_double),
+        *((name, ctypes.c_void_p) for name in ("edges", "bands")),
+        ("band_count", ctypes.c_int64),
+        *((name, ctypes.c_double) for name in ("low_m", "nose_m", "front_m", "rear_m", "side_m")),
+        *((name, ctypes.c_double) for name in ("surely_m", "clear_m", "clear_from", "clear_to", "line_m")),
         *((name, ctypes.c_int64) for name in ("last_step", "patience")),
+        *((name, ctypes.c_double) for name in ("new_x", "new_y", "new_yaw", "cos", "sin")),
+        *((name, ctypes.c_double) for name in ("steering_deg", "speed_mps")),
+        ("index", ctypes.c_int64),
         *((name, ctypes.c_double) for name in ("x", "y", "older_x", "older_y")),
         *((name, ctypes.c_double) for name in ("base_x", "base_y", "yaw", "before_x", "before_y", "before_yaw")),
         *((name, ctypes.c_double) for name in ("metres", "before_m", "distance", "offset", "tx", "ty")),
@@ -57,6 +64,9 @@ class _State(ctypes.Structure):
         ("rows", ctypes.c_void_p),
         *((name, ctypes.c_int64) for name in ("room", "used")),
     ]
+
+
+_TOLD, _TOLD_AT = struct.Struct("=7dq"), _State.new_x.offset
 
 
 class Cruise:
@@ -67,13 +77,20 @@ class Cruise:
         self.on = False
         self._competitor, self._car, self._referee = competitor, competitor.car, competitor.referee
         track, told = self._referee.track, self._referee.goes_by()
-        self._segments, self._gains = track.segment_rows, np.array(self._referee.odometer.gains)
+        self._held = held = {
+            "segments": track.segment_rows,
+            "gains": np.array(self._referee.odometer.gains),
+            "half_widths": track.half_widths,
+            "edges": track.road.rows[0],
+            "bands": track.road.rows[1],
+        }
         self._rows = np.zeros(ROWS, _ROW)
         self._rows["status"] = IN_PROGRESS
         self._state = _State(
-            segments=self._segments.ctypes.data,
-            gains=self._gains.ctypes.data,
-            count=len(self._segments),
+            **{name: array.ctypes.data for name, array in held.items()},
+            count=len(track.segment_rows),
+            band_count=len(track.road.rows[1]) - 1,
+            low_m=track.road.low_m,
             length=track.length,
             rows=self._rows.ctypes.data,
             room=ROWS,
@@ -83,10 +100,8 @@ class Cruise:
         )
         self._at = ctypes.addressof(self._state)
         self._call = library.paddock_cruise
-        self._call.argtypes = (ctypes.c_void_p, *[ctypes.c_double] * 7, ctypes.c_int64)
-        self._call.restype = ctypes.c_int64
+        self._call.argtypes, self._call.restype = (ctypes.c_void_p,), ctypes.c_int64
         self._action: Action = competitor.action
-        self._wheels: list[bool] = []
 
     @classmethod
     def of(cls, competitor: Competitor) -> Cruise | None:
@@ -119,11 +134,9 @@ class Cruise:
         pose = self._car.pose
         x, y, yaw = pose
         steering_deg, speed_mps, index = self._action = action
-        said = self._call(
-            self._at,
-            *(x, y, yaw, math.cos(yaw), math.sin(yaw)),
-            *(steering_deg, speed_mps, -1 if index is None else index),
-        )
+        told = (x, y, yaw, math.cos(yaw), math.sin(yaw), steering_deg, speed_mps, -1 if index is None else index)
+        _TOLD.pack_into(self._state, _TOLD_AT, *told)
+        said = self._call(self._at)
         if said == _NOTHING_HAPPENED or (said != _NOT_THIS_ONE and self._is_on_road(pose)):
             return
         self.settle()
@@ -133,11 +146,10 @@ class Cruise:
         self._competitor.judge()
 
     def _is_on_road(self, pose: Pose) -> bool:
-        """Whether a car that is somewhere near a border is no concern of the referee's."""
-        state = self._state
-        self._wheels = self._referee.wheels(pose)
-        state.all_wheels = all(self._wheels)
-        return any(self._wheels) and not self._referee.is_elsewhere(state.distance, state.offset)
+        """Whether a car that C is not sure of is no concern of the referee's."""
+        state, wheels = self._state, self._referee.wheels(pose)
+        state.all_wheels = all(wheels)
+        return any(wheels) and not self._referee.is_elsewhere(state.distance, state.offset)
 
     def settle(self) -> None:
         """Competitor and referee are where the car is, as if they had seen all its steps. Does nothing twice."""
@@ -150,13 +162,14 @@ class Cruise:
         self._competitor.cruised(self._action, state.lap_steps, self._rows[: state.used].tolist())
         place = Projection(state.distance, state.offset, math.atan2(state.ty, state.tx), state.segment)
         self._referee.odometer.settle(state.metres, place)
+        pose = Pose(state.base_x, state.base_y, state.yaw)
         self._referee.cruised(
             step=state.step,
-            poses=(Pose(state.before_x, state.before_y, state.before_yaw), Pose(state.base_x, state.base_y, state.yaw)),
+            poses=(Pose(state.before_x, state.before_y, state.before_yaw), pose),
             noses=((state.older_x, state.older_y), (state.x, state.y)),
             before_m=state.before_m,
             reversing=state.reversing,
             clear=bool(state.clear),
-            wheels=self._wheels,
+            wheels=[] if state.clear else self._referee.wheels(pose),
             all_wheels=bool(state.all_wheels),
         )

@@ -157,8 +157,12 @@ class Referee:
 
     def goes_by(self) -> dict[str, float]:
         """What stays the same through a run."""
-        clear = {"clear_m": self._clear_m, "clear_from": self._clear_from, "clear_to": self._clear_to}
-        return {"nose_m": self._nose_x, "last_step": self._last_step, **clear}
+        physics = self._physics
+        return {
+            **{"nose_m": self._nose_x, "front_m": physics.front_axle_x, "rear_m": physics.rear_axle_x},
+            **{"side_m": physics.half_track, "last_step": self._last_step},
+            **{"clear_m": self._clear_m, "clear_from": self._clear_from, "clear_to": self._clear_to},
+        }
 
     @property
     def is_calm(self) -> bool:
