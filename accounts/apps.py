@@ -17,15 +17,16 @@ class AccountsConfig(AppConfig):
         from .avatars.keeping import PICTURES, take_picture_along
         from .classes import LEARNERS
         from .following import FOLLOWED
-        from .models import Racer
+        from .models import Racer, TeamMember
         from .quotas import register as register_quota
-        from .receivers import keep_the_session, know_the_address, take_over_on_reset
+        from .receivers import keep_the_session, know_the_address, lead_on_without, take_over_on_reset
         from .storage import register
 
         register(PICTURES)
         register_quota(LEARNERS)
         register_quota(FOLLOWED)
         post_delete.connect(take_picture_along, sender=Racer, dispatch_uid="accounts.take_picture_along")
+        post_delete.connect(lead_on_without, sender=TeamMember, dispatch_uid="accounts.lead_on_without")
         for signal in (user_logged_in, password_changed, password_reset):
             signal.connect(know_the_address, dispatch_uid="accounts.know_the_address")
         password_reset.connect(take_over_on_reset, dispatch_uid="accounts.take_over_on_reset")

@@ -9,7 +9,9 @@ from django.http import HttpRequest
 from django.utils import timezone
 
 from .log_in import remember_address
+from .models import Team, TeamMember
 from .services import take_over
+from .teams.services import lead_on
 
 if TYPE_CHECKING:
     from accounts.models import Racer
@@ -26,6 +28,13 @@ def know_the_address(sender: object, *, request: HttpRequest | None, user: Racer
     """Somebody has logged in, or chosen a new password: they are known at this address."""
     if request is not None:
         remember_address(racer=user, request=request, now=timezone.now())
+
+
+def lead_on_without(sender: object, *, instance: TeamMember, **kwargs: object) -> None:
+    """Somebody is in a team no more; if that is because their account was deleted, its team needs a captain."""
+    team = Team.objects.filter(pk=instance.team_id, captain=None).first()
+    if team is not None:
+        lead_on(team)
 
 
 def begin_passing_session(request: HttpRequest) -> None:

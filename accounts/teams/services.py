@@ -174,11 +174,22 @@ def _join(team: Team, racer: Racer, now: datetime) -> Team:
         raise UserFault("team_full", limit=MEMBERS)
     TeamMember.objects.create(team=team, racer=racer, joined_at=now)
     TeamInvitation.objects.filter(team=team, racer=racer).delete()
-    if team.captain_id is None:  # whose captain's account is gone
-        team.captain = racer
-        team.save(update_fields=["captain"])
+    lead_on(team)
     _name(racer, team.name)
     return team
+
+
+def lead_on(team: Team) -> None:
+    """Let a team whose captain's account is gone be led by who has been in it for longest; without members it is
+    closed."""
+    if not Team.objects.filter(pk=team.pk, captain=None).exists():
+        return
+    first = team.members.select_related("racer").order_by("-racer__is_active", "joined_at", "pk").first()
+    if first is None:
+        team.delete()
+        return
+    team.captain = first.racer
+    team.save(update_fields=["captain"])
 
 
 def _take_out(team: Team, racer: Racer) -> None:

@@ -173,3 +173,19 @@ def test_the_pages_and_the_api(alice, bob, charlie, now):
     assert team_of(bob) is None and not Racer.objects.filter(alias="bob").exclude(team="").exists()
     captain.post("/teams/leave/")
     assert not Team.objects.exists()
+
+
+def test_a_team_whose_captains_account_is_deleted_is_led_on_by_the_longest_in_it(reds, alice, bob, charlie, now):
+    """And not by who joins next by the link."""
+    join_by_link(code=reds.code, racer=bob, now=now)
+    alice.delete()
+    reds.refresh_from_db()
+    assert reds.captain == bob
+    join_by_link(code=reds.code, racer=charlie, now=now)
+    reds.refresh_from_db()
+    assert reds.captain == bob and {member.racer for member in reds.members.all()} == {bob, charlie}
+    bob.delete()
+    reds.refresh_from_db()
+    assert reds.captain == charlie
+    charlie.delete()
+    assert not Team.objects.exists(), "nobody is in it"
