@@ -196,7 +196,8 @@ class TestJudged:
         spec = replace(SPEC, stop_clean_laps=3, layout={"standing_laps": True})
         senses = list(NetworkLayout.of(spec.metadata).senses)
         judge = Judge(spec, SHORT, [follow_centre_line] * spec.trials_driven, senses)
-        assert all(drive._setting.rules.standing_laps and drive._setting.rules.laps == 3 for drive in judge._long)
+        rules = [drive._setting.rules for drive in judge._drives]
+        assert [each.laps for each in rules] == [3, 3, 3, 3] and all(each.standing_laps for each in rules)
         judge.close()
 
 

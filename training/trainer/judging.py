@@ -12,11 +12,11 @@ from paddock.geometry.track import TrackGeometry
 from paddock.rules.race import HEAD_TO_HEAD, OBJECT_AVOIDANCE, TIME_TRIAL
 from paddock.simulator.action import CONTINUOUS, ActionSpace
 from paddock.simulator.camera.theme import THEMES
-from paddock.simulator.envs.drive import Drive
+from paddock.simulator.envs.drive import Drive, StepOutcome
 from paddock.simulator.envs.setting import Setting, head_to_head, object_avoidance, time_trial
 from paddock.simulator.referee import LAPS_DONE
 from paddock.simulator.rewards import RewardFunction
-from paddock.simulator.trace import LABELS
+from paddock.simulator.trace import LABELS, TIME_UP
 
 from .cars import Way, fault_m, lap_limit_ms, ways_of
 from .drills import Fault
@@ -25,6 +25,9 @@ from .spec import LAP_TIME, REWARD, TrainerSpec
 
 _SETTINGS = {TIME_TRIAL: time_trial, OBJECT_AVOIDANCE: object_avoidance, HEAD_TO_HEAD: head_to_head}
 _PLACES = 400  # of the newest drive that are told
+PROBE_BEFORE_M, PROBE_BEYOND_M = 3.0, 1.0  # a probe is driven from before a fault to beyond it
+_PROBE_STEPS = 90
+_SAME_M = 0.5  # faults that lie nearer to each other are one
 
 Act = Callable[[np.ndarray], np.ndarray]
 
@@ -89,7 +92,13 @@ class Judge:
     """Drives a policy over the trials: one lap each, ended by the first fault, from places that are evenly spread over
     the track; the first from the finish line. The simulator repeats itself, so trials from one place would be one: but
     on an open track every lap is from the start, and no other is worth a trial. Several ways (tracks, directions) are
-    dealt the trials in turn, and have at least one each."""
+    dealt the trials in turn, and have at least one each.
+
+    Where laps in a row are asked for, the first car of each way is the one that drives them: it waits behind its first
+    lap until all trials are over, and drives on if none had a fault.
+
+    A look at a car that nearly laps takes as long as the driving and learning since the last one. What it would show is
+    mostly known before: :meth:`probe` drives over the places where the trials failed last."""
 
     def __init__(
         self,
@@ -105,7 +114,11 @@ class Judge:
         ways = ways_of(spec, track)
         count = len(ways)
         of_trial = [ways[number % count] for number in range(len(rewards))]
-        self._settings = [self._setting(one, reward, 1) for one, reward in zip(of_trial, rewards, strict=True)]
+        laps = [spec.stop_clean_laps or 1 if number < count else 1 for number in range(len(rewards))]
+        self._settings = [
+            self._setting(one, reward, each) for one, reward, each in zip(of_trial, rewards, laps, strict=True)
+        ]
+        self._limits_ms = [lap_limit_ms(one.track, self._settings[0].actions) for one in of_trial]
         self._starts = []
         for number, one in enumerate(of_trial):
             on_it = -(-(len(rewards) - number % count) // count)
@@ -114,8 +127,8 @@ class Judge:
         self._lengths = tuple(one.track.length for one in of_trial) if spec.more_tracks else ()
         self._told_ways = [one.told for one in of_trial] if spec.ways > 1 else [{}] * len(rewards)
         self._drives = [Drive(setting) for setting in self._settings]
-        laps = spec.stop_clean_laps
-        self._long = [Drive(self._setting(one, rewards[at], laps)) for at, one in enumerate(ways)] if laps else []
+        self._firsts = list(range(count)) if spec.stop_clean_laps else []  # whose laps in a row are asked for
+        self._failed: list[tuple[int, float]] = []  # trials of the last look that had a fault, and where
 
     def _setting(self, way: Way, reward: RewardFunction, laps: int) -> Setting:
         track = way.track
@@ -133,47 +146,101 @@ class Judge:
 
     def look(self, act: Act) -> Judgement:
         """Drive the trials, and the laps in a row once all trials are clean."""
-        told = self._drive(act, self._drives, self._starts)
-        faults = self._faults(self._drives)
+        for number, start in enumerate(self._starts):
+            self._begin(number, start)
+        trials = self._first_laps(act)
+        driving = _places(self._drives[0], trials[0]["steps"])
         confirmed = False
-        if self._long and all(trial["lap_ms"] is not None for trial in told):
-            laps = self._drive(act, self._long, [0.0] * len(self._long))
-            confirmed = all(each["lap_ms"] is not None for each in laps)
-            faults = self._faults(self._long)
-        told = [trial | way for trial, way in zip(told, self._told_ways, strict=True)]
-        return Judgement(told, _places(self._drives[0]), confirmed, self._lengths, faults)
+        if self._firsts and all(trial["lap_ms"] is not None for trial in trials):
+            self._drive(act, [number for number in self._firsts if not self._drives[number].car.done], lambda *_: False)
+            confirmed = all(self._drives[number].car.referee.end_reason == LAPS_DONE for number in self._firsts)
+        self._failed = self._faults()
+        faults = tuple((number % self._spec.ways, metres) for number, metres in self._failed)
+        told = [trial | way for trial, way in zip(trials, self._told_ways, strict=True)]
+        return Judgement(told, driving, confirmed, self._lengths, faults)
 
-    def _faults(self, drives: list[Drive]) -> tuple[Fault, ...]:
-        """Where the cars of these drives have failed: the first of each way come first, then the second, ..."""
-        found = [(number % self._spec.ways, fault_m(drive.car.referee)) for number, drive in enumerate(drives)]
-        return tuple((way, metres) for way, metres in found if metres is not None)
+    def probe(self, act: Act) -> tuple[Fault, ...]:
+        """Drive over the places where the last look ended with a fault, each from a stand shortly before it: where the
+        car fails again, once for each trial that had failed there. With one of them a look would hardly show anything
+        new."""
+        met: list[tuple[int, float]] = []  # trials, and their places
+        shared: dict[int, int] = {}  # trials that had failed in the place of this one
+        begun: dict[int, float] = {}
+        for number, metres in self._failed:
+            if (other := self._near(number, metres, met)) is not None:
+                shared[other] += 1
+                continue
+            met.append((number, metres))
+            shared[number] = 1
+            track, start = self._settings[number].ground.track, metres - PROBE_BEFORE_M
+            self._begin(number, max(start, 0.0) if track.is_open else start % track.length)
+            begun[number] = self._drives[number].car.referee.odometer.metres
+        far = PROBE_BEFORE_M + PROBE_BEYOND_M
 
-    def _drive(self, act: Act, drives: list[Drive], starts: list[float]) -> list[dict[str, Any]]:
-        """Drive each from its start to its end."""
-        # the same boxes and bots for every policy of this training: they are compared
-        for number, (drive, start) in enumerate(zip(drives, starts, strict=True)):
-            drive.begin(np.random.default_rng((self._spec.seed, number)), {"start_m": start})
-        earned = [0.0] * len(drives)
-        told: list[dict[str, Any]] = [{} for _ in drives]
-        live = list(range(len(drives)))
+        def over(number: int, _: StepOutcome) -> bool:
+            referee = self._drives[number].car.referee
+            return referee.step >= _PROBE_STEPS or referee.odometer.metres - begun[number] >= far
+
+        self._drive(act, list(begun), over)
+        failed = [(number, fault_m(self._drives[number].car.referee)) for number in begun]
+        return tuple(
+            (number % self._spec.ways, metres)
+            for number, metres in failed
+            if metres is not None
+            for _ in range(shared[number])
+        )
+
+    def _near(self, number: int, metres: float, met: list[tuple[int, float]]) -> int | None:
+        """Which of these trials failed in the same place of the same way."""
+        way, track = number % self._spec.ways, self._settings[number].ground.track
+        for other, place in met:
+            if other % self._spec.ways == way and _apart(track, metres, place) < _SAME_M:
+                return other
+        return None
+
+    def _begin(self, number: int, start_m: float) -> None:
+        """A trial at its start: with the same boxes and bots for every policy of this training, they are compared."""
+        self._drives[number].begin(np.random.default_rng((self._spec.seed, number)), {"start_m": start_m})
+
+    def _first_laps(self, act: Act) -> list[dict[str, Any]]:
+        """Drive a lap of each trial, to its first fault; what each came to."""
+        earned = [0.0] * len(self._drives)
+        told: list[dict[str, Any]] = [{} for _ in self._drives]
+
+        def over(number: int, outcome: StepOutcome) -> bool:
+            earned[number] += outcome.reward
+            drive = self._drives[number]
+            lap_ms = drive.car.referee.laps[0].end_ms
+            late = lap_ms is None and drive.car.referee.time_ms >= self._limits_ms[number]
+            if not drive.car.done and lap_ms is None and not late:
+                return False
+            told[number] = _trial(drive, earned[number], late)
+            return True
+
+        self._drive(act, list(range(len(self._drives))), over)
+        return told
+
+    def _faults(self) -> list[tuple[int, float]]:
+        """The numbers of the trials that have failed, and where."""
+        found = [(number, fault_m(drive.car.referee)) for number, drive in enumerate(self._drives)]
+        return [(number, metres) for number, metres in found if metres is not None]
+
+    def _drive(self, act: Act, live: list[int], over: Callable[[int, StepOutcome], bool]) -> None:
+        """Drive these cars on until their runs end, or until ``over`` says of a step that it was the last for now."""
         while live:
-            seen = [drives[number].observe() for number in live]
+            seen = [self._drives[number].observe() for number in live]
             readings = {sense.name: np.stack([one[sense.name] for one in seen]) for sense in self._senses}
             outputs = act(look(self._senses, readings))
             going = []
             for number, output in zip(live, outputs, strict=True):
-                drive = drives[number]
+                drive = self._drives[number]
                 drive.command(self._action(output))
                 drive.world.step()
                 outcome = drive.judge()
-                earned[number] += outcome.reward
-                if outcome.terminated or outcome.truncated:
-                    told[number] = _trial(drive, earned[number])
-                else:
+                if not over(number, outcome) and not drive.car.done:
                     going.append(number)
             live = going
             self._pulse()
-        return told
 
     def _action(self, output: np.ndarray) -> Any:
         space = self._settings[0].actions
@@ -181,27 +248,35 @@ class Judge:
 
     def close(self) -> None:
         """Free the worlds."""
-        for drive in (*self._drives, *self._long):
+        for drive in self._drives:
             drive.close()
 
 
-def _trial(drive: Drive, earned: float) -> dict[str, Any]:
+def _apart(track: TrackGeometry, one: float, other: float) -> float:
+    """Metres between two places of a track, the shorter way round."""
+    apart = abs(one - other)
+    return apart if track.is_open else min(apart, track.length - apart)
+
+
+def _trial(drive: Drive, earned: float, late: bool) -> dict[str, Any]:
+    """What a trial came to when its lap is done or its run over; ``late``: its time is up."""
     car = drive.car
     referee = car.referee
-    clean = referee.end_reason == LAPS_DONE
+    lap_ms = referee.laps[0].end_ms
     return {
         "reward": round(earned, 4),
-        "progress": 100.0 if clean else round(min(max(referee.percent, 0.0), 100.0), 2),
-        "status": LABELS[car.status],
-        "steps": len(car.rows),
-        "time_ms": int(referee.time_ms),
-        "lap_ms": int(referee.time_ms) if clean else None,
+        "progress": 100.0 if lap_ms is not None else round(min(max(referee.percent, 0.0), 100.0), 2),
+        "status": LABELS[TIME_UP if late else car.status],
+        "steps": referee.step + 1,
+        "time_ms": lap_ms if lap_ms is not None else int(referee.time_ms),
+        "lap_ms": lap_ms,
     }
 
 
-def _places(drive: Drive) -> list[list[float]]:
-    """The drive as [x, y, yaw in radians, speed], metres and m/s to the millimetre; at most 400 of them."""
-    rows = drive.car.rows
+def _places(drive: Drive, steps: int) -> list[list[float]]:
+    """The first ``steps`` of a drive as [x, y, yaw in radians, speed], metres and m/s to the millimetre; at most 400 of
+    them."""
+    rows = drive.car.rows[:steps]
     every = -(-len(rows) // _PLACES)
     return [
         [round(row.X, 3), round(row.Y, 3), round(float(np.deg2rad(row.yaw)), 3), round(row.throttle, 2)]

@@ -60,6 +60,7 @@ cv2.setNumThreads(1)
 CHECKPOINT_EVERY_S = 10.0
 LARGE_CHECKPOINT_EVERY_S = 60.0  # of a network of the console: 70 MB each
 PULSE_S = 1.0
+MOST_PROBES = 4  # a look is put off for at most so many times, less one, if the car fails where it failed before
 EVERY_UPDATE = 100  # so many updates are looked at one by one; then ever fewer of them, about 1 % of the way apart
 CLEAN, TIME, STEPS, ASKED = "clean_laps", "time", "steps", "stopped"
 
@@ -149,7 +150,8 @@ class Training:
             losses = self._with_numbers(learner.update)
             self._updates += 1
             every = self.spec.updates_a_look * (1 + self._updates // EVERY_UPDATE)
-            if self._updates - self._looked_at >= every or self._steps_are_up():
+            since = self._updates - self._looked_at
+            if self._steps_are_up() or since >= MOST_PROBES * every or (since >= every and self._passes_probe()):
                 self._look(losses)
             self._end_if_steps_are_up()
             if self._ended or not self._may_go_on():
@@ -227,6 +229,12 @@ class Training:
     def _end_if_steps_are_up(self) -> None:
         if not self._ended and self._steps_are_up():
             self._ended = STEPS
+
+    def _passes_probe(self) -> bool:
+        """Whether the car takes the places where the last look saw it fail: then it is worth another look."""
+        failed = self._judge.probe(self._learner.act)
+        self._cars.drills.note_looks(failed)
+        return not failed
 
     def _look(self, losses: Any) -> None:
         learner = self._learner
