@@ -17,7 +17,7 @@ import io
 import json
 import warnings
 import zipfile
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
 from typing import Any
 
@@ -27,7 +27,12 @@ import torch
 from stable_baselines3 import PPO, SAC
 from stable_baselines3.common.callbacks import BaseCallback
 from stable_baselines3.common.logger import Logger
-from stable_baselines3.common.type_aliases import TrainFreq, TrainFrequencyUnit
+from stable_baselines3.common.type_aliases import (
+    ReplayBufferSamples,
+    RolloutBufferSamples,
+    TrainFreq,
+    TrainFrequencyUnit,
+)
 from stable_baselines3.common.utils import polyak_update
 from stable_baselines3.common.vec_env import VecEnv
 from torch.nn import functional
@@ -35,6 +40,7 @@ from torch.nn import functional
 from paddock.rules.hyperparameters import HUBER
 
 from . import torso
+from .mirror import Mirror
 from .network import FEATURES, NetworkLayout
 from .spec import TrainerSpec
 from .warm import torso_arguments
@@ -69,10 +75,12 @@ class Learner:
         cars: VecEnv,
         callback: BaseCallback,
         hurry: Callable[[], bool] = lambda: False,
+        mirror: Mirror | None = None,
     ) -> None:
         """``callback`` is asked after each control step; ``hurry`` between the steps of learning: once it is true, the
-        update ends there, and one of PPO is undone."""
+        update ends there, and one of PPO is undone. ``mirror``: what half of each batch is turned round by."""
         self.spec, self.layout = spec, layout
+        self._mirror = mirror
         self._hurry = hurry
         self._driven = 0  # steps of all cars since the last update
         self.sac = spec.algorithm == "sac"
@@ -152,8 +160,9 @@ class Learner:
         model, policy, told = self.model, self.model.policy, []
         before = {name: tensor.clone() for name, tensor in policy.state_dict().items()}
         discrete = self.spec.metadata["action_space_type"] == "discrete"
+        batches = self._mirrored_batches() if self._turns else lambda: model.rollout_buffer.get(model.batch_size)
         for _ in range(model.n_epochs):
-            for batch in model.rollout_buffer.get(model.batch_size):
+            for batch in batches():
                 actions = batch.actions.long().flatten() if discrete else batch.actions
                 values, log_prob, entropy = policy.evaluate_actions(batch.observations, actions)
                 advantages = batch.advantages
@@ -176,12 +185,63 @@ class Learner:
             model._n_updates += 1
         return _means(told)
 
+    @property
+    def _turns(self) -> bool:
+        """Whether half of what is learned from is turned round."""
+        return self._mirror is not None and self._mirror.holds
+
+    def _mirrored_batches(self) -> Callable[[], Iterator[RolloutBufferSamples]]:
+        """What gives an epoch's batches: of each step what was driven or its mirror image, by lot.
+
+        Nobody has driven the latter: how likely they were is asked of the policy that drove.
+        """
+        model, mirror, buffer = self.model, self._mirror, self.model.rollout_buffer
+        assert mirror is not None
+        next(buffer.get(model.batch_size))  # it lays itself out flat
+        discrete = self.spec.metadata["action_space_type"] == "discrete"
+        count, size = buffer.buffer_size * buffer.n_envs, model.batch_size
+        likely = torch.empty(count)
+        with torch.no_grad():
+            for at in range(0, count, size):  # in the sizes that are met before the lock
+                driven = buffer._get_samples(np.arange(at, min(at + size, count)))
+                actions = mirror.actions(driven.actions)
+                actions = actions.long().flatten() if discrete else actions
+                likely[at : at + size] = model.policy.evaluate_actions(mirror.rows(driven.observations), actions)[1]
+
+        def batches() -> Iterator[RolloutBufferSamples]:
+            order, turned = np.random.permutation(count), np.random.randint(0, 2, count).astype(bool)
+            for at in range(0, count, size):
+                some = order[at : at + size]
+                batch, which = buffer._get_samples(some), torch.from_numpy(turned[some])
+                rows, actions, log_prob = batch.observations, batch.actions, batch.old_log_prob
+                rows[which], actions[which] = mirror.rows(rows[which]), mirror.actions(actions[which])
+                log_prob[which] = likely[some][which]
+                yield batch
+
+        return batches
+
+    def _turned(self, batch: ReplayBufferSamples) -> ReplayBufferSamples:
+        """The first half of a batch turned round."""
+        mirror = self._mirror
+        if mirror is None or not mirror.holds:
+            return batch
+        half = len(batch.actions) // 2
+
+        def both(values: torch.Tensor, turn: Callable[[torch.Tensor], torch.Tensor]) -> torch.Tensor:
+            return torch.cat([turn(values[:half]), values[half:]])
+
+        return batch._replace(
+            observations=both(batch.observations, mirror.rows),
+            actions=both(batch.actions, mirror.actions),
+            next_observations=both(batch.next_observations, mirror.rows),
+        )
+
     def _update_sac(self) -> Losses:
         """As ``SAC.train`` of stable-baselines3 2.9 with a fixed alpha, with a choice of the critics' loss."""
         model, told = self.model, []
         alpha = float(self.spec.hyperparameters["sac_alpha"])
         for _ in range(max(1, self.spec.hyperparameters["num_epochs"] * self._driven // model.batch_size)):
-            batch = model.replay_buffer.sample(model.batch_size)
+            batch = self._turned(model.replay_buffer.sample(model.batch_size))
             actions, log_prob = model.actor.action_log_prob(batch.observations)
             log_prob = log_prob.reshape(-1, 1)
             with torch.no_grad():

@@ -50,6 +50,7 @@ from .cars import TrainingCars
 from .judging import Judge
 from .learners import Learner
 from .messages import GREATEST
+from .mirror import Mirror, Twin
 from .network import OURS, NetworkLayout, from_onnx, to_onnx
 from .senses import look
 from .spec import CARS, TrainerSpec
@@ -126,10 +127,13 @@ class Training:
         state = torch.load(io.BytesIO(blob), weights_only=True) if start == "checkpoint" else None
         # A training that goes on draws other starts than the one before it.
         seed = self.spec.seed if state is None else self.spec.seed + 1_000_003 * int(state["number"])
-        rewards = reward_functions(self.spec.reward_code, CARS + self.spec.trials_driven)
+        mirror = Mirror.of(self.spec, self.layout)
+        rewards = reward_functions(self.spec.reward_code, CARS + self.spec.trials_driven + (mirror is not None))
+        if mirror is not None:
+            rewards[0] = Twin(rewards[0], rewards.pop(), mirror)
         self._cars = TrainingCars(self.spec, self._track, rewards[:CARS], self._senses, seed)
         self._judge = Judge(self.spec, self._track, rewards[CARS:], self._senses, self._pulse)
-        self._learner = Learner(self.spec, self.layout, self._cars, _Watch(self._may_go_on), self._hurry)
+        self._learner = Learner(self.spec, self.layout, self._cars, _Watch(self._may_go_on), self._hurry, mirror)
         if start == "weights":
             self._learner.take(_weights(self.layout, blob))
         if state is not None:

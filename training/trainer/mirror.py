@@ -1,0 +1,112 @@
+"""Learning from what was driven as a mirror shows it, too: the picture turned round, the steering negated.
+
+A bend to the left teaches the bend to the right: from as much driving and as many steps of learning a car learns more.
+That holds where the mirrored car would have earned the same, which depends on the reward function alone: camera, car
+and action space are looked at before (:meth:`Mirror.of`). So one car's rewards are asked for twice while it drives,
+from two copies of the function: with the car's state, and with that of the mirrored car on the mirrored track. As soon
+as they differ once, in anything (a lane, a table of places, a random number), the training learns from what was driven
+alone, for good: see :class:`Twin`.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from paddock.errors import PaddockError
+from paddock.simulator.action import CONTINUOUS, ActionSpace
+from paddock.simulator.rewards import Params, RewardFunction
+from training.rewards.watch import watch
+
+from .network import NetworkLayout
+from .spec import TrainerSpec
+
+if TYPE_CHECKING:
+    import torch
+
+# Cameras in the middle of the car. A lidar's sectors and a pair of cameras would have to be turned round by themselves.
+_IN_THE_MIDDLE = ("FRONT_FACING_CAMERA", "observation")
+_NEAR = 1e-6  # of two rewards that are the same
+
+
+class Mirror:
+    """Turns rows and actions round. ``holds``: whether what they say is true, as far as is known."""
+
+    def __init__(self, shape: tuple[int, ...], partners: list[int] | None) -> None:
+        """``shape``: of the picture that a row is. ``partners``: of each action of a list that which steers the other
+        way; None for steering and speed as numbers."""
+        self.holds = True
+        self._shape, self._partners = shape, None if partners is None else np.array(partners)
+
+    @classmethod
+    def of(cls, spec: TrainerSpec, layout: NetworkLayout) -> Mirror | None:
+        """None where a mirrored car would be another one: a camera beside the middle, an action without its
+        opposite."""
+        if len(layout.senses) > 1 or layout.senses[0].name not in _IN_THE_MIDDLE:
+            return None
+        space = ActionSpace.from_metadata(spec.metadata)
+        if space.kind == CONTINUOUS:
+            low, high = space.steering
+            return cls(layout.senses[0].shape, None) if low == -high else None
+        actions = [tuple(action) for action in space.actions]
+        opposite = [(-steering, speed) for steering, speed in actions]
+        if len(set(actions)) < len(actions) or set(opposite) != set(actions):
+            return None
+        return cls(layout.senses[0].shape, [actions.index(one) for one in opposite])
+
+    def rows(self, rows: torch.Tensor) -> torch.Tensor:
+        """What mirrored cars see."""
+        return rows.reshape(-1, *self._shape).flip(-1).reshape(rows.shape)
+
+    def actions(self, actions: torch.Tensor) -> torch.Tensor:
+        """What mirrored cars do: numbers of a list (n,) or (n, 1), or steering and speed (n, 2)."""
+        import torch
+
+        if self._partners is not None:
+            return torch.from_numpy(self._partners)[actions.long()].to(actions.dtype)
+        return actions * torch.tensor([-1.0, 1.0], dtype=actions.dtype)
+
+
+class Twin:
+    """The reward function of one car that is also asked about the mirrored car."""
+
+    def __init__(self, function: RewardFunction, twin: RewardFunction, mirror: Mirror) -> None:
+        """``twin``: the same function again, which remembers for itself."""
+        self._function, self._twin, self._mirror = function, twin, mirror
+        self._waypoints: list[tuple[float, float]] = []
+        self._mirrored: list[tuple[float, float]] = []
+
+    def __call__(self, params: Params) -> float:
+        """The car's reward. Raises what the function raises; what its twin raises is a difference."""
+        reward = self._function(params)
+        if self._mirror.holds:
+            other = self._asked(self._turned(params))
+            self._mirror.holds = other is not None and abs(other - reward) <= _NEAR * max(1.0, abs(reward))
+        return reward
+
+    def _asked(self, params: Params) -> float | None:
+        watch.muted = True  # what it prints is printed once
+        try:
+            return self._twin(params)
+        except PaddockError:
+            return None
+        finally:
+            watch.muted = False
+
+    def _turned(self, params: Params) -> Params:
+        if params["waypoints"] is not self._waypoints:
+            self._waypoints = params["waypoints"]
+            self._mirrored = [(x, -y) for x, y in self._waypoints]
+        beside = params["distance_from_center"] > 0.0
+        turned: dict[str, Any] = {
+            "y": -params["y"],
+            "heading": -params["heading"],
+            "steering_angle": -params["steering_angle"],
+            "is_left_of_center": beside and not params["is_left_of_center"],
+            "waypoints": self._mirrored,
+            "objects_location": [(x, -y) for x, y in params["objects_location"]],
+            "objects_left_of_center": [not left for left in params["objects_left_of_center"]],
+            "objects_heading": [-heading for heading in params["objects_heading"]],
+        }
+        return {**params, **turned}
