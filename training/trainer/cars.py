@@ -19,7 +19,7 @@ from paddock.simulator.rewards import RewardFunction
 from paddock.simulator.trace import LABELS, TIME_UP, Row, Trace
 from paddock.simulator.vector import HeadToHeadVectorEnv, ObjectAvoidanceVectorEnv, TimeTrialVectorEnv
 
-from .drills import DRILL_STEPS, Drills
+from .drills import DRILL_STEPS, Drills, astray
 from .senses import Sense, look
 from .spec import TrainerSpec
 from .warm import row_space
@@ -139,13 +139,17 @@ class TrainingCars(SB3VecEnv):
             readings = super().again(usual)
         for number in np.flatnonzero(cars & self._drillers).tolist():
             one = np.arange(self.num_envs) == number
-            readings, _ = self.env.reset(options={"reset_mask": one, "start_m": partial(self._drill, number)})
+            begin = {"start_m": partial(self._drill, number), "astray": partial(self._astray, number)}
+            readings, _ = self.env.reset(options={"reset_mask": one, **begin})
         return readings
 
     def _drill(self, number: int, track: TrackGeometry, rng: np.random.Generator) -> float | None:
         start = self.drills.start_m(self._way_on(track), track, rng)
         self._drilling[number] = start is not None
         return start
+
+    def _astray(self, number: int, rng: np.random.Generator) -> tuple[float, float]:
+        return astray(rng) if self._drilling[number] else (0.0, 0.0)
 
     def _way_on(self, track: TrackGeometry) -> int:
         return next((number for number, ground in enumerate(self._grounds) if ground.track is track), 0)

@@ -8,6 +8,7 @@ more the places grow old with their last faults, and drilling there is driving a
 
 from __future__ import annotations
 
+import math
 from collections import deque
 from collections.abc import Iterable
 
@@ -18,10 +19,20 @@ from paddock.simulator.envs.setting import OPEN_ROOM_M
 
 DRILL_STEPS = 60  # of an episode: four seconds
 BEFORE_M = (0.5, 3.0)  # so far before the fault it begins
+ASIDE, TURN_DEG = 0.3, 25.0  # at most: of the road's width, and from its direction, to either side
 _KEPT = 32  # the latest faults, of all cars on a way
 _LOOK_WEIGHT = 4  # a fault without exploring counts for so many with
 
 Fault = tuple[int, float]  # the number of a way, and metres from its finish line
+
+
+def astray(rng: np.random.Generator) -> tuple[float, float]:
+    """How a car stands where a drill begins: a share of the road's width and radians, both to the left.
+
+    A bend that cannot be taken from the centre line is taken from another place: whoever never is there never learns
+    what that place is worth, and nothing draws the car towards it.
+    """
+    return rng.uniform(-ASIDE, ASIDE), math.radians(rng.uniform(-TURN_DEG, TURN_DEG))
 
 
 class Drills:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
+from dataclasses import replace
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -73,6 +74,9 @@ class Drive:
     def begin(self, rng: np.random.Generator, options: Mapping[str, Any] | None = None) -> dict[str, Any]:
         """Start an episode, which is to the last bit as in a new world; what it draws comes from ``rng``. The info.
 
+        ``options``: ``start_m``, see :meth:`Setting.start_m`; ``astray``, a function of ``rng`` that returns how the
+        car stands there: shares of the road's width and radians, both to the left.
+
         Raises UserFault ``boxes_do_not_fit`` when random boxes find no room on this track.
         """
         setting = self._setting
@@ -87,6 +91,11 @@ class Drive:
         self._waypoints = [(float(x), float(y)) for x, y in track.centre]
         self._car = self.stage.add(setting.sensors, start_m, setting.metadata.lidar_config)
         self._disturbance = setting.randomise.draw(rng, ground.theme) if setting.randomise else USUAL
+        if astray := (options or {}).get("astray"):
+            aside, turn = astray(rng)
+            self._disturbance = replace(
+                self._disturbance, aside=self._disturbance.aside + aside, turn=self._disturbance.turn + turn
+            )
         if self._disturbance.moves_the_start:
             self._car.begin_at(self._disturbance.place(self._car.referee.pose, track.width_at(start_m % track.length)))
         return self._info()
