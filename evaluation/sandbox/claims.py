@@ -13,6 +13,7 @@ import stat
 import tempfile
 from collections.abc import Iterator
 from pathlib import Path
+from typing import Self
 
 _CHECKOUT = Path(__file__).resolve().parent.parent.parent
 
@@ -23,7 +24,7 @@ class Claim:
     def __init__(self, fd: int) -> None:
         self._fd: int | None = fd
 
-    def __enter__(self) -> Claim:
+    def __enter__(self) -> Self:
         return self
 
     def __exit__(self, *_exc: object) -> None:
@@ -36,15 +37,30 @@ class Claim:
             self._fd = None
 
 
+class Candidate(Claim):
+    """For who tries again and again: its file is opened once, and an attempt takes microseconds. Raises OSError where
+    there is no private folder."""
+
+    def __init__(self, name: str, folder: Path | None = None) -> None:
+        flags = os.O_RDWR | os.O_CREAT | os.O_NOFOLLOW | os.O_CLOEXEC
+        super().__init__(os.open((folder or private_folder()) / name, flags, 0o600))
+
+    def claim(self) -> Claim | None:
+        """The claimed name, once; None while somebody has it."""
+        if self._fd is None:
+            raise ValueError("claimed already, or given up")
+        try:
+            fcntl.flock(self._fd, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except BlockingIOError:
+            return None
+        fd, self._fd = self._fd, None
+        return Claim(fd)
+
+
 def claim(name: str, folder: Path | None = None) -> Claim | None:
     """Claim ``name`` on this machine; None when somebody has it. Raises OSError where there is no private folder."""
-    fd = os.open((folder or private_folder()) / name, os.O_RDWR | os.O_CREAT | os.O_NOFOLLOW | os.O_CLOEXEC, 0o600)
-    try:
-        fcntl.flock(fd, fcntl.LOCK_EX | fcntl.LOCK_NB)
-    except BlockingIOError:
-        os.close(fd)
-        return None
-    return Claim(fd)
+    with Candidate(name, folder) as candidate:
+        return candidate.claim()
 
 
 def private_folder() -> Path:

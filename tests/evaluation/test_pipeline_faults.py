@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import functools
 import time
 from dataclasses import replace
@@ -30,6 +31,18 @@ def job():
     """A few seconds of an untrained network."""
     oval = next(track for track in CATALOGUE if track.slug == "oval").geometry()
     return RaceJob(oval, RaceRules(max_simulated_ms=3_000), small_network(), METADATA)
+
+
+def test_to_wait_for_a_core_is_none_of_a_runs_time(job, monkeypatch):
+    with crew.Crew() as waiting:
+
+        @contextlib.contextmanager
+        def late(*_args):
+            waiting.runner.deadline = time.monotonic() - 1.0  # the others drove that long
+            yield None
+
+        monkeypatch.setattr(pipeline, "one_core", late)
+        assert evaluate(job, crew=waiting).steps > 0
 
 
 @pytest.fixture(scope="module")

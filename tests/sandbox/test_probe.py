@@ -244,6 +244,34 @@ def test_who_comes_when_all_cores_are_taken_waits_for_one(two_cores, monkeypatch
         assert len(asked) == 1
 
 
+def test_those_who_wait_for_a_core_stand_in_a_row(two_cores):
+    with contextlib.ExitStack() as first:
+        first.enter_context(claims.claim("next-core"))  # somebody waits already: the next core is theirs
+        with cores.one_core([], 0.05) as core:
+            assert core is None
+        with cores.one_core([], 60.0, first.close) as core:
+            assert core is not None
+    with cores.one_core([], 60.0), cores.one_core([], 60.0) as core:
+        assert core is not None, "who got one stands in the row no longer"
+
+
+def test_a_name_is_tried_for_again_and_again(tmp_path):
+    held = claims.claim("name", tmp_path)
+    with claims.Candidate("name", tmp_path) as candidate:
+        assert candidate.claim() is None
+        assert candidate.claim() is None
+        held.close()
+        mine = candidate.claim()
+        with pytest.raises(ValueError, match="claimed already"):
+            candidate.claim()
+    assert claims.claim("name", tmp_path) is None
+    mine.close()
+    claims.claim("name", tmp_path).close()
+    with pytest.raises(ValueError, match="given up"), claims.Candidate("name", tmp_path) as candidate:
+        candidate.close()
+        candidate.claim()
+
+
 def test_who_waits_for_a_core_in_vain_goes_on_without(two_cores):
     with cores.one_core([]), cores.one_core([]):
         began = time.monotonic()
