@@ -23,10 +23,12 @@ from races.live_document import live_document
 from races.live_form import LiveForm
 from races.live_seen import frames_of
 from races.models import Entry, LiveEvent, LiveRacer, LiveState, Opponents, Race, Visibility
+from races.models.live import TO_COME, UNDER_WAY
 from races.replay import map_size
 from races.selectors import entry_of
 from races.selectors.duels import duels_of
 from races.selectors.live import (
+    SlotRow,
     can_run_live,
     console_rows,
     live_events_visible_to,
@@ -41,6 +43,7 @@ from races.selectors.live import (
 from races.selectors.terms import has_accepted
 from races.sensors import not_offered
 from races.services.live import change_live, choose_model, plan_live, say_here
+from races.services.live.sealing import AHEAD
 
 from .common import organised_race, tell_fault, visible_race
 
@@ -155,7 +158,7 @@ def live_console(request: HttpRequest, slug: str) -> HttpResponse:
         "now": now,
         "phase": phase_of(event, now),
         "rows": rows,
-        "waits": any(row.sealed == "computing" or row.phase == "countdown" for row in rows),
+        "waits": _waits(event, rows),
         "current": next((row for row in rows if row.phase in ("countdown", "on_track")), None),
         "next": next(iter(up_next(event, slots)), None),
         "standings": live_standings(event),
@@ -195,6 +198,13 @@ def live_act(request: HttpRequest, slug: str) -> HttpResponse:
     except UserFault as fault:
         tell_fault(request, fault)
     return redirect("live_console", slug)
+
+
+def _waits(event: LiveEvent, rows: list[SlotRow]) -> bool:
+    """Whether the console changes soon by what is told to nobody: a run that is being computed, a countdown."""
+    coming = [row for row in rows if row.slot.state in TO_COME and row.slot.reason_code != "live_no_model"]
+    is_computed = all(row.sealed == "sealed" for row in coming[:AHEAD])
+    return event.state in UNDER_WAY and (not is_computed or any(row.phase == "countdown" for row in rows))
 
 
 def _event(request: HttpRequest, slug: str) -> tuple[Race, LiveEvent]:

@@ -9,7 +9,7 @@ import pytest
 from django.urls import reverse
 from django.utils import timezone
 
-from races.models import LiveEvent, LiveState, SlotState, Visibility
+from races.models import LiveEvent, LiveSlot, LiveState, SlotState, Visibility
 from races.services import enter_race
 from races.services.live import launch
 from tests.clients import logged_in
@@ -144,3 +144,25 @@ def test_poses_come_once_they_have_passed(alice, now):
     more = logged_in(None).get(address, {"slot": slot.pk, "after": said["chunks"][-1]["n"]}).json()["chunks"]
     assert all(chunk["n"] > said["chunks"][-1]["n"] for chunk in more)
     assert logged_in(None).get(address, {"slot": "x"}).status_code == 404
+
+
+def test_a_console_looks_by_itself_while_a_run_is_computed(alice, now):
+    """That one was is told to nobody, so no stream says it."""
+    event = begun(a_show(now, alice, ["bob", "carl", "dora"], order="as_entered"), alice, now)
+
+    def looks() -> bool:
+        page = logged_in(alice).get(reverse("live_console", args=[event.race.slug])).content.decode()
+        return "data-waits" in page
+
+    assert looks()
+    compute(slot_of(event, "bob"), now, 9_000)
+    assert looks(), "the one after it"
+    compute(slot_of(event, "carl"), now, 9_000)
+    assert not looks()
+    LiveSlot.objects.filter(pk=slot_of(event, "bob").pk).update(evaluation=None)
+    assert looks(), "it is to be queued"
+    LiveSlot.objects.filter(pk=slot_of(event, "bob").pk).update(reason_code="live_no_model")
+    assert looks(), "dora is next but one now"
+    event.refresh_from_db()
+    launch(event=event, by=alice, seen=None, now=timezone.now(), slot=slot_of(event, "carl"))
+    assert looks(), "it counts down"
