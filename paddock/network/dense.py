@@ -95,8 +95,9 @@ def _rewrite(
     ordered = order(weights) if order is not None and outputs % _LANES == 0 else None
     behind = None if ordered is not None else _picture(network, row, shapes)
     if behind is None:
-        picture, (channels, *size) = f"{result}_picture", (inputs, 1, 1)
-        before.append(Node("Reshape", [row, _shape(network, picture, (1, inputs, 1, 1))], [picture], {}))
+        picture = f"{result}_picture"
+        channels, *size = (inputs, 1, 1) if ordered is None else ordered.shape[1:]
+        before.append(Node("Reshape", [row, _shape(network, picture, (1, channels, *size))], [picture], {}))
     else:
         picture, turned = behind
         channels, *size = shapes[picture][1:]

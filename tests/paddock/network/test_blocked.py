@@ -26,7 +26,7 @@ def test_outputs_lie_in_blocks_of_channels(laid: str) -> None:
     elif laid == "anywhere in a file":
         given = np.frombuffer(b"xyz" + weights.tobytes(), "<f4", weights.size, 3).reshape(weights.shape)
     found = in_blocks(given)
-    assert found is not None and found.shape == (64, 48, 1, 1) and found.ctypes.data % ALIGNED == 0
+    assert found is not None and found.shape == (64, 16, 1, 3) and found.ctypes.data % ALIGNED == 0
     of_16, of_8 = (weights.reshape(64 // size, size, 48).transpose(0, 2, 1) for size in (16, 8))
     assert found.tobytes() in (of_16.tobytes(), of_8.tobytes())
 
