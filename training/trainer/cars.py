@@ -10,6 +10,7 @@ from typing import Any, NamedTuple, cast
 import numpy as np
 
 from paddock.geometry.track import TrackGeometry
+from paddock.rules.hyperparameters import PPO
 from paddock.rules.race import HEAD_TO_HEAD, OBJECT_AVOIDANCE, TIME_TRIAL, other_direction
 from paddock.simulator.action import CONTINUOUS, ActionSpace
 from paddock.simulator.camera.theme import THEMES
@@ -20,6 +21,7 @@ from paddock.simulator.trace import LABELS, TIME_UP, Row, Trace
 from paddock.simulator.vector import HeadToHeadVectorEnv, ObjectAvoidanceVectorEnv, TimeTrialVectorEnv
 
 from .drills import DRILL_STEPS, Drills, astray
+from .scale import RewardScale
 from .senses import Sense, look
 from .spec import TrainerSpec
 from .warm import row_space
@@ -116,6 +118,7 @@ class TrainingCars(SB3VecEnv):
         self._senses, self._seed = senses, seed
         super().__init__(env, observation_space=row_space(senses))
         self.drills = Drills(len(ways))
+        self.scale = RewardScale(spec.hyperparameters["discount_factor"]) if spec.algorithm == PPO else None
         self._drillers = np.arange(self.num_envs) % 2 == 1
         self._drilling = np.zeros(self.num_envs, np.bool_)  # in the present episode
         self.episodes: list[dict[str, Any]] = []  # those that ended since the last :meth:`harvest`
@@ -126,6 +129,12 @@ class TrainingCars(SB3VecEnv):
         """Start an episode of every car, from the seed of the training whatever the learner's is."""
         self.seed(self._seed)
         return cast("np.ndarray", super().reset())
+
+    def step_wait(self) -> Any:
+        """As every such environment, with rewards of the size that is learned from; ``earned`` has those that were
+        paid."""
+        seen, rewards, done, infos = super().step_wait()
+        return seen, rewards if self.scale is None else self.scale.scaled(rewards), done, infos
 
     def cut(self) -> np.ndarray:
         """Drills are short."""

@@ -141,6 +141,10 @@ class Training:
             self.number, self._updates = int(state["number"]), int(state["updates"])
             self._looked_at, self._cars.episode = self._updates, int(state["episode"])
             self._cars.drills.restore(state.get("drills") or self._cars.drills.state())
+            if self._cars.scale is not None and state.get("scale"):
+                self._cars.scale.restore(state["scale"])
+            else:
+                self._cars.scale = None  # it began with rewards as they are paid, and its values are of their size
             self._best = tuple(state["best"]) if state["best"] is not None else None
             self._told_steps = self._learner.model.num_timesteps
             torch.manual_seed(seed)
@@ -219,6 +223,8 @@ class Training:
         output, value = self._learner.consider(row)
         if not np.isfinite(output).all():
             return  # the update that follows says so
+        if self._cars.scale is not None:
+            value /= self._cars.scale.factor
         action = self._space.decode(output)
         sight = {
             "steering": round(action.steering_deg, 2),
@@ -289,6 +295,7 @@ class Training:
             "updates": self._updates,
             "episode": self._cars.episode,
             "drills": self._cars.drills.state(),
+            "scale": self._cars.scale and self._cars.scale.state(),
             "best": None if self._best is None else [float(value) for value in self._best],
         }
         file = io.BytesIO()
