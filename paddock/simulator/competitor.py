@@ -32,7 +32,7 @@ class Competitor:
         self.referee = referee
         self._sensors = sensors
         self._solids = solids
-        self._states: list[tuple] = []
+        self._states: list[tuple | np.ndarray] = []
         self.status = PREPARE
         self.lap_steps = 1  # of the row to come, counted from 1 in each lap
         self.action = _NO_ACTION
@@ -80,10 +80,10 @@ class Competitor:
         self.action = action
         self._record()
 
-    def cruised(self, action: Action, lap_steps: int, states: list[tuple]) -> None:
+    def cruised(self, action: Action, lap_steps: int, states: np.ndarray) -> None:
         """The car drove on, as :mod:`.cruise` wrote it down; ``action`` was the last."""
         self.action, self.lap_steps = action, lap_steps
-        self._states += states
+        self._states.append(states)
 
     def stand(self) -> None:
         """In place of a command while it stands out a penalty: write down the state, put the car back if it is due."""

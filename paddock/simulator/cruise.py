@@ -20,24 +20,11 @@ from .car import Pose
 from .competitor import Competitor
 from .progress import Projection
 from .referee import PATIENCE_STEPS, SURELY_M
-from .states import StepState
+from .states import STATES
 from .trace import IN_PROGRESS
 
 ROWS = 256  # so many steps, then the car settles once: nothing is seen of it
-_STATUS = 12  # characters; with struct row of cruise.c
 _NOT_THIS_ONE, _NOTHING_HAPPENED = 0, 1
-
-_ROW = np.dtype(
-    {
-        "names": list(StepState._fields),
-        "formats": [
-            *("<i8", "<i8", "<f8", "<f8", "<f8", "<f8", "<f8", "<i8", "<f8"),
-            *("?", "?", "<f8", "?", "<f8", "<i8", "<i8", f"<U{_STATUS}", "<i8", "<i8"),
-        ],
-        "offsets": [0, 8, 16, 24, 32, 40, 48, 56, 64, 72, 73, 80, 74, 88, 96, 104, 112, 160, 168],
-        "itemsize": 176,
-    }
-)
 
 _library = compiled.load()
 
@@ -84,7 +71,7 @@ class Cruise:
             "edges": track.road.rows[0],
             "bands": track.road.rows[1],
         }
-        self._rows = np.zeros(ROWS, _ROW)
+        self._rows = np.zeros(ROWS, STATES)
         self._rows["status"] = IN_PROGRESS
         self._state = _State(
             **{name: array.ctypes.data for name, array in held.items()},
@@ -159,7 +146,7 @@ class Cruise:
         state = self._state
         if not state.used:
             return
-        self._competitor.cruised(self._action, state.lap_steps, self._rows[: state.used].tolist())
+        self._competitor.cruised(self._action, state.lap_steps, self._rows[: state.used].copy())
         place = Projection(state.distance, state.offset, math.atan2(state.ty, state.tx), state.segment)
         self._referee.odometer.settle(state.metres, place)
         pose = Pose(state.base_x, state.base_y, state.yaw)

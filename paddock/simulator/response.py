@@ -31,6 +31,10 @@ class Response:
         self._step_speed_down = physics.braking / physics.tick_hz
         self._rise = physics.gain(physics.speed_rise_s)
         self._fall = physics.gain(physics.speed_fall_s)
+        self._commanded = (  # in one piece: it is asked in every step
+            *(physics.max_steering_deg, physics.min_speed, physics.max_speed, physics.effective_wheelbase),
+            *(physics.steering_dead_ticks, physics.speed_dead_ticks, physics.speed_gain),
+        )
         self._lag_ticks_per_mps = physics.steering_lag_s_per_mps * physics.tick_hz
 
     @property
@@ -47,8 +51,8 @@ class Response:
 
     def command(self, steering_deg: float, speed: float) -> None:
         """Take a command (degrees to the left, m/s), clipped to what the car can do."""
-        physics, tick = self.physics, self._tick
-        limit, least, most = physics.max_steering_deg, physics.min_speed, physics.max_speed
+        limit, least, most, wheelbase, steering_dead, speed_dead, gain = self._commanded
+        tick = self._tick
         if steering_deg > limit:
             steering_deg = limit
         elif steering_deg < -limit:
@@ -57,9 +61,9 @@ class Response:
             speed = least
         elif speed > most:
             speed = most
-        demand = math.tan(math.radians(steering_deg)) / physics.effective_wheelbase
-        self._steering.append((tick + physics.steering_dead_ticks, demand))
-        self._speeds.append((tick + physics.speed_dead_ticks, speed * physics.speed_gain))
+        demand = math.tan(math.radians(steering_deg)) / wheelbase
+        self._steering.append((tick + steering_dead, demand))
+        self._speeds.append((tick + speed_dead, speed * gain))
 
     def advance(self, ticks: int) -> None:
         """Move on by so many ticks (1/120 s)."""

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -45,12 +45,26 @@ class StepState(NamedTuple):
     crashes: int
 
 
-def trace_of(states: Sequence[tuple], track: TrackGeometry, start_m: float) -> Trace:
+# Many of them, as cruise.c writes them down.
+STATES = np.dtype(
+    {
+        "names": list(StepState._fields),
+        "formats": [
+            *("<i8", "<i8", "<f8", "<f8", "<f8", "<f8", "<f8", "<i8", "<f8"),
+            *("?", "?", "<f8", "?", "<f8", "<i8", "<i8", "<U12", "<i8", "<i8"),
+        ],
+        "offsets": [0, 8, 16, 24, 32, 40, 48, 56, 64, 72, 73, 80, 74, 88, 96, 104, 112, 160, 168],
+        "itemsize": 176,
+    }
+)
+
+
+def trace_of(states: Sequence[tuple | np.ndarray], track: TrackGeometry, start_m: float) -> Trace:
     """The trace of a run whose laps begin ``start_m`` metres after the finish line of ``track``. ``states``: tuples of
-    the fields of :class:`StepState`."""
+    the fields of :class:`StepState`, or arrays of :data:`STATES` that stand for many of them."""
     if not states:
         return Trace.of([])
-    told = dict(zip(StepState._fields, zip(*states, strict=True), strict=True))
+    told = _by_field(states)
     laps, steps = np.array(told["lap"], np.int64), np.array(told["step"], np.float64)
     length, seconds, status = track.length, steps * STEP_MS / 1000.0, told["status"]
     metres = np.array(told["metres"]) - (start_m + (laps - 1) * length)
@@ -70,7 +84,7 @@ def trace_of(states: Sequence[tuple], track: TrackGeometry, start_m: float) -> T
         "all_wheels_on_track": told["all_wheels_on_track"],
         "progress": np.where(told["has_finished"], 100.0, np.minimum(100.0, 100.0 * metres / length)),
         "closest_waypoint": _waypoints(track, np.array(told["distance"]), np.array(told["segment"], np.int64)),
-        "track_len": np.full(len(states), length),
+        "track_len": np.full(len(laps), length),
         "tstamp": seconds,
         "episode_status": status,
         "pause_duration": np.where(paused, pauses, 0.0),
@@ -78,6 +92,22 @@ def trace_of(states: Sequence[tuple], track: TrackGeometry, start_m: float) -> T
         "wall_clock": seconds,
     }
     return Trace({name: column(name, values[name]) for name in COLUMNS})
+
+
+def _by_field(states: Sequence[tuple | np.ndarray]) -> dict[str, Any]:
+    """The values of each field, in the order of the steps."""
+    if not any(type(each) is np.ndarray for each in states):
+        return dict(zip(StepState._fields, zip(*states, strict=True), strict=True))
+    parts: list[np.ndarray] = []
+    single: list[tuple] = []
+    for each in states:
+        if isinstance(each, np.ndarray):
+            parts += [np.array(single, STATES), each]
+            single = []
+        else:
+            single.append(each)
+    rows = np.concatenate([*parts, np.array(single, STATES)])
+    return {name: rows[name] for name in StepState._fields}
 
 
 def rows_of(trace: Trace) -> list[Row]:

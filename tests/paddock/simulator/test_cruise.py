@@ -55,8 +55,9 @@ def competitor(track, reach, rules):
 def all_of(one):
     """Everything that a competitor, its referee and its odometer say of themselves."""
     own, judge = dict(vars(one)), dict(vars(one.referee))
-    for name in ("car", "referee", "_sensors", "_solids"):
+    for name in ("car", "referee", "_sensors", "_solids", "_states"):
         own.pop(name)
+    own["rows"] = one.rows
     for name in ("track", "rules", "_physics", "odometer", "boxes", "_free"):
         judge.pop(name)
     if judge["_clear"]:  # then nobody asks
