@@ -2,8 +2,8 @@
 
 They need a C compiler and nothing else, no header of Python's or of the C library. ``pip install`` compiles them where
 it can (``setup.py``), ``make`` too, and so does ``python -m paddock.simulator.compiled``, which needs no package
-at all. Where they are missing, or were made of other sources than those that are here, pictures are drawn by numpy and
-traces written by Python: the same to the bit, and many times slower.
+at all. Where they are missing, or were made of other sources than those that are here, pictures are drawn by numpy, and
+Python writes traces, follows cars and asks models: the same to the bit, and slower, pictures many times.
 """
 
 from __future__ import annotations
