@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+import re
 from collections.abc import Collection
 from datetime import timedelta
 
@@ -15,7 +16,7 @@ from core.streams import TOPICS
 from core.streams.topics import asked_for
 from evaluation.models import Evaluation
 from races.services.live import say_to_spectators
-from tests.pages.test_live_walls import VIEWERS, Show, show  # noqa: F401  (the fixture)
+from tests.pages.test_live_walls import PLAYED_S, VIEWERS, Show, show  # noqa: F401  (the fixture)
 from tests.streams.process import session_of
 
 pytestmark = [pytest.mark.django_db(transaction=True), pytest.mark.slow]
@@ -81,6 +82,8 @@ def test_nothing_of_what_is_to_come_is_on_the_stream(show: Show):  # noqa: F811
         assert HELLO in content, f"{name} is told what changed"
         assert b'"x":[' in content
         assert not [what for what, needle in needles.items() if needle.search(content)], name
+        strips = re.findall(rb'"sees:\d+","data":{"slot":(\d+),"n":(\d+)', content)
+        assert all(int(of) == show.playing.pk and int(n) < 2 * PLAYED_S for of, n in strips), f"{name}: frames"
 
 
 def test_what_is_sought_is_found_on_the_stream_once_it_was_played(show: Show, monkeypatch):  # noqa: F811
