@@ -284,7 +284,7 @@ TRAINING = env_bool(
 )
 TRAINING_PAUSED = env_bool("PADDOCK_TRAINING_PAUSED", False)
 TRAINING_CONCURRENCY = env_int("PADDOCK_TRAINING_CONCURRENCY", 1, minimum=1)
-TRAININGS_AT_ONCE = env_int("PADDOCK_TRAININGS_AT_ONCE", 2, minimum=1)
+TRAININGS_AT_ONCE = env_int("PADDOCK_TRAININGS_AT_ONCE", 4, minimum=1)
 TRAINING_MINUTES_A_MONTH = env_int("PADDOCK_TRAINING_MINUTES_A_MONTH", 1440, minimum=0)
 
 # --- videos of runs ------------------------------------------------------------------------------------------------
@@ -385,6 +385,7 @@ SIGN_UP = env_choice("PADDOCK_SIGN_UP", "open", ("open", "invitation", "closed")
 # The operator's own pages, linked at the foot of every page
 FOOT_LINKS = {
     "chat": env_url("PADDOCK_CHAT_URL", "", ("https", "http"), "https://chat.example.org"),
+    "tips": env_url("PADDOCK_TIPS_URL", "", ("https", "http"), "https://example.org/tips"),
     "forum": env_url("PADDOCK_FORUM_URL", "", ("https", "http"), "https://forum.example.org"),
     "terms": env_url("PADDOCK_TERMS_URL", "", ("https", "http"), "https://example.org/terms"),
     "privacy": env_url("PADDOCK_PRIVACY_URL", "", ("https", "http"), "https://example.org/privacy"),

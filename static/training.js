@@ -165,6 +165,15 @@
     });
   });
 
+  // --- all hyperparameters at once: a button has the values of each algorithm ------------------------------------------
+  document.querySelectorAll("[data-fill]").forEach((button) => button.addEventListener("click", (event) => {
+    event.preventDefault();
+    const { elements } = button.form;
+    Object.entries(JSON.parse(button.dataset.fill)[elements.algorithm.value] ?? {}).forEach(([name, value]) => {
+      elements[name].value = value;
+    });
+  }));
+
   // --- races like the training come first --------------------------------------------------------------------------------
   document.querySelectorAll("select:has(option[data-drives])").forEach((list) => {
     const form = list.closest("form");

@@ -28,6 +28,10 @@ DEFAULT_BOUNDS: Mapping[str, Mapping[str, float]] = {
 }
 
 
+# Of the console's first years (hyperparameters.json of an export has them still)
+_EXPLORATION = ("exploration_type", "e_greedy_value", "epsilon_steps")
+
+
 def names_of(algorithm: str) -> tuple[str, ...]:
     """The hyperparameters of an algorithm. Raises UserFault ``training_algorithm``."""
     if algorithm not in DEFAULTS:
@@ -38,11 +42,13 @@ def names_of(algorithm: str) -> tuple[str, ...]:
 def check_hyperparameters(algorithm: str, given: Mapping[str, Any]) -> dict[str, Any]:
     """All hyperparameters of the algorithm, the defaults where none is given.
 
-    Raises UserFault ``training_algorithm``, ``training_hyperparameter_unknown``, ``training_hyperparameter`` (which
-    names it and its range) or ``training_loss_type``.
+    Raises UserFault ``training_algorithm``, ``training_exploration``, ``training_hyperparameter_unknown``,
+    ``training_hyperparameter`` (which names it and its range) or ``training_loss_type``.
     """
     names = names_of(algorithm)
     for name in given:
+        if name in _EXPLORATION:
+            raise UserFault("training_exploration", name=name)
         if name not in names:
             raise UserFault("training_hyperparameter_unknown", name=str(name)[:40], known=", ".join(names))
     # words first: whoever takes one for another has mostly the numbers right

@@ -41,6 +41,10 @@ register(
         ),
         "training_name_taken": _("You have a model or a training named “%(name)s” already. Choose another name."),
         "training_algorithm": _("There is no algorithm “%(algorithm)s”. Choose ppo or sac."),
+        "training_exploration": _(
+            "“%(name)s” is no choice here: PPO and SAC try out what they are unsure of, more of it with a greater "
+            "entropy. Leave it out."
+        ),
         "training_hyperparameter_unknown": _(
             "There is no hyperparameter “%(name)s” for this algorithm. It has: %(known)s."
         ),

@@ -39,7 +39,8 @@ def navigation(context: Context) -> list[dict[str, Any]]:
 @register.simple_tag
 def operators_links() -> list[tuple[str, str]]:
     """(label, address) of each page of the operator's own that the settings name."""
-    labels = {"chat": _("Chat"), "forum": _("Forum"), "terms": _("Terms of use"), "privacy": _("Privacy")}
+    labels = {"chat": _("Chat"), "tips": _("Tips"), "forum": _("Forum")}
+    labels |= {"terms": _("Terms of use"), "privacy": _("Privacy")}
     return [(labels[name], address) for name, address in settings.FOOT_LINKS.items() if address]
 
 

@@ -22,11 +22,15 @@ def test_a_site_without_links_shows_none():
 def test_the_operators_links_stand_in_their_order(settings):
     settings.FOOT_LINKS = {
         "chat": 'https://chat.example.org/?room=a&b="c',
+        "tips": "https://example.org/tips",
         "forum": "",
         "terms": "https://example.org/terms",
         "privacy": "",
     }
-    assert foot() == "[Chat https://chat.example.org/?room=a&amp;b=&quot;c][Terms of use https://example.org/terms]"
+    assert (
+        foot()
+        == "[Chat https://chat.example.org/?room=a&amp;b=&quot;c][Tips https://example.org/tips][Terms of use https://example.org/terms]"
+    )
 
 
 @pytest.mark.django_db

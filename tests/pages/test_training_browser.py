@@ -71,6 +71,13 @@ def test_a_learner_trains_evaluates_and_reaches_a_board(page: playwright.Page) -
     assert (epochs.input_value(), rate.input_value()) == ("4", "0.0003")
     rate.evaluate("field => { field.value = '0.001'; }")
 
+    # all at once: the console's values beside ours, and back
+    page.get_by_text("The console's defaults beside ours").click()
+    page.get_by_role("button", name="Take the console's values").click()
+    assert (epochs.input_value(), rate.input_value()) == ("10", "0.0003")
+    page.get_by_role("button", name="Take ours").click()
+    assert (epochs.input_value(), rate.input_value()) == ("4", "0.001")
+
     # it trains: the graph grows without a reload, the car drives
     page.get_by_role("button", name="Create and train").click()
     playwright.expect(page.get_by_role("heading", name="First-car")).to_be_visible(timeout=DRIVE_MS)

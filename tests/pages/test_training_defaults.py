@@ -54,6 +54,17 @@ def test_each_field_carries_its_defaults_for_the_script(world):
 class TestWithoutAScript:
     """A browser sends what the page shows, whichever algorithm is chosen."""
 
+    @pytest.mark.parametrize("algorithm", ["ppo", "sac"])
+    def test_buttons_take_the_consoles_values_and_ours(self, world, algorithm):
+        client = world.client("alice")
+        sent = form_of(client, algorithm=algorithm, num_epochs="9", name="Mine")
+        for button, value in (("console", "console"), ("usual", "usual")):
+            html = client.post("/train/new/", {**sent, "do": button}).content.decode()
+            for name in NUMBERS:
+                assert shown(html, name) == getattr(HYPERPARAMETERS[name], value)[algorithm]
+            assert 'value="Mine"' in html
+        assert not TrainingJob.objects.exists()
+
     @pytest.fixture
     def made(self, world, trainings_taken_on, monkeypatch):
         """Send the wizard as it is shown but for ``changes``; the training that it makes."""

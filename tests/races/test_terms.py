@@ -129,6 +129,11 @@ def test_a_race_is_deleted_with_its_terms_and_who_accepted_them(race, bob, now):
 # --- pages and API ----------------------------------------------------------------------------------------------------
 
 
+def test_the_card_of_an_open_race_names_prize_sponsor_and_terms(race, client):
+    card = client.get("/races/").content.decode()
+    assert "A model car" in card and "Wheels Ltd." in card and "terms to accept" in card
+
+
 def test_the_page_asks_once_and_keeps_the_tick(race, bob, client):
     client.force_login(bob)
     model = a_model(bob)

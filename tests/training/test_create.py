@@ -62,6 +62,7 @@ def test_a_training_with_the_defaults_waits_and_sends_a_wake_up(
         ({"hyperparameters": {"num_episodes_between_training": 101}}, "training_hyperparameter"),
         ({"hyperparameters": {"loss_type": "l1"}}, "training_loss_type"),
         ({"hyperparameters": {"sac_alpha": 0.2}}, "training_hyperparameter_unknown"),
+        ({"hyperparameters": {"exploration_type": "categorical"}}, "training_exploration"),
         ({"action_space_type": "both"}, "training_action_space"),
         ({"action_space": "left"}, "training_action_space"),
         ({"action_space": [1, 2]}, "training_action_space"),

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from collections.abc import Mapping
 from types import new_class
 from typing import Any, NamedTuple, TypeAlias
@@ -69,6 +70,22 @@ def _means(typed: Any, value: Any) -> bool:
         return False
 
 
+def _typed(value: float | str) -> str:
+    return value if isinstance(value, str) else _plain(value)
+
+
+# What a button fills in, by what it says to the server, for each algorithm.
+FILLS: dict[str, dict[str, dict[str, str]]] = {
+    "console": {
+        algorithm: {name: _typed(HYPERPARAMETERS[name].console[algorithm]) for name in usual}
+        for algorithm, usual in DEFAULTS.items()
+    },
+    "usual": {
+        algorithm: {name: _typed(value) for name, value in usual.items()} for algorithm, usual in DEFAULTS.items()
+    },
+}
+
+
 class SmallNumberField(forms.FloatField):
     """A number that may be very small, shown without an exponent."""
 
@@ -124,6 +141,11 @@ class HyperparametersForm(_Fields):  # type: ignore[misc, valid-type]
             )
             for one in listed
         ]
+
+    def fills(self) -> list[tuple[str, str, str]]:
+        """The buttons that fill in every value: what each says to the server, its label, the values for the script."""
+        labels = {"console": _("Take the console's values"), "usual": _("Take ours")}
+        return [(name, str(labels[name]), json.dumps(values)) for name, values in FILLS.items()]
 
     def hyperparameters(self) -> dict[str, Any]:
         """What was chosen, without what belongs to the other algorithm."""

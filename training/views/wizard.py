@@ -24,6 +24,7 @@ from races.layout_form import preview
 from races.models import RaceType
 from training.checks import one_check, refusals
 from training.forms.fields import MOST
+from training.forms.hyperparameters import FILLS
 from training.forms.training import RESET_RANGES, TrainingForm
 from training.models import TrainingJob, Vehicle
 from training.prefill import LACKS_VEHICLE, proposals, table
@@ -58,7 +59,7 @@ STATE_NAMES = {
 @require_http_methods(["GET", "HEAD", "POST"])
 def training_new(request: HttpRequest) -> HttpResponse:
     """Make a model: fill in the wizard, then train. Without a script some of its buttons come back to it: they make the
-    table of actions, put ranges back and check the reward function."""
+    table of actions, put ranges back, take other hyperparameters and check the reward function."""
     now = timezone.now()
     owner = racer_of(request)
     status, checked, lacking = 200, None, None
@@ -175,8 +176,17 @@ def _with_ranges(said: QueryDict, ranges: Mapping[str, Sequence[float]]) -> Quer
     return data
 
 
+def _with_hyperparameters(said: QueryDict, values: Mapping[str, Mapping[str, str]]) -> QueryDict:
+    """The same form with these hyperparameters of the algorithm that it says."""
+    data = said.copy()
+    for name, value in values.get(said.get("algorithm", ""), {}).items():
+        data[name] = value
+    return data
+
+
 # What a button of the form makes anew, by what it says.
 _REMAKING: dict[str, Callable[[QueryDict], QueryDict]] = {
     "table": _with_table,
     **{name: partial(_with_ranges, ranges=ranges) for name, ranges in RESET_RANGES.items()},
+    **{name: partial(_with_hyperparameters, values=values) for name, values in FILLS.items()},
 }
