@@ -21,6 +21,8 @@ from paddock.simulator.progress import Reach, clear_distance
 from paddock.simulator.race import run_race
 from paddock.simulator.randomisation import Randomisation
 from paddock.simulator.referee import Referee
+from paddock.simulator.states import STATES
+from paddock.simulator.trace import STATUSES
 from tests.soak import SOAK
 
 from .tracks_for_tests import hairpin, stadium
@@ -238,3 +240,7 @@ def test_a_disturbed_drive_is_the_same(monkeypatch):
 )
 def test_races_with_something_on_the_road_are_judged_step_by_step(monkeypatch, rules):
     assert both_ways(monkeypatch, TRACK, laps=1, **rules) == 0.0
+
+
+def test_every_status_has_room_in_a_row_of_c():
+    assert [str(np.array(status, STATES["status"])) for status in STATUSES] == list(STATUSES)
