@@ -282,3 +282,12 @@ def test_equals_share_their_place_in_the_series(alice, made, now):
         for place, at in enumerate(order):
             drive(race, cards[at].learner.racer, laps(*[10_000 + 500 * place] * 3), now)
     assert [(row.place, row.points) for row in series_of(room, now).rows] == [(1, 43), (1, 43)]
+
+
+def test_a_class_is_made_once_however_often_it_is_clicked(alice):
+    teacher = logged_in(alice)
+    once = re.findall(r'name="once" value="([^"]+)"', teacher.get("/classes/").content.decode())[0]
+    sent = {"name": "6a", "plan": ["agent"], "once": once}
+    assert teacher.post("/classes/", sent | {"name": ""}).status_code == 422
+    assert teacher.post("/classes/", sent)["Location"] == Classroom.objects.get().get_absolute_url()
+    assert teacher.post("/classes/", sent)["Location"] == "/classes/" and Classroom.objects.count() == 1

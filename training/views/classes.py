@@ -68,19 +68,23 @@ class NamesForm(forms.Form):
 @require_http_methods(["GET", "HEAD", "POST"])
 def classrooms(request: HttpRequest) -> HttpResponse:
     """The reader's classes, and a form for another."""
-    form = ClassForm(request.POST or None)
+    form, once = ClassForm(request.POST or None), request.POST.get("once", "")
     if request.method == "POST" and form.is_valid():
+        if not first_time(once):
+            return redirect("classrooms")  # it is in the list
         try:
             made = services.make_class(teacher=racer_of(request), now=timezone.now(), **form.cleaned_data)
         except UserFault as fault:
+            not_this_time(once)
             add_fault(form, fault)
         except ValidationError as error:
+            not_this_time(once)
             form.add_error(None, error.messages)
         else:
             messages.success(request, _("The class is made. Add its learners."))
             return redirect(made)
     taught = services.classes_taught_by(request.user)
-    context = {"classes": taught, "form": form}
+    context = {"classes": taught, "form": form, "once": new_once()}
     return render(request, "training/classes/list.html", context, status=422 if form.errors else 200)
 
 
