@@ -27,12 +27,7 @@ import torch
 from stable_baselines3 import PPO, SAC
 from stable_baselines3.common.callbacks import BaseCallback
 from stable_baselines3.common.logger import Logger
-from stable_baselines3.common.type_aliases import (
-    ReplayBufferSamples,
-    RolloutBufferSamples,
-    TrainFreq,
-    TrainFrequencyUnit,
-)
+from stable_baselines3.common.type_aliases import RolloutBufferSamples, TrainFreq, TrainFrequencyUnit
 from stable_baselines3.common.utils import polyak_update
 from stable_baselines3.common.vec_env import VecEnv
 from torch.nn import functional
@@ -78,7 +73,7 @@ class Learner:
         mirror: Mirror | None = None,
     ) -> None:
         """``callback`` is asked after each control step; ``hurry`` between the steps of learning: once it is true, the
-        update ends there, and one of PPO is undone. ``mirror``: what half of each batch is turned round by."""
+        update ends there, and one of PPO is undone. ``mirror``: what half of each batch of PPO is turned round by."""
         self.spec, self.layout = spec, layout
         self._mirror = mirror
         self._hurry = hurry
@@ -220,28 +215,12 @@ class Learner:
 
         return batches
 
-    def _turned(self, batch: ReplayBufferSamples) -> ReplayBufferSamples:
-        """The first half of a batch turned round."""
-        mirror = self._mirror
-        if mirror is None or not mirror.holds:
-            return batch
-        half = len(batch.actions) // 2
-
-        def both(values: torch.Tensor, turn: Callable[[torch.Tensor], torch.Tensor]) -> torch.Tensor:
-            return torch.cat([turn(values[:half]), values[half:]])
-
-        return batch._replace(
-            observations=both(batch.observations, mirror.rows),
-            actions=both(batch.actions, mirror.actions),
-            next_observations=both(batch.next_observations, mirror.rows),
-        )
-
     def _update_sac(self) -> Losses:
         """As ``SAC.train`` of stable-baselines3 2.9 with a fixed alpha, with a choice of the critics' loss."""
         model, told = self.model, []
         alpha = float(self.spec.hyperparameters["sac_alpha"])
         for _ in range(max(1, self.spec.hyperparameters["num_epochs"] * self._driven // model.batch_size)):
-            batch = self._turned(model.replay_buffer.sample(model.batch_size))
+            batch = model.replay_buffer.sample(model.batch_size)
             actions, log_prob = model.actor.action_log_prob(batch.observations)
             log_prob = log_prob.reshape(-1, 1)
             with torch.no_grad():

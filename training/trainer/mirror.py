@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from paddock.errors import PaddockError
+from paddock.rules.hyperparameters import PPO
 from paddock.simulator.action import CONTINUOUS, ActionSpace
 from paddock.simulator.rewards import Params, RewardFunction
 from training.rewards.watch import watch
@@ -41,9 +42,9 @@ class Mirror:
 
     @classmethod
     def of(cls, spec: TrainerSpec, layout: NetworkLayout) -> Mirror | None:
-        """None where a mirrored car would be another one: a camera beside the middle, an action without its
-        opposite."""
-        if len(layout.senses) > 1 or layout.senses[0].name not in _IN_THE_MIDDLE:
+        """None where a mirrored car would be another one: a camera beside the middle, an action without its opposite;
+        and for SAC, which gains nothing (oval, one seed: 13,104 steps to three clean laps, 8,064 without)."""
+        if spec.algorithm != PPO or len(layout.senses) > 1 or layout.senses[0].name not in _IN_THE_MIDDLE:
             return None
         space = ActionSpace.from_metadata(spec.metadata)
         if space.kind == CONTINUOUS:
