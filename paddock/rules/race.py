@@ -421,7 +421,7 @@ BY_PLACE = tuple(sorted(RULES, key=lambda name: RULES[name].place))
 STAGE = tuple(name for name in BY_PLACE if RULES[name].stage)
 # What decides what laps are worth.
 RANKING = ("ranking_method", "laps", "minimum_laps")
-UNTIL_THE_FIRST_FAULT = {"max_resets": 0}
+UNTIL_THE_FIRST_FAULT: Mapping[str, Any] = {"max_resets": 0}
 # What makes a race easier to finish comes first: an order of rows.
 EASIER_FIRST = ("minimum_laps", "-max_resets")
 # What forms and environments propose, where a type of race needs some and nobody has said how many.

@@ -193,6 +193,11 @@ def test_the_pages(alice):
     assert "one name a line" in teacher.post(where, {"do": "add", "names": "x" * 90}).content.decode()
     page = teacher.post(where, {"do": "codes", "learner": [ClassLearner.objects.first().pk]}).content.decode()
     assert page.count('class="class-card"') == 1
+    before = list(ClassLearner.objects.values_list("code_digest", flat=True))
+    for ticked in ([], ["", "x", "-1"]):
+        answer = teacher.post(where, {"do": "codes", "learner": ticked}, follow=True).content.decode()
+        assert "Tick whose codes shall be new." in answer
+    assert list(ClassLearner.objects.values_list("code_digest", flat=True)) == before, "nobody's card is worthless now"
     teacher.post(where, {"do": "plan", "plan": ["agent", "nonsense"]})
     assert Classroom.objects.get().plan == ["agent"]
     form = teacher.get(f"/races/new/?group={Classroom.objects.get().group.slug}").content.decode()
@@ -217,7 +222,7 @@ def test_cards_that_are_reloaded_or_clicked_twice_make_no_second_class(alice):
     again = teacher.post(where, add, follow=True)
     assert "This was done already." in again.content.decode() and ClassLearner.objects.count() == 40
     digests = set(ClassLearner.objects.values_list("code_digest", flat=True))
-    codes = {"do": "codes", **form()}
+    codes = {"do": "all-codes", **form()}
     teacher.post(where, codes)
     printed = set(ClassLearner.objects.values_list("code_digest", flat=True))
     assert not digests & printed

@@ -97,7 +97,11 @@ def classroom(request: HttpRequest, slug: str) -> HttpResponse:
     shown = get_object_or_404(services.classes_taught_by(request.user), group__slug=slug)
     by, do = racer_of(request), request.POST.get("do", "")
     names, once = NamesForm(request.POST if do == "add" else None), request.POST.get("once", "")
-    if do in ("add", "codes") and not first_time(once):
+    only = [int(pk) for pk in request.POST.getlist("learner") if pk.isdecimal() and len(pk) < 18]
+    if do == "codes" and not only:  # before the form counts as sent: the next click may be of this very one
+        messages.error(request, _("Tick whose codes shall be new."))
+        return redirect(shown)
+    if do in ("add", "codes", "all-codes") and not first_time(once):
         messages.info(request, _("This was done already. Make new codes to print cards again."))
         return redirect(shown)
     try:
@@ -105,9 +109,9 @@ def classroom(request: HttpRequest, slug: str) -> HttpResponse:
             wanted = services.names_in(names.cleaned_data["names"])
             cards = services.add_learners(classroom=shown, by=by, names=wanted, now=timezone.now())
             return _cards(request, shown, cards)
-        if do == "codes":
-            only = [int(pk) for pk in request.POST.getlist("learner") if pk.isdecimal() and len(pk) < 18]
-            return _cards(request, shown, services.new_codes(classroom=shown, by=by, learners=only or None))
+        if do in ("codes", "all-codes"):
+            ticked = only if do == "codes" else None
+            return _cards(request, shown, services.new_codes(classroom=shown, by=by, learners=ticked))
         if do == "plan":
             plan = [lesson.slug for lesson in LESSONS if lesson.slug in request.POST.getlist("plan")]
             services.change_plan(classroom=shown, by=by, plan=plan)
