@@ -64,6 +64,20 @@ def region_of(country: str) -> str:
     return _by_country(settings.REGIONS).get(country, "")
 
 
+def countries_of(region: str) -> list[str]:
+    """The codes of a region's countries; none of what is no region."""
+    from django.conf import settings
+
+    return [code for code, name in _by_country(settings.REGIONS).items() if name == region]
+
+
+def all_regions() -> list[str]:
+    """The names of the regions, in their order."""
+    from django.conf import settings
+
+    return list(dict.fromkeys(_by_country(settings.REGIONS).values()))
+
+
 def region_name(name: str) -> str:
     """A region's name in the reader's language; as the operator says it where it is theirs."""
     from django.utils.translation import gettext

@@ -15,6 +15,7 @@ from rest_framework.request import Request
 from rest_framework.response import Response
 from rest_framework.views import APIView
 
+from accounts.regions import all_regions
 from league.models import Season, Stage
 from league.selectors import months_of, racer_season
 from league.selectors.overview import (
@@ -105,6 +106,7 @@ class RoundsView(RoundsWrite, generics.ListAPIView):
         parameters=[
             OpenApiParameter("division", enum=DIVISIONS, description="The first that has points if left out."),
             OpenApiParameter("of", enum=STANDINGS_OF),
+            OpenApiParameter("region", description="Of racers: those of one region among each other, by its name."),
         ],
         responses=StandingSerializer,
         tags=["seasons"],
@@ -122,7 +124,8 @@ class StandingsView(generics.ListAPIView):
         season = _season(self.kwargs["slug"])
         months = months_of(season)
         kept = divisions_with_points(months) or [Division.OPEN]
-        table = standings_table(season, wanted or kept[0], of, months)
+        region = _choice(self.request, "region", all_regions())
+        table = standings_table(season, wanted or kept[0], of, months, region=region)
         return [
             {
                 "place": row.place,

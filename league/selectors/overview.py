@@ -26,6 +26,7 @@ from .standings import (
     region_standings,
     season_standings,
     standings_of,
+    standings_within,
     team_key,
     team_standings,
 )
@@ -144,9 +145,10 @@ def standings_table(
     months: Sequence[Month],
     running: Sequence[Round] = (),
     group: RacerGroup | None = None,
+    region: str = "",
 ) -> StandingsTable:
     """The standings of ``of`` (one of STANDINGS_OF) in a division with every official round, and with those of
-    ``running`` as they stand; those of racers of one ``group`` among each other.
+    ``running`` as they stand; those of racers of one ``group``, or of one ``region``, among each other.
 
     Three queries, four for teams; for each of ``running`` one more, two for teams.
     """
@@ -158,6 +160,8 @@ def standings_table(
     }[of]
     if group is not None and of == RACERS:
         lines = group_standings(season, division, group, running)
+    elif region and of == RACERS:
+        lines = standings_within(season, division, region, running)
     else:
         lines = by(season, division, running)
     rounds = _counted_rounds(months, division, running)

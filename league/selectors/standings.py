@@ -10,7 +10,7 @@ from django.db.models import Q
 
 from accounts.groups.selectors import inside
 from accounts.models.team import team_key
-from accounts.regions import region_of
+from accounts.regions import countries_of, region_of
 from races.selectors.boards import CLASSIFIED, board_entries
 
 from ..models import Round, RoundPoints, Season, Stage
@@ -36,17 +36,31 @@ def season_standings(season: Season, division: Division | str, running: Sequence
 def group_standings(
     season: Season, division: Division | str, group: RacerGroup, running: Sequence[Round] = ()
 ) -> list[RacerStanding]:
-    """The standings of one division among the confirmed members of a group: in each round their places among each other
-    give the season's points, so that who is 200th of all and first of the group has those of the first.
+    """Those of :func:`standings_among` of the confirmed members of a group. Whoever belongs to it today counts in all
+    rounds."""
+    return standings_among(season, division, Q(racer__in=inside(group).values("racer")), running)
 
-    Three queries, and one for each round. Whoever belongs to the group today counts in all rounds.
+
+def standings_within(
+    season: Season, division: Division | str, region: str, running: Sequence[Round] = ()
+) -> list[RacerStanding]:
+    """The same among the racers of a region: who shows one of its countries today counts in all rounds."""
+    return standings_among(season, division, Q(racer__country__in=countries_of(region)), running)
+
+
+def standings_among(
+    season: Season, division: Division | str, racers: Q, running: Sequence[Round] = ()
+) -> list[RacerStanding]:
+    """The standings of one division among ``racers`` (of entries): in each round their places among each other give the
+    season's points, so that who is 200th of all and first among them has those of the first.
+
+    Three queries, and one for each round.
     """
     rounds = _counted(season, division, running)
     table = PointsTable(tuple(season.points))
-    members = inside(group).values("racer")
     results = []
     for round_ in Round.objects.filter(pk__in=rounds).select_related("race"):
-        order = board_entries(round_.race).filter(CLASSIFIED, is_baseline=False, racer__in=members)
+        order = board_entries(round_.race).filter(racers, CLASSIFIED, is_baseline=False)
         for rank, racer in enumerate(order.values_list("racer_id", flat=True)[: len(table)], start=1):
             results.append(RoundRank(racer, rounds[round_.pk], rank, table.of(rank)))
     return Standings(season.drop_worst).lines([one for one in results if one.points], len(rounds))

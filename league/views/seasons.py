@@ -14,6 +14,7 @@ from django.utils import timezone
 from django.utils.translation import gettext as _
 from django.views.decorators.http import require_safe
 
+from accounts.regions import all_regions
 from league.calendars import season_calendar, zone_names
 from league.drawing import ChartPoint, progress_chart
 from league.exports import standings_csv, standings_data, standings_feed
@@ -82,8 +83,8 @@ def season(request: HttpRequest, slug: str) -> HttpResponse:
 @require_safe
 def standings(request: HttpRequest, slug: str) -> HttpResponse:
     """Standings by ``division`` of ``of`` (racers, countries, regions, teams) with every round, dropped results marked;
-    with ``group`` racers of one among each other, with ``as=now``, and as long as no round is official, with the rounds
-    that are on as they stand."""
+    with ``group`` or ``region`` racers of one among each other, with ``as=now``, and as long as no round is official,
+    with the rounds that are on as they stand."""
     shown, now = _season(slug), timezone.now()
     months = months_of(shown)
     divisions = divisions_with_points(months) or [Division.OPEN]
@@ -97,7 +98,9 @@ def standings(request: HttpRequest, slug: str) -> HttpResponse:
     as_it_stands = bool(running) and (not has_official or request.GET.get("as") == "now")
     groups = groups_raced(shown, request.user)
     group = next((one for one in groups if one.slug == request.GET.get("group") and of == RACERS), None)
-    table = standings_table(shown, division, of, months, running if as_it_stands else (), group)
+    regions = all_regions()
+    region = next((one for one in regions if one == request.GET.get("region") and of == RACERS and not group), "")
+    table = standings_table(shown, division, of, months, running if as_it_stands else (), group, region)
     mine = next((row for row in table.rows if row.racer is not None and row.racer.pk == request.user.pk), None)
     page = Paginator(table.rows, ROWS).get_page(request.GET.get("page"))
     context = _context(request, shown, "standings") | {
@@ -106,6 +109,8 @@ def standings(request: HttpRequest, slug: str) -> HttpResponse:
         "of": of,
         "groups": groups if of == RACERS else [],
         "group": group,
+        "region": region,
+        "regions": regions,
         "table": table,
         "running": running,
         "has_official": has_official,

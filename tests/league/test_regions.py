@@ -9,7 +9,7 @@ from django_countries import countries
 from accounts.models import Racer
 from accounts.regions import USUAL, region_name, region_of, regions_in
 from config.env import env_regions
-from league.selectors.standings import region_standings
+from league.selectors.standings import region_standings, standings_within
 from league.services import close_round
 from tests.factories import a_racer
 from tests.league.seasons import a_round, a_season, after, board
@@ -40,6 +40,32 @@ def test_the_points_of_all_countries_of_a_region_add_up(client, settings):
     assert client.get(f"/api/v1/seasons/{season.slug}/standings/?of=regions").json()["results"][0]["points"] == 13
     Racer.objects.update(country="FR")  # who moves takes nothing along
     assert region_standings(season, "open")[0].points == 13
+
+
+@pytest.mark.django_db
+def test_racers_of_a_region_have_standings_among_each_other(client, settings):
+    season = a_season(points=[10, 5, 1])
+    round_ = a_round(season, 1, "open-qualifier")
+    cast = [
+        a_racer(alias, country=country) for alias, country in (("kim", "KR"), ("ben", "DE"), ("jun", "JP"), ("dot", ""))
+    ]
+    board(round_.race, cast)
+    close_round(round=round_, now=after(round_))
+    lines = standings_within(season, "open", "Asia")
+    assert [(line.place, line.who, line.points) for line in lines] == [(1, cast[0].pk, 10), (2, cast[2].pk, 5)]
+    assert standings_within(season, "open", "nowhere") == []
+    address = f"/seasons/{season.slug}/standings/"
+    assert '<a class="name" href="?region=Asia">Asia</a>' in client.get(f"{address}?of=regions").content.decode()
+    page = client.get(f"{address}?region=Asia").content.decode()
+    assert "the region's racers among each other" in page and '/racers/jun/"' in page
+    assert '/racers/ben/"' not in page and 'href="?region=Europe"' in page
+    assert '/racers/ben/"' in client.get(f"{address}?region=nonsense").content.decode(), "everybody"
+    api = f"/api/v1{address}"
+    found = client.get(f"{api}?region=Asia").json()["results"]
+    assert [(row["name"], row["points"]) for row in found] == [("kim", 10), ("jun", 5)]
+    assert client.get(f"{api}?region=nonsense").status_code == 400
+    settings.REGIONS = "Far & near: KR DE"
+    assert [row["name"] for row in client.get(f"{api}?region=Far+%26+near").json()["results"]] == ["kim", "ben"]
 
 
 @pytest.mark.parametrize(
