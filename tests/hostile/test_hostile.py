@@ -12,6 +12,7 @@ from __future__ import annotations
 import importlib.util
 import io
 import os
+import time
 from contextlib import suppress
 from dataclasses import replace
 from itertools import groupby
@@ -31,6 +32,7 @@ from tests.soak import one_of_each
 from .here import launch_here
 from .parts import Upload, good_network, pair
 
+GONE_S = 10.0
 HERE = Path(__file__).parent
 CASES = sorted(path.relative_to(HERE).with_suffix("").as_posix() for path in HERE.glob("*/*.py"))
 UNREACHABLE = {
@@ -79,9 +81,14 @@ def children() -> set[str]:
 
 
 def is_left(before: tuple[int, set[str]]) -> bool:
-    """Whether something is open or running that was not ``before`` (:func:`descriptors`, :func:`children`). What an
-    earlier test held may have gone meanwhile."""
-    return descriptors() > before[0] or not children() <= before[1]
+    """Whether something stays open or running that was not ``before`` (:func:`descriptors`, :func:`children`). What an
+    earlier test held may have gone meanwhile, and a thread of another test may just hold something for a moment."""
+    until = time.monotonic() + GONE_S
+    while left := descriptors() > before[0] or not children() <= before[1]:
+        if time.monotonic() > until:
+            break
+        time.sleep(0.05)
+    return left
 
 
 def needs_the_sandbox(case: str) -> bool:
