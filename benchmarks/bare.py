@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 from django.conf import settings
 from django.core.wsgi import get_wsgi_application
 from django.http import HttpRequest, HttpResponse
@@ -15,6 +17,11 @@ def hello(request: HttpRequest) -> HttpResponse:
 
 urlpatterns = [path("", hello)]
 settings.configure(
-    ALLOWED_HOSTS=["127.0.0.1"], ROOT_URLCONF=__name__, MIDDLEWARE=[], SECRET_KEY="nothing is signed", UPLOAD_LIMIT_MB=1
+    ALLOWED_HOSTS=["127.0.0.1"],
+    ROOT_URLCONF=__name__,
+    MIDDLEWARE=[],
+    SECRET_KEY="nothing is signed",
+    UPLOAD_LIMIT_MB=1,
+    STREAM_SOCKET=Path("/nowhere/streams.sock"),  # nothing is streamed
 )
 application = get_wsgi_application()

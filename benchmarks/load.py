@@ -6,6 +6,7 @@ with the server, so each figure is also told for a second of processor time of t
 
 from __future__ import annotations
 
+import http.client
 import os
 import re
 import shutil
@@ -22,6 +23,7 @@ from typing import Any
 CONNECTIONS = 4
 TURNS = 3
 START_S = 60.0
+ANSWER_S = 5.0
 BARE = "a bare Django view"
 MISSING = "there is no wrk: install the package wrk, or measure without load (--load 0)"
 _RATE = re.compile(r"Requests/sec:\s+([\d.]+)")
@@ -85,11 +87,23 @@ def _processor_s(parent: int) -> float:
     return ticks / os.sysconf("SC_CLK_TCK")
 
 
+def _answers(port: int) -> bool:
+    """Whether a request is answered: to be connected only says that somebody listens."""
+    connection = http.client.HTTPConnection("127.0.0.1", port, timeout=ANSWER_S)
+    try:
+        connection.request("GET", "/")
+        return connection.getresponse().status < 500
+    except (OSError, http.client.HTTPException):
+        return False
+    finally:
+        connection.close()
+
+
 @contextmanager
 def server(application: str, processes: int = 1) -> Iterator[tuple[str, int]]:
     """The web server as the run command starts it; yields its address and process id.
 
-    Raises LoadError where it does not start.
+    Raises LoadError where it does not start, or answers nothing.
     """
     with socket.socket() as free:
         free.bind(("127.0.0.1", 0))
@@ -100,10 +114,7 @@ def server(application: str, processes: int = 1) -> Iterator[tuple[str, int]]:
     program = subprocess.Popen(command, start_new_session=True)
     try:
         deadline = time.monotonic() + START_S
-        while True:
-            with socket.socket() as client:
-                if client.connect_ex(("127.0.0.1", port)) == 0:
-                    break
+        while not _answers(port):
             if program.poll() is not None or time.monotonic() > deadline:
                 raise LoadError(f"{application} did not start")
             time.sleep(0.1)
