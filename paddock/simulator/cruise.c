@@ -35,7 +35,7 @@ struct cruise { /* as cruise.py writes it down; metres and radians */
     const struct edge *edges;
     const int64_t *bands;
     int64_t band_count;
-    double low_m;
+    double low_m, band_m, on_line_m, rounding_m, window_m;
     /* what the referee goes by */
     double nose_m, front_m, rear_m, side_m, surely_m, clear_m, clear_from, clear_to, line_m;
     int64_t last_step, patience;
@@ -52,11 +52,6 @@ struct cruise { /* as cruise.py writes it down; metres and radians */
     struct row *rows;
     int64_t room, used;
 };
-
-#define ROUNDING_M 1e-9
-#define ON_LINE_M 1e-9
-#define BAND_M 0.25
-#define WINDOW_M 2.0
 
 static double size_of(double number) { return number < 0.0 ? -number : number; }
 
@@ -75,8 +70,8 @@ static int project(const struct cruise *car, double x, double y, struct place *f
         const double px = x - at->ax, py = y - at->ay;
         double behind = px * at->tx + py * at->ty;
         if (behind < 0.0) {
-            if (behind < -ROUNDING_M) {
-                if (walked > 0.0 || walked < -WINDOW_M)
+            if (behind < -car->rounding_m) {
+                if (walked > 0.0 || walked < -car->window_m)
                     return 0;
                 index = (index ? index : car->count) - 1;
                 walked -= at->size;
@@ -86,7 +81,7 @@ static int project(const struct cruise *car, double x, double y, struct place *f
         }
         const double slope = px * at->ux + py * at->uy - at->along;
         if (behind + slope - at->bend >= 0.0) {
-            if (walked < 0.0 || walked > WINDOW_M)
+            if (walked < 0.0 || walked > car->window_m)
                 return 0;
             index = index + 1 == car->count ? 0 : index + 1;
             walked += at->size;
@@ -123,7 +118,7 @@ static int is_on_road(const struct cruise *car, double ahead, double left)
 {
     const double x = car->new_x + ahead * car->cos - left * car->sin;
     const double y = car->new_y + ahead * car->sin + left * car->cos;
-    const double bands = (y - car->low_m) / BAND_M;
+    const double bands = (y - car->low_m) / car->band_m;
     if (!(bands >= 0.0 && bands < (double)car->band_count))
         return UNSURE;
     const int64_t band = (int64_t)bands;
@@ -131,7 +126,7 @@ static int is_on_road(const struct cruise *car, double ahead, double left)
     for (const struct edge *at = car->edges + car->bands[band]; at < car->edges + car->bands[band + 1]; at++) {
         const double px = x - at->ax, py = y - at->ay;
         const double turn = at->dx * py - at->dy * px;
-        if (turn * turn <= ON_LINE_M * ON_LINE_M * at->square)
+        if (turn * turn <= car->on_line_m * car->on_line_m * at->square)
             return UNSURE; /* as good as on the line */
         odd ^= (py >= 0.0) != (py >= at->dy) && (turn < 0.0) == (at->dy < 0.0);
     }

@@ -14,6 +14,10 @@ import struct
 
 import numpy as np
 
+from paddock.geometry.road import BAND_M, ON_LINE_M
+from paddock.geometry.segments import ROUNDING_M
+from paddock.geometry.track import WINDOW_M
+
 from . import compiled
 from .action import Action
 from .car import Pose
@@ -38,7 +42,8 @@ class _State(ctypes.Structure):
         ("length", ctypes.c_double),
         *((name, ctypes.c_void_p) for name in ("edges", "bands")),
         ("band_count", ctypes.c_int64),
-        *((name, ctypes.c_double) for name in ("low_m", "nose_m", "front_m", "rear_m", "side_m")),
+        *((name, ctypes.c_double) for name in ("low_m", "band_m", "on_line_m", "rounding_m", "window_m")),
+        *((name, ctypes.c_double) for name in ("nose_m", "front_m", "rear_m", "side_m")),
         *((name, ctypes.c_double) for name in ("surely_m", "clear_m", "clear_from", "clear_to", "line_m")),
         *((name, ctypes.c_int64) for name in ("last_step", "patience")),
         *((name, ctypes.c_double) for name in ("new_x", "new_y", "new_yaw", "cos", "sin")),
@@ -78,6 +83,10 @@ class Cruise:
             count=len(track.segment_rows),
             band_count=len(track.road.rows[1]) - 1,
             low_m=track.road.low_m,
+            band_m=BAND_M,
+            on_line_m=ON_LINE_M,
+            rounding_m=ROUNDING_M,
+            window_m=WINDOW_M,
             length=track.length,
             rows=self._rows.ctypes.data,
             room=ROWS,

@@ -297,11 +297,10 @@ class _Race:
         else:
             self._stage.step((None if car.referee.pause_steps > 0 else self._ask(0, car),))
         self.steps += 1
-        if cruise is None:
+        if cruise is None or not cruise.on:
             self.over = car.referee.end_reason is not None
-        elif not cruise.on:
-            self.over = car.referee.end_reason is not None
-            cruise.begin()
+            if cruise is not None:
+                cruise.begin()
 
     def settle(self) -> None:
         """Cars and their referees are asked now."""

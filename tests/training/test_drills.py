@@ -8,27 +8,15 @@ import numpy as np
 import pytest
 
 from paddock.geometry.catalogue import CATALOGUE
-from paddock.rules.hyperparameters import DEFAULTS, PPO
 from paddock.simulator.rewards import follow_centre_line
 from tests.paddock.simulator.tracks_for_tests import stadium
-from tests.training.test_network import metadata
+from tests.training.specs import a_spec
 from training.trainer.drills import ASIDE, BEFORE_M, DRILL_STEPS, TURN_DEG, Drills, astray
 from training.trainer.network import NetworkLayout
 from training.trainer.spec import TrainerSpec
 
 SHORT, LONG = stadium(1.5), stadium(3.0)
 LEFT, AHEAD = 4, 2  # of the default actions
-
-
-def spec(**changes) -> TrainerSpec:
-    return TrainerSpec(
-        track=SHORT.to_dict(),
-        race_type="time_trial",
-        metadata=metadata(),
-        algorithm=PPO,
-        hyperparameters=dict(DEFAULTS[PPO]),
-        **changes,
-    )
 
 
 def starts(drills: Drills, track, way: int = 0) -> list[float]:
@@ -99,7 +87,7 @@ class TestCars:
             one.close()
 
     def test_drillers_begin_shortly_before_a_place_where_a_car_has_failed(self, cars):
-        some, seen = cars(spec()), 0
+        some, seen = cars(a_spec(SHORT)), 0
         for _ in range(120):
             (before,) = some.drills.state()
             some.step_async(np.full(4, LEFT))
@@ -116,7 +104,7 @@ class TestCars:
         assert {one["status"] for one in some.episodes} == {"Off track"}
 
     def test_drillers_begin_astray_and_the_others_on_the_centre_line(self, cars):
-        some = cars(spec())
+        some = cars(a_spec(SHORT))
         some.drills.note(0, 1.0)
         aside, turned = [], []
         for _ in range(20):
@@ -137,7 +125,7 @@ class TestCars:
 
     def test_drills_are_cut_after_four_seconds_and_not_written_down(self, cars, monkeypatch):
         monkeypatch.setattr("training.trainer.cars.astray", lambda rng: (0.0, 0.0))
-        some, others = cars(spec(), stadium(24.0)), 0
+        some, others = cars(a_spec(SHORT), stadium(24.0)), 0
         some.drills.note(0, 3.0)
         some.again(np.ones(4, np.bool_))
         for step in range(1, DRILL_STEPS + 1):
@@ -149,7 +137,7 @@ class TestCars:
         assert len(some.episodes) == others
 
     def test_faults_are_kept_by_the_way_on_which_they_happened(self, cars):
-        some = cars(spec(more_tracks=[{"track": LONG.to_dict(), "look": "bold"}], alternate_direction=True))
+        some = cars(a_spec(SHORT, more_tracks=[{"track": LONG.to_dict(), "look": "bold"}], alternate_direction=True))
         for _ in range(150):
             some.step_async(np.full(4, LEFT))
             some.step_wait()

@@ -12,24 +12,15 @@ import numpy as np
 import pytest
 
 from paddock.geometry.catalogue import by_slug
-from paddock.rules.hyperparameters import DEFAULTS, PPO
 from paddock.simulator.envs.drive import Drive
 from paddock.simulator.rewards import follow_centre_line
-from tests.training.test_network import metadata
+from tests.training.specs import a_spec
 from training.trainer import judging
 from training.trainer.judging import PROBE_BEFORE_M, Judge
 from training.trainer.network import NetworkLayout
-from training.trainer.spec import TrainerSpec
 
 TRACK = by_slug("oval").geometry()
-SPEC = TrainerSpec(
-    track=TRACK.to_dict(),
-    race_type="time_trial",
-    metadata=metadata(),
-    algorithm=PPO,
-    hyperparameters=dict(DEFAULTS[PPO]),
-    stop_clean_laps=3,
-)
+SPEC = a_spec(TRACK, stop_clean_laps=3)
 AHEAD_M = 0.6
 FAILING_M = 2.5
 LAPS_AND_TRIALS = 3 + 2  # three by the first car, of which one is its trial, and one by each of two others

@@ -6,10 +6,9 @@ import numpy as np
 import pytest
 
 from paddock.geometry.catalogue import by_slug
-from paddock.rules.hyperparameters import DEFAULTS, PPO
-from tests.training.test_network import metadata
+from tests.training.specs import a_spec
 from training.trainer.network import NetworkLayout
-from training.trainer.spec import CARS, TrainerSpec
+from training.trainer.spec import CARS
 
 pytest.importorskip("torch", reason="training is not installed: make training")
 pytestmark = pytest.mark.xdist_group("training")
@@ -28,13 +27,7 @@ def test_an_interrupted_update_is_undone(hurried):
             return True
 
     track = by_slug("oval").geometry()
-    spec = TrainerSpec(
-        track=track.to_dict(),
-        race_type="time_trial",
-        metadata=metadata(),
-        algorithm=PPO,
-        hyperparameters={**DEFAULTS[PPO], "num_episodes_between_training": 5, "batch_size": 128, "num_epochs": 3},
-    )
+    spec = a_spec(track, hyperparameters={"num_episodes_between_training": 5, "batch_size": 128, "num_epochs": 3})
     layout = NetworkLayout.of(spec.metadata)
     asked: list[int] = []
     cars = TrainingCars(spec, track, [follow_centre_line] * CARS, list(layout.senses), 0)

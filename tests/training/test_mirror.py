@@ -12,6 +12,7 @@ from paddock.rules.hyperparameters import DEFAULTS, PPO, SAC
 from paddock.simulator.rewards import follow_centre_line
 from paddock.simulator.vector import TimeTrialVectorEnv
 from tests.paddock.simulator.tracks_for_tests import stadium
+from tests.training.specs import a_spec
 from tests.training.test_network import metadata
 from training.rewards.examples import EXAMPLES
 from training.rewards.function import load_rewards
@@ -25,13 +26,7 @@ torch = pytest.importorskip("torch", reason="training is not installed: make tra
 pytestmark = pytest.mark.xdist_group("training")
 
 TRACK = stadium(1.5)
-SPEC = TrainerSpec(
-    track=TRACK.to_dict(),
-    race_type="time_trial",
-    metadata=metadata(),
-    algorithm=PPO,
-    hyperparameters={**DEFAULTS[PPO], "num_episodes_between_training": 5, "num_epochs": 3},
-)
+SPEC = a_spec(TRACK, hyperparameters={"num_episodes_between_training": 5, "num_epochs": 3})
 RIGHT, AHEAD, LEFT = 0, 2, 4  # of the default actions
 
 

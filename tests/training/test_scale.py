@@ -7,10 +7,9 @@ import pytest
 
 from paddock.rules.hyperparameters import DEFAULTS, PPO, SAC
 from tests.paddock.simulator.tracks_for_tests import stadium
-from tests.training.test_network import metadata
+from tests.training.specs import a_spec
 from training.trainer.network import NetworkLayout
 from training.trainer.scale import WORTH, RewardScale
-from training.trainer.spec import TrainerSpec
 
 TRACK = stadium(1.5)
 
@@ -52,13 +51,7 @@ def test_cars_tell_what_was_paid_and_learn_from_what_it_is_worth(algorithm):
     pytest.importorskip("torch", reason="training is not installed: make training")
     from training.trainer.cars import TrainingCars
 
-    spec = TrainerSpec(
-        track=TRACK.to_dict(),
-        race_type="time_trial",
-        metadata=metadata(continuous=algorithm == SAC),
-        algorithm=algorithm,
-        hyperparameters=dict(DEFAULTS[algorithm]),
-    )
+    spec = a_spec(TRACK, algorithm)
     cars = TrainingCars(spec, TRACK, [lambda params: 40.0] * 4, list(NetworkLayout.of(spec.metadata).senses), 3)
     cars.reset()
     cars.step_async(np.full(4, 2) if algorithm == PPO else np.zeros((4, 2), np.float32))

@@ -13,14 +13,14 @@ from django.db import IntegrityError, transaction
 
 from paddock.errors import UserFault
 from paddock.geometry.catalogue import CATALOGUE
-from paddock.rules.hyperparameters import DEFAULTS, PPO
+from paddock.rules.hyperparameters import PPO
 from paddock.rules.training import DRIVEN_BY
 from paddock.simulator.rewards import follow_centre_line
 from tests.community import community
 from tests.paddock.simulator.tracks_for_tests import stadium
 from tests.rows import track_row
 from tests.training.jobs import REWARD, a_training
-from tests.training.test_network import metadata
+from tests.training.specs import a_spec
 from training import all_round
 from training.files import logs_zip, metrics_json
 from training.forms.training import INITIAL, TrainingForm
@@ -32,18 +32,9 @@ from training.services.work import spec_of
 from training.trainer.judging import Judge, Judgement
 from training.trainer.messages import _episode
 from training.trainer.network import NetworkLayout
-from training.trainer.spec import TrainerSpec
 
 SHORT, LONG = stadium(1.5), stadium(3.0)
-SPEC = TrainerSpec(
-    track=SHORT.to_dict(),
-    race_type="time_trial",
-    metadata=metadata(),
-    algorithm=PPO,
-    hyperparameters=dict(DEFAULTS[PPO]),
-    more_tracks=[{"track": LONG.to_dict(), "look": "bold"}],
-    alternate_direction=True,
-)
+SPEC = a_spec(SHORT, more_tracks=[{"track": LONG.to_dict(), "look": "bold"}], alternate_direction=True)
 
 
 @pytest.fixture

@@ -8,17 +8,16 @@ import cv2
 import numpy as np
 import pytest
 
-from paddock.rules.hyperparameters import DEFAULTS, PPO, SAC
+from paddock.rules.hyperparameters import PPO, SAC
 from paddock.simulator.rewards import follow_centre_line
 from tests.paddock.simulator.tracks_for_tests import stadium
 from tests.training.jobs import a_training
-from tests.training.test_network import metadata
+from tests.training.specs import a_spec
 from training.models import JobState, TrainingJob
 from training.services.jobs import TRAININGS
 from training.services.sight import told_sight
 from training.trainer.messages import Sight, sight_of
 from training.trainer.network import NetworkLayout
-from training.trainer.spec import TrainerSpec
 
 PICTURE = bytes(range(160)) * 120
 SAID = {"steering": -12.5, "speed": 1.2, "value": 3.0}
@@ -66,9 +65,7 @@ def test_looking_on_changes_nothing_that_is_learned(algorithm):
             return True
 
     track = stadium(1.5)
-    spec = TrainerSpec(
-        track.to_dict(), "time_trial", metadata(continuous=algorithm == SAC), algorithm, dict(DEFAULTS[algorithm])
-    )
+    spec = a_spec(track, algorithm)
     layout = NetworkLayout.of(spec.metadata)
     senses = list(layout.senses)
     cars = TrainingCars(spec, track, [follow_centre_line] * 2, senses, 0)

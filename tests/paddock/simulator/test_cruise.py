@@ -90,6 +90,17 @@ def walk(rng, track):
             yield Pose(x, y, heading if kind == "stands" else heading + rng.normal() * 0.1)
 
 
+def a_step(one: Competitor, action: Action, pose: Pose) -> None:
+    """A control step, seen in Python: to ``pose``, unless the car stands out a penalty."""
+    if one.pausing:
+        one.stand()
+    else:
+        one.note(action)
+        one.car.pose = pose
+    one.move()
+    one.judge()
+
+
 @pytest.mark.parametrize("track", TRACKS.values(), ids=TRACKS)
 def test_a_car_that_cruises_is_where_it_would_be_without(track):
     reach, cruised = Reach(track), 0
@@ -104,26 +115,14 @@ def test_a_car_that_cruises_is_where_it_would_be_without(track):
             action = Action(float(rng.uniform(-30, 30)), float(rng.uniform(0.1, 4)), int(rng.integers(5)))
             action = action._replace(index=None) if rng.random() < 0.1 else action
             pausing = judged.pausing
-            if pausing:
-                judged.stand()
-            else:
-                judged.note(action)
-                judged.car.pose = pose
-            judged.move()
-            judged.judge()
+            a_step(judged, action, pose)
             if cruising.on:
                 assert not pausing
                 seen.car.pose = pose
                 cruising.step(action)
                 cruised += cruising.on
             else:
-                if pausing:
-                    seen.stand()
-                else:
-                    seen.note(action)
-                    seen.car.pose = pose
-                seen.move()
-                seen.judge()
+                a_step(seen, action, pose)
             if rng.random() < 0.1 or judged.done:
                 cruising.settle()
                 assert all_of(seen) == all_of(judged), (seed, number)

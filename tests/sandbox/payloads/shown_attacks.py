@@ -41,18 +41,23 @@ def _done(went_through):
         raise OSError("refused")
 
 
-def main(frames_in, frames_out):
-    fd = int(sys.argv[1])
-    view = to_read(fd)
+def what_went_through(fd, address):
+    """All attempts, as a message: how many, and which of them nobody refused."""
     tried, through = [], []
-    for name, attempt in attempts(fd, ctypes.addressof(view)):
+    for name, attempt in attempts(fd, address):
         tried.append(name)
         try:
             attempt()
         except OSError:
             continue
         through.append(name)
-    write_message(frames_out, {"tried": len(tried), "through": through, "sees": bytes(view[:8]).decode()})
+    return {"tried": len(tried), "through": through}
+
+
+def main(frames_in, frames_out):
+    fd = int(sys.argv[1])
+    view = to_read(fd)
+    write_message(frames_out, what_went_through(fd, ctypes.addressof(view)) | {"sees": bytes(view[:8]).decode()})
     read_message(frames_in)
     write_message(frames_out, {"sees": bytes(view[:8]).decode()})
     return 0
