@@ -29,7 +29,7 @@
 
     async begin() {
       try {
-        const answer = await fetch(acts.dataset.again, { headers: { Accept: "application/json" } });
+        const answer = await fetch(acts.dataset.again, { headers: { Accept: "application/json" }, signal: AbortSignal.timeout(15000) });
         if (!answer.ok) throw new Error(String(answer.status));
         Object.assign(this, await answer.json());
       } catch { setTimeout(() => this.begin(), 3000); return; }
@@ -74,7 +74,7 @@
       let after = -1;
       try {
         for (let over = false; !over && is();) {
-          const answer = await fetch(`${this.poses}?slot=${of}&after=${after}`, { headers: { Accept: "application/json" } });
+          const answer = await fetch(`${this.poses}?slot=${of}&after=${after}`, { headers: { Accept: "application/json" }, signal: AbortSignal.timeout(15000) });
           if (!answer.ok) throw new Error(String(answer.status));
           const said = await answer.json();
           if (!is()) return;

@@ -126,20 +126,24 @@
       this.watching = this.watched = false;
     }
 
-    // The frame of the moment: asked for only while the picture is in sight, a few times a second, one at a time.
+    // The camera frame of the moment: one request at a time, at most one each SEEN_MS, and only while the picture is in sight.
     look() {
       if (!this.seen) return;
       const ms = Math.round(this.now);
       this.saw.href = `${this.saw.href.split("?")[0]}?ms=${ms}`;
-      if (this.looking) return;
-      this.looking = setTimeout(() => {
-        this.looking = 0;
-        if (Math.round(this.now) !== ms && !this.frame) { this.look(); return; }
-        const box = this.root.getBoundingClientRect();
-        if (box.bottom < 0 || box.top > innerHeight) return;
-        this.seen.hidden = false;
-        this.seen.src = `${this.seen.dataset.seen}?ms=${Math.round(this.now)}`;
-      }, SEEN_MS);
+      if (this.looking || ms === this.requested) return;
+      this.looking = true;
+      setTimeout(() => this.loadFrame(), SEEN_MS);
+    }
+
+    // A new source aborts the request before it, so the next frame waits until this one has loaded or failed.
+    loadFrame() {
+      const box = this.root.getBoundingClientRect();
+      if (box.bottom < 0 || box.top > innerHeight) { this.looking = false; return; }
+      this.requested = Math.round(this.now);
+      this.seen.onload = this.seen.onerror = () => { this.looking = false; this.look(); };
+      this.seen.hidden = false;
+      this.seen.src = `${this.seen.dataset.seen}?ms=${this.requested}`;
     }
 
     pause() {

@@ -194,7 +194,7 @@
       try {
         if (this.has !== undefined) await new Promise((done) => setTimeout(done, Math.random() * GHOST_MS));
         const query = new URLSearchParams({ slot: leader.slot, ...(leader.whole ? {} : { lap: leader.lap }) });
-        const answer = await fetch(`${this.root.dataset.ghostOf}?${query}`);
+        const answer = await fetch(`${this.root.dataset.ghostOf}?${query}`, { signal: AbortSignal.timeout(15000) });
         if (!answer.ok) throw new Error(String(answer.status));
         const { t, x, y, yaw } = await answer.json();
         const car = new this.root.show.Track();

@@ -10,7 +10,7 @@
   const buttons = Object.fromEntries([...root.querySelectorAll("[data-do]")].map((each) => [each.dataset.do, each]));
   const said = (key, value) => words[key].replace("%s", value);
   const EPOCH = TimingStore.id();  // of this load of the page: performance.now() begins anew with each
-  const UNDO = 100, SEND_AFTER_MS = 400, SEND_AGAIN_MS = 15000, ASK_SENSOR_MS = 1000, CLOCKS_DIFFER_MS = 1000;
+  const UNDO = 100, SEND_AFTER_MS = 400, SEND_AGAIN_MS = 15000, ASK_SENSOR_MS = 1000, ANSWER_MS = 15000, CLOCKS_DIFFER_MS = 1000;
   const moment = () => ({ mono: performance.now(), wall: Date.now(), epoch: EPOCH });
 
   function written(milliseconds) {
@@ -81,7 +81,7 @@
     sending = true;
     try {
       const answer = await fetch(`${data.api}sessions/`, {
-        method: "POST", credentials: "same-origin",
+        method: "POST", credentials: "same-origin", signal: AbortSignal.timeout(ANSWER_MS),
         headers: { "Content-Type": "application/json", "X-CSRFToken": cookie(data.csrf) },
         body: JSON.stringify({ sent_at: new Date().toISOString(), sessions: waiting.map(told) }),
       });
@@ -216,12 +216,15 @@
   const left = (now) => (session ? data.session_ms - passed(session.started, now) : 0);
 
   // --- laps that a sensor measures: read from the site, with what was seen here kept ------------------------------------
+  let asking = false; // a slow answer must not pile up requests
   async function askSensor() {
-    if (!session?.sensor || !session.sent) return;
+    if (asking || !session?.sensor || !session.sent) return;
+    asking = true;
     const one = session;
-    const answer = await fetch(`${data.api}sessions/${one.id}/`, { credentials: "same-origin" }).catch(() => null);
-    if (!answer?.ok) return;
-    const found = await answer.json();
+    const found = await fetch(`${data.api}sessions/${one.id}/`, { credentials: "same-origin", signal: AbortSignal.timeout(ANSWER_MS) })
+      .then((answer) => (answer.ok ? answer.json() : null)).catch(() => null);
+    asking = false;
+    if (!found) return;
     let changed = false;
     for (const each of found.laps.slice(one.laps.length)) {
       one.laps.push({

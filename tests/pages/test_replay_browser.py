@@ -18,7 +18,10 @@ PAGE = """<div data-replay="/run.json" data-play="Play" data-pause="Pause">
 <svg viewBox="0 0 10 10" data-stage><polyline points="" data-tail/><g data-others></g>
 <g data-car="0" hidden></g><g data-car="1" hidden></g></svg>
 <div data-player hidden><button data-toggle>Play</button><input type="range" min="0" data-seek>
-<select data-rate><option value="4">4</option></select><output data-out data-lap="Lap"></output></div></div>"""
+<select data-rate><option value="4">4</option></select><output data-out data-lap="Lap"></output></div>
+<img data-seen="/seen.png" hidden><a href="/saw" data-saw>What the car saw</a></div>"""
+
+PIXEL = '<svg xmlns="http://www.w3.org/2000/svg" width="1" height="1"/>'
 
 
 def columns(*moments: int) -> dict[str, list]:
@@ -59,3 +62,22 @@ def test_a_duel_replay_runs_until_the_last_car_is_done(page: playwright.Page) ->
     playwright.expect(page.locator("[data-out]")).to_contain_text("Lap 1")
     playwright.expect(page.get_by_role("button", name="Play")).to_be_visible()
     assert page.locator("[data-seek]").input_value() == "3000"
+
+
+def test_the_camera_picture_waits_for_its_answer_before_the_next_request(page: playwright.Page) -> None:
+    held: list[playwright.Route] = []
+    aborted: list[str] = []
+    page.route("**/seen.png*", lambda route: held.append(route))
+    page.on("requestfailed", lambda request: aborted.append(request.url))
+    page.get_by_role("button").click()
+    page.wait_for_timeout(1500)
+    assert len(held) == 1, "the first picture has not arrived yet"
+    held[0].fulfill(body=PIXEL, content_type="image/svg+xml")
+    page.wait_for_timeout(700)
+    assert len(held) == 2, "the next picture follows the first"
+    held[1].abort()
+    page.locator("[data-seek]").fill("1000")
+    page.wait_for_timeout(700)
+    assert len(held) == 3, "a picture that failed does not stop the following ones"
+    held[2].fulfill(body=PIXEL, content_type="image/svg+xml")
+    assert [url for url in aborted if url != held[1].request.url] == []

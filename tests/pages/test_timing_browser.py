@@ -225,6 +225,22 @@ def test_a_sensor_times_and_the_timekeeper_counts(browser, live_server, race):
     keeper.context.close()
 
 
+def test_a_slow_answer_does_not_pile_up_requests_for_the_laps_of_a_sensor(browser, live_server, race):
+    make_sensor(race=race, name="Gate", by=race.organiser, now=timezone.now())
+    keeper = Keeper(browser, live_server, race.organiser)
+    held = []
+    keeper.context.route(re.compile(r"/sessions/[^/]+/$"), lambda route: held.append(route))
+    keeper.page.get_by_label("Timed").select_option(label="Gate")
+    keeper.start()
+    keeper.all_sent()
+    keeper.drive(3500)
+    assert len(held) == 1
+    held.pop().abort()
+    keeper.drive(1500)
+    assert len(held) == 1, "asked again once the first request has failed"
+    keeper.context.close()
+
+
 def test_a_second_tab_takes_no_times(keeper):
     other = keeper.context.new_page()
     other.goto("/races/hall-race/timing/")
