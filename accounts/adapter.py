@@ -14,6 +14,7 @@ from django.db import transaction
 from django.forms import BaseForm
 from django.http import HttpRequest
 from django.utils import timezone
+from django.utils.translation import gettext_lazy as _
 
 from . import log_in
 from .aliases import is_reserved
@@ -24,6 +25,15 @@ from .sign_up import CODE, INVITATION, OPEN
 
 class AccountAdapter(DefaultAccountAdapter):
     """allauth's, with our rules of who may sign up, and our limits on guesses."""
+
+    # A racer's name is an alias on every page: allauth calls it a username.
+    error_messages = DefaultAccountAdapter.error_messages | {
+        "username_taken": _("This alias is taken. Choose another one."),
+        "username_blacklisted": _("This alias is reserved. Choose another one."),
+        "username_password_mismatch": _("The alias or the password is not correct."),
+        "email_password_mismatch": _("The e-mail address or the password is not correct."),
+        "email_taken": _("An account with this e-mail address exists already."),
+    }
 
     def is_open_for_signup(self, request: HttpRequest) -> bool:
         """Whether this visitor may sign up now."""

@@ -49,7 +49,10 @@ class SignUpForm(allauth_forms.SignupForm):
         alias.help_text = _(
             "Your name on every board: 2 to 64 letters, digits, hyphens and underscores. It cannot be changed later."
         )
-        alias.widget.attrs["pattern"] = "[A-Za-z0-9_\\-]{2,64}"
+        alias.widget.attrs |= {
+            "pattern": "[A-Za-z0-9_\\-]{2,64}",
+            "title": _("2 to 64 letters, digits, hyphens and underscores."),
+        }
         self.fields["email"].help_text = _("Seen by you and the admins only.")
         for field in self.fields.values():
             field.widget.attrs.pop("placeholder", None)

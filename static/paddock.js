@@ -64,6 +64,14 @@
     say();
   });
 
+  // --- a field with a pattern names it in the page's language, not as "the requested format" ------------------------------
+  document.addEventListener("invalid", ({ target }) => {
+    if (target.title && target.validity.patternMismatch) target.setCustomValidity(target.title);
+  }, true);
+  document.addEventListener("input", ({ target }) => {
+    if (target.title && target.pattern) target.setCustomValidity("");
+  });
+
   // --- date fields: typed in the reader's time zone, which the hidden field names ------------------------------------
   const local = (moment) => new Date(moment - moment.getTimezoneOffset() * 60000).toISOString().slice(0, 16);
   each("form[data-zoned]", (form) => {

@@ -168,7 +168,7 @@ def _mark(shown: CarReport) -> str:
 
 
 def _tell(request: HttpRequest, fault: UserFault) -> None:
-    text = format_html('{} <code data-code="{}">{}</code>', explain(fault), fault.code, fault.code)
+    text = format_html('<span data-code="{}">{}</span>', fault.code, explain(fault))
     messages.error(request, text, extra_tags="fault")
 
 

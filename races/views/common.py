@@ -40,13 +40,13 @@ def visible_evaluation(request: HttpRequest, public_id: str) -> Evaluation:
 
 
 def tell_fault(request: HttpRequest, fault: PaddockError) -> None:
-    """Show a refusal at the top of the next page: its sentence and its code."""
+    """Show a refusal at the top of the next page: its sentence."""
     messages.error(request, fault_text(fault), extra_tags="fault")
 
 
 def fault_text(fault: PaddockError) -> SafeString:
-    """The fault's sentence and its code, small."""
-    return format_html('{} <code data-code="{}">{}</code>', explain(fault), fault.code, fault.code)
+    """The fault's sentence; programs find its code in ``data-code``."""
+    return format_html('<span data-code="{}">{}</span>', fault.code, explain(fault))
 
 
 def too_many(request: HttpRequest, action: str, rates: dict[str, str]) -> HttpResponse | None:

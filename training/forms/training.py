@@ -122,7 +122,13 @@ class TrainingForm(HyperparametersForm, LayoutForm, _Ending):  # type: ignore[mi
         max_length=64,
         help_text=_("1 to 64 letters, digits and hyphens; no other model of yours may have it."),
         error_messages={"invalid": _("Use letters from a to z, digits and hyphens only.")},
-        widget=forms.TextInput(attrs={"pattern": "[A-Za-z0-9\\-]+", "autocomplete": "off"}),
+        widget=forms.TextInput(
+            attrs={
+                "pattern": "[A-Za-z0-9\\-]+",
+                "title": _("Use letters from a to z, digits and hyphens only."),
+                "autocomplete": "off",
+            }
+        ),
     )
     description = forms.CharField(
         label=_("Description"),
