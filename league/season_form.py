@@ -11,12 +11,13 @@ from typing import Any, cast
 from django import forms
 from django.core.exceptions import ValidationError
 from django.utils import timezone
+from django.utils.crypto import get_random_string
 from django.utils.dates import MONTHS
 from django.utils.translation import gettext_lazy as _
 
 from core.forms import add_fault
 from paddock.errors import UserFault
-from paddock.rules.race import STAGE
+from paddock.rules.race import RANKING, STAGE
 from races.errors import RaceRefused, problem
 from races.models.rules import lap_problems
 from tracks.models import Direction, Track
@@ -29,6 +30,8 @@ from .services.template import MonthPlan, SeasonPlan, Turning
 from .stage_fields import BOTS, BOXES, DUELS, STAGES, TURNS, named, stage_fields, stage_plan
 
 MONTHS_AT_MOST = 12
+# Checks of several fields: where one of them cannot be read, nothing is known about the others.
+_TOGETHER = ({"finale_size", "championship_places"}, set(RANKING))
 DEFAULT_POINTS = "25, 18, 15, 12, 10, 8, 6, 4, 2, 1"
 
 
@@ -106,6 +109,7 @@ class SeasonForm(forms.Form):
 
     def __init__(self, *args: Any, now: datetime, **kwargs: Any) -> None:
         super().__init__(*args, **kwargs)
+        self.now = now
         self.tracks = {track.slug: track for track in Track.objects.order_by("name") if track.has_shape}
         choices = [(slug, track.name) for slug, track in self.tracks.items()]
         cast("forms.ChoiceField", self.fields["zone"]).choices = [(name, name) for name in zone_names()]
@@ -162,6 +166,18 @@ class SeasonForm(forms.Form):
             **{name: data[name] for name in times},
         )
 
+    def repaired(self) -> SeasonForm | None:
+        """The form with usual values in place of wrong ones, None without errors and where one of them decides what
+        the races are."""
+        wrong = set(self.errors)
+        if not wrong or not wrong <= {*self.OF_A_SEASON, "name", "slug", "prizes"}:
+            return None
+        data = self.data.copy()
+        usual: dict[str, Any] = {"name": "-", "slug": get_random_string(20), "prizes": ""}
+        for name in wrong:
+            data[name] = usual.get(name, self.fields[name].initial)
+        return SeasonForm(data, now=self.now)
+
     def round_changes(self) -> dict[str, RoundChange]:
         """What single races have instead of their pattern, by key."""
         return read_changes(self.cleaned_data["changes"])
@@ -214,14 +230,15 @@ class SeasonForm(forms.Form):
 
     def _check(self, row: Season | StageRules, names: dict[str, str], cleaned: dict[str, Any]) -> None:
         for name, shown in names.items():
-            if shown not in cleaned:
-                return
-            if cleaned[shown] is not None:
+            if cleaned.get(shown) is not None:
                 setattr(row, name, cleaned[shown])
         try:
             row.clean() if isinstance(row, Season) else row.clean_fields(exclude=["season"])
             if isinstance(row, StageRules) and (problems := lap_problems(row)):
                 raise ValidationError(problems)
         except ValidationError as refused:
+            unread = {name for name, shown in names.items() if shown not in cleaned}
             for name, errors in refused.error_dict.items():
-                self.add_error(names[name], errors)
+                unsure = any(name in together and together & unread for together in _TOGETHER)
+                if name not in unread and not unsure:
+                    self.add_error(names[name], errors)

@@ -4,28 +4,30 @@ from __future__ import annotations
 
 import zoneinfo
 from collections.abc import Iterable
+from copy import copy
 from datetime import UTC, datetime, timedelta
 from types import new_class
 from typing import Any
 
 from django import forms
+from django.core.exceptions import ValidationError
 from django.db.models import Q, QuerySet
 from django.utils import timezone
 from django.utils.translation import gettext_lazy as _
 
-from accounts.models import RacerGroup
+from accounts.models import Racer, RacerGroup
 from core.forms import add_fault
 from paddock.errors import UserFault
-from paddock.rules.race import BY_PLACE
+from paddock.rules.race import BY_PLACE, RANKING
 
 from .errors import RaceRefused
 from .fields import BesideField, MomentField
 from .layout_form import DRAWN, FIXED, PROPOSALS, LayoutForm
-from .models import Race, RaceState, RaceType, TeamEntries, Visibility
+from .models import Race, RaceKind, RaceState, RaceType, TeamEntries, Visibility
 from .models.race import MINIMUM_LAP_MS, MOST_TERMS, SESSION_S
 from .rules.fields import rule_fields
 from .services.races import edition_of
-from .validation import EDITABLE_FIELDS, RULE_FIELDS, TEXT_FIELDS
+from .validation import EDITABLE_FIELDS, LAID_OUT_BY, PHYSICAL_FIELDS, RULE_FIELDS, TEXT_FIELDS, check_race
 
 DEFAULT_DURATION = timedelta(days=7)
 _NOT_OF_A_RACE = ("track", "time_zone", "box_choice", "edition")
@@ -36,6 +38,8 @@ _OF_REAL_CARS = ("session_s", "minimum_lap_ms")
 # What every race has, in rows of three on a page.
 _IN_ROWS = tuple(name for name in BY_PLACE if name not in (*LayoutForm.base_fields, *_ELSEWHERE))
 _FIELDS = rule_fields((*_IN_ROWS, *_ELSEWHERE))
+# Checks of several fields: where one of them cannot be read, nothing is known about the others.
+_TOGETHER = (set(RANKING), {"group", "visibility"}, {*PHYSICAL_FIELDS, "race_type", "beside", "track"}, LAID_OUT_BY)
 _RuleFields = new_class("RuleFields", (LayoutForm,), exec_body=lambda body: body.update(_FIELDS))
 
 
@@ -109,12 +113,13 @@ class RaceForm(_RuleFields):  # type: ignore[misc, valid-type]
         locked: Iterable[str] = (),
         now: datetime,
         groups: QuerySet[RacerGroup] | None = None,
+        organiser: Racer | None = None,
         **kwargs: Any,
     ) -> None:
         """``race`` is the race that is changed, if there is one; ``locked`` are its fields that may not change now;
-        ``groups`` are those that it may be held for."""
+        ``groups`` are those that it may be held for; ``organiser`` is the organiser of a new race."""
         super().__init__(*args, initial=_initial(race, now) | kwargs.pop("initial", {}), **kwargs)
-        self.race = race
+        self.race, self.now, self.organiser = race, now, organiser
         own = RacerGroup.objects.filter(pk__in=[race.group_id] if race and race.group_id else [])
         of_group = self.fields["group"]
         assert isinstance(of_group, forms.ModelChoiceField)
@@ -146,6 +151,28 @@ class RaceForm(_RuleFields):  # type: ignore[misc, valid-type]
             untouched = stored is not None and stored.replace(second=0, microsecond=0) == typed
             cleaned[name] = stored if untouched else typed
         return cleaned
+
+    def _post_clean(self) -> None:
+        """Report everything at once: beside fields that cannot be read, what the race's own validation says of the
+        others. Of a form without errors the service says it."""
+        super()._post_clean()
+        if not self.errors:
+            return
+        unread = set(self.errors)
+        race, before = Race(kind=RaceKind.COMMUNITY, organiser=self.organiser), None
+        if self.race is not None:
+            race, before = copy(self.race), self.race if self.race.pk else None
+        changes = dict.fromkeys({"opens_at", "closes_at"} & unread) | self.changes()
+        for name, value in changes.items():
+            setattr(race, name, value)
+        try:
+            check_race(race, now=self.now, before=before)
+        except RaceRefused as refused:
+            for field, errors in refused.errors.error_dict.items():
+                place = self.place_error(field)
+                unsure = any(field in names and names & unread for names in _TOGETHER)
+                if place is not None and place not in unread and not unsure:
+                    self.add_error(place, ValidationError(errors))
 
     def _clean_unsent(self, cleaned: dict[str, Any]) -> None:
         """What a page does not send stays as it stood: a time trial has nothing to run into."""

@@ -17,7 +17,7 @@ from paddock.errors import UserFault
 from .fields import SecondsField
 from .models import LiveEvent, LiveOrder
 from .models.live import LEAST_ATTEMPT_MS, MOST_ATTEMPT_MS, MOST_ROUNDS
-from .services.live.planning import MOST_GAP_S
+from .services.live.planning import MOST_GAP_S, check_plan
 
 _FIELD_OF = {"live_time_zone": "time_zone", "live_in_the_past": "starts_at", "live_too_far_ahead": "starts_at"}
 
@@ -67,12 +67,22 @@ class LiveForm(forms.Form):
 
     def __init__(self, data: Any = None, *, event: LiveEvent | None, now: datetime) -> None:
         super().__init__(data, initial=_initial(event, now))
+        self.now = now
         self.fields["time_zone"].choices = [(name, name) for name in zones()]  # type: ignore[attr-defined]
 
     def clean_starts_at(self) -> datetime:
         """As typed: the zone is another field."""
         value: datetime = self.cleaned_data["starts_at"]
         return timezone.make_naive(value) if timezone.is_aware(value) else value
+
+    def _post_clean(self) -> None:
+        """Report everything at once: of a form without errors the service says the rest."""
+        super()._post_clean()
+        if self.errors and not {"starts_at", "time_zone"} & set(self.errors):
+            try:
+                check_plan({"starts_at": self.plan()["starts_at"]}, self.now)
+            except UserFault as fault:
+                self.show(fault)
 
     def plan(self) -> dict[str, Any]:
         """What the services take."""

@@ -9,7 +9,7 @@ from functools import partial
 from django.core.exceptions import ValidationError
 
 from accounts.groups.selectors import may_hold_for
-from paddock.rules.race import RULES
+from paddock.rules.race import RULES, RUN_RULES
 
 from .errors import RaceRefused, problem
 from .layout import check_layout
@@ -33,6 +33,8 @@ PHYSICAL_FIELDS = ("physical", "session_s", "minimum_lap_ms")
 RULE_FIELDS = ("track", *PHYSICAL_FIELDS, *(name for name, rule in RULES.items() if rule.fixed))
 # What decides where boxes stand and whether bots have room: a change of these makes the layout anew and checks it.
 BOX_AND_BOT_FIELDS = ("track", "direction", "race_type", "boxes", "random_boxes", "box_distance_m", "bots", "seed")
+# What lays out a track: boxes and bots are placed only where all of these make sense.
+LAID_OUT_BY = frozenset(("track", *RUN_RULES))
 # What never changes after a race is made.
 FIXED_FIELDS = ("slug", "kind", "organiser", "created_at")
 # What may be written even when a race is over.
@@ -85,10 +87,11 @@ def check_race(race: Race, *, now: datetime, before: Race | None = None, submiss
     if before is None or before.group_id != race.group_id:
         _collect(problems, lambda: _check_group(race))
     _collect(problems, lambda: check_times(race, now=now, before=before, submissions=submissions))
-    if not problems.error_dict and before is not None and {"opens_at", "closes_at"} & set(changed_fields(before, race)):
+    changed = set() if before is None else set(changed_fields(before, race))
+    if {"opens_at", "closes_at"} & changed and not {"opens_at", "closes_at"} & set(problems.error_dict):
         for check in _TIME_CHECKS:
             _collect(problems, partial(check, race, before))
-    if not problems.error_dict and (before is None or set(changed_fields(before, race)) & set(BOX_AND_BOT_FIELDS)):
+    if (before is None or changed & set(BOX_AND_BOT_FIELDS)) and not LAID_OUT_BY & set(problems.error_dict):
         _collect(problems, lambda: check_layout(race))
     if problems.error_dict:
         raise RaceRefused(problems)
@@ -109,23 +112,23 @@ def check_times(race: Race, *, now: datetime, before: Race | None = None, submis
             problems["closes_at"] = problem("race_too_long", days=MAX_DURATION.days)
         if race.opens_at > now + MAX_AHEAD:
             problems["opens_at"] = problem("race_too_far_ahead", days=MAX_AHEAD.days)
-        if before is None:
-            if race.closes_at <= now:
-                problems["closes_at"] = problem("race_already_over")
-            # a league's month may be scheduled after it has begun
-            elif race.kind == RaceKind.COMMUNITY and race.opens_at < now - OPENING_SLACK:
-                problems["opens_at"] = problem("race_opens_in_the_past")
+    if before is None:
+        if isinstance(race.closes_at, datetime) and race.closes_at <= now:
+            problems["closes_at"] = problem("race_already_over")
+        # a league's month may be scheduled after it has begun
+        if race.kind == RaceKind.COMMUNITY and _has_opened(race, now):
+            problems.setdefault("opens_at", problem("race_opens_in_the_past"))
     if before is not None:
         state = before.state_at(now)
         if state in (RaceState.CLOSED, RaceState.CANCELLED):
             for field in changed:
                 if field not in TEXT_FIELDS:
                     problems[field] = problem("race_is_over")
-        elif timed and "closes_at" in changed and race.closes_at <= now:
+        elif isinstance(race.closes_at, datetime) and "closes_at" in changed and race.closes_at <= now:
             problems.setdefault("closes_at", problem("race_already_over"))
         if state == RaceState.OPEN and "opens_at" in changed:
             problems["opens_at"] = problem("race_has_opened")
-        elif timed and state == RaceState.UPCOMING and "opens_at" in changed and race.opens_at < now - OPENING_SLACK:
+        elif state == RaceState.UPCOMING and "opens_at" in changed and _has_opened(race, now):
             problems.setdefault("opens_at", problem("race_opens_in_the_past"))
         if submissions:
             for field in changed:
@@ -136,6 +139,10 @@ def check_times(race: Race, *, now: datetime, before: Race | None = None, submis
                 problems[field] = problem("race_field_fixed", field=field)
     if problems:
         raise ValidationError(problems)
+
+
+def _has_opened(race: Race, now: datetime) -> bool:
+    return isinstance(race.opens_at, datetime) and race.opens_at < now - OPENING_SLACK
 
 
 def changed_fields(before: Race, after: Race) -> list[str]:

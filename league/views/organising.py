@@ -71,6 +71,14 @@ def _make(request: HttpRequest, data: QueryDict) -> HttpResponse:
 
 
 def _show_form(request: HttpRequest, form: SeasonForm) -> HttpResponse:
+    """The form with its errors, and what is wrong with the races where the errors do not hide it."""
+    repaired = form.repaired()
+    if repaired is not None and repaired.is_valid():
+        now = timezone.now()
+        try:
+            _add_problems(form, preview_season(plan=repaired.plan(now), now=now))
+        except (UserFault, ValidationError) as refused:
+            form.show(refused)
     return render(request, "league/season_form.html", {"form": form}, status=422 if form.errors else 200)
 
 
@@ -89,11 +97,15 @@ def _show_plan(request: HttpRequest, data: QueryDict, note: str = "") -> HttpRes
     data["seen"] = digest_of([one.plan for one in shown])
     form = SeasonForm(data, now=now)
     form.is_valid()
-    for sentence in dict.fromkeys(problem for one in shown for problem in one.problems):
-        form.add_error(None, sentence)
+    _add_problems(form, shown)
     changes = form.round_changes()
     context = {"form": form, "rounds": _by_month(shown), "count": len(shown), "changed": set(changes), "note": note}
     return render(request, "league/season_form.html", context, status=422 if form.errors else 200)
+
+
+def _add_problems(form: SeasonForm, shown: list[Previewed]) -> None:
+    for sentence in dict.fromkeys(problem for one in shown for problem in one.problems):
+        form.add_error(None, sentence)
 
 
 def _by_month(shown: list[Previewed]) -> list[tuple[str, list[Previewed]]]:

@@ -37,7 +37,7 @@ from ..services import (
 from ..services.gates import moment
 from ..services.races import edition_of, free_slug, has_submissions
 from ..services.terms import keep_terms, one_form
-from ..validation import EDITABLE_FIELDS, PHYSICAL_FIELDS, RULE_FIELDS, TEXT_FIELDS, check_times
+from ..validation import EDITABLE_FIELDS, LAID_OUT_BY, PHYSICAL_FIELDS, RULE_FIELDS, TEXT_FIELDS, check_times
 from .actions import WithReason, sentence
 
 _ELSEWHERE = ("direction", *LAYOUT)
@@ -89,7 +89,7 @@ class RaceAdminForm(_Inside):  # type: ignore[misc, valid-type]
             return
         submissions = stored is not None and has_submissions(stored)
         self._tell(lambda: check_times(self.instance, now=timezone.now(), before=stored, submissions=submissions))
-        if not self.errors:
+        if not LAID_OUT_BY & set(self.errors):
             self._tell(lambda: check_layout(self.instance))
 
     def _tell(self, check: Callable[[], None]) -> None:

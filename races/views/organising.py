@@ -42,7 +42,7 @@ def race_new(request: HttpRequest) -> HttpResponse:
     groups = groups_to_hold_for(racer_of(request))
     if wanted := groups.filter(slug=request.GET.get("group", "")).first():
         initial |= {"group": wanted.pk} | ({} if wanted.is_listed else {"visibility": Visibility.INVITATION})
-    form = RaceForm(request.POST or None, now=now, initial=initial, groups=groups)
+    form = RaceForm(request.POST or None, now=now, initial=initial, groups=groups, organiser=racer_of(request))
     if request.method == "POST" and form.is_valid():
         try:
             race = services.create_community_race(organiser=racer_of(request), now=now, **form.changes())

@@ -398,3 +398,38 @@ def test_a_form_error_is_a_sentence_without_its_code(world: World) -> None:
     html = world.client("anonymous").post("/accounts/login/", {"login": "alice", "password": "wrong"}).content.decode()
     assert 'data-code="username_password_mismatch"' in html or "are not correct" in html
     assert ">username_password_mismatch<" not in html
+
+
+@pytest.mark.parametrize(
+    ("changes", "expected"),
+    [
+        (
+            {"name": "", "opens_at": "2019-12-01T00:00", "closes_at": "2020-01-01T00:00"},
+            {"name", "closes_at", "opens_at"},
+        ),
+        ({"laps": "x", "opens_at": "tomorrow", "closes_at": "2020-01-01T00:00"}, {"laps", "opens_at", "closes_at"}),
+        ({"name": "", "laps": "2", "minimum_laps": "3"}, {"name", "minimum_laps"}),
+        ({"name": "", "laps": "x", "minimum_laps": "9"}, {"name", "laps"}),
+        (
+            {"name": "", "race_type": "object_avoidance", "box_choice": "fixed", "boxes-1-percent": "0.1"},
+            {"name", "boxes"},
+        ),
+        ({"track": "nothing", "race_type": "object_avoidance", "box_choice": "drawn", "random_boxes": "8"}, {"track"}),
+        (
+            {"name": "", "physical": "on", "race_type": "head_to_head", "opponents": "models"},
+            {"name", "race_type", "duel_format"},
+        ),
+        ({"visibility": "nonsense", "opens_at": "2020-01-01T00:00"}, {"visibility", "opens_at", "closes_at"}),
+    ],
+)
+def test_a_race_form_reports_all_problems_at_once(world: World, changes: dict, expected: set[str]) -> None:
+    answer = world.client("newcomer").post("/races/new/", form(timezone.now().astimezone(UTC), **changes))
+    assert answer.status_code == 422 and set(answer.context["form"].errors) == expected
+
+
+def test_a_changed_race_reports_all_problems_at_once(world: World) -> None:
+    now = timezone.now().astimezone(UTC)
+    sent = form(now, name="", opens_at="2020-01-01T00:00", closes_at="2020-01-02T00:00")
+    answer = world.client("admin").post(f"/races/{world.upcoming.slug}/edit/", sent)
+    assert answer.status_code == 422
+    assert set(answer.context["form"].errors) >= {"name", "opens_at", "closes_at"}

@@ -268,3 +268,22 @@ def test_a_season_across_new_year_has_its_months_in_order(client):
     races = shown(answer)
     assert races["12-open"].opens_at + timedelta(days=31) == races["13-open"].opens_at
     assert races["15-open"].opens_at.date().isoformat() == "2028-03-01"
+
+
+def test_all_problems_of_the_numbers_are_reported_at_once(client) -> None:
+    a_track()
+    wrong = {"name": "", "points": "1, 2", "promotion_percent": "100", "finale_size": "2", "championship_places": "x"}
+    answer = look(client, short(**wrong, slug="new", open_laps="2", open_minimum_laps="3", pro_laps="x"))
+    assert answer.status_code == 422
+    expected = {"name", "slug", "points", "promotion_percent", "championship_places", "open_minimum_laps", "pro_laps"}
+    assert set(answer.context["form"].errors) == expected
+
+
+def test_races_that_cannot_be_so_are_reported_beside_a_wrong_name(client) -> None:
+    a_track()
+    answer = look(
+        client, short(name="", open_turn_1="object_avoidance", open_random_boxes="8", open_box_distance_m="9")
+    )
+    assert answer.status_code == 422
+    errors = answer.context["form"].errors
+    assert "name" in errors and errors.as_data()["__all__"], errors

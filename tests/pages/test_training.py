@@ -493,3 +493,13 @@ def test_the_package_is_offered_where_it_was_built(world: World, settings, tmp_p
     answer = client.get(page + wheel)
     assert b"".join(answer.streaming_content) == wheel.encode()
     assert client.get(f"{page}notes.whl").status_code == 404
+
+
+def test_the_wizard_reports_all_problems_at_once(world: World, job: TrainingJob, monkeypatch) -> None:
+    client = world.client("alice")
+    sent = form_of(client, name=job.name, reward_code="import os", stop_minutes="x")
+    answer = client.post("/train/new/", sent)
+    assert answer.status_code == 422
+    assert set(answer.context["form"].errors) == {"name", "reward_code", "stop_minutes"}
+    whole = client.post("/train/new/", sent | {"stop_minutes": "10"})
+    assert set(whole.context["form"].errors) == {"name", "reward_code"}

@@ -166,3 +166,11 @@ def test_a_console_looks_by_itself_while_a_run_is_computed(alice, now):
     event.refresh_from_db()
     launch(event=event, by=alice, seen=None, now=timezone.now(), slot=slot_of(event, "carl"))
     assert looks(), "it counts down"
+
+
+def test_the_plan_reports_all_problems_at_once(alice, now):
+    race = a_live_race(now, alice)
+    sent = {"starts_at": "2020-01-01T20:15", "time_zone": "UTC", "rounds": "0", "attempt_ms": "60", "order": "x"}
+    answer = logged_in(alice).post(reverse("live_plan", args=[race.slug]), sent | {"gap_s": "5"})
+    assert answer.status_code == 422
+    assert set(answer.context["form"].errors) == {"starts_at", "rounds", "order"}

@@ -111,7 +111,7 @@ def test_invalid_times_are_refused(alice, now):
     for opens, closes, expected in (
         (2 * hour, hour, {"closes_at": "race_closes_before_opening"}),
         (hour, hour, {"closes_at": "race_closes_before_opening"}),
-        (-3 * day, -2 * day, {"closes_at": "race_already_over"}),
+        (-3 * day, -2 * day, {"closes_at": "race_already_over", "opens_at": "race_opens_in_the_past"}),
         (-2 * hour, day, {"opens_at": "race_opens_in_the_past"}),
         (hour, 367 * day, {"closes_at": "race_too_long"}),
         (800 * day, 801 * day, {"opens_at": "race_too_far_ahead"}),
@@ -325,7 +325,8 @@ def test_a_clone_is_the_same_race_a_month_later_without_entries(alice, bob, now)
 
 def test_a_clone_of_a_long_past_race_is_refused(now):
     race = a_race(now, opens_at=now - timedelta(days=90), closes_at=now - timedelta(days=80))
-    assert refusal(clone_race, race=race, now=now) == {"closes_at": "race_already_over"}
+    refused = {"closes_at": "race_already_over", "opens_at": "race_opens_in_the_past"}
+    assert refusal(clone_race, race=race, now=now) == refused
 
 
 @pytest.mark.parametrize(

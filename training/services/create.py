@@ -5,8 +5,9 @@ from __future__ import annotations
 import dataclasses
 import re
 import secrets
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from datetime import datetime
+from functools import partial
 from typing import TYPE_CHECKING, Any
 
 from django.conf import settings as site
@@ -74,42 +75,22 @@ def create_training(
     :func:`paddock.simulator.layout.lay_out` says of boxes.
     """
     refuse_when_closed()
-    if not NAME.fullmatch(name):
-        raise UserFault("training_name_form")
-    if len(description) > DESCRIPTION_LIMIT:
-        raise UserFault("description_too_long", limit=DESCRIPTION_LIMIT)
-    if not reward_code.strip():
-        raise UserFault("training_reward_missing")
-    if vehicle is not None and vehicle.owner_id != owner.pk:
-        raise UserFault("vehicle_not_yours")
-    check_settings(settings)
-    job = TrainingJob(
-        owner=owner,
-        name=name,
-        description=description,
-        track=track,
-        vehicle=vehicle,
-        reward_code=reward_code,
-        submit_to_race=submit_to_race,
-        evaluate_on=evaluate_on,
-        cloned_from=clone_from,
-        created_at=now,
-        **_asked(settings),
-        **_worn(vehicle),
-    )
-    _check_sensors(job)
-    _check_tracks(track, more_tracks)
-    check_layout(job, more_tracks)
-    if submit_to_race is not None:
-        _check_race(job, submit_to_race, now)
-    if evaluate_on is not None:
-        _check_evaluation(job, evaluate_on)
-    if clone_from is not None:
-        _check_clone(job, clone_from)
-    refuse_full_garage(owner)
+    fields = {
+        "name": name,
+        "description": description,
+        "track": track,
+        "vehicle": vehicle,
+        "reward_code": reward_code,
+        "submit_to_race": submit_to_race,
+        "evaluate_on": evaluate_on,
+        "clone_from": clone_from,
+    }
+    for fault in refusals_of(owner=owner, settings=settings, now=now, more_tracks=more_tracks, **fields):
+        raise fault
+    job = _job(owner, settings, now, fields)
     with transaction.atomic():
         hold(owner)
-        _refuse_taken_name(owner, name)
+        refuse_taken_name(owner, name)
         _refuse_full_quota(owner, settings.stop_minutes, now)
         try:
             with transaction.atomic():
@@ -123,6 +104,55 @@ def create_training(
             raise
         TRAININGS.wake()
     return job
+
+
+def refusals_of(
+    *,
+    owner: Racer,
+    settings: TrainingSettings,
+    now: datetime,
+    more_tracks: Sequence[Track] = (),
+    **fields: Any,
+) -> Iterator[UserFault]:
+    """Every reason for which :func:`create_training` would refuse these arguments, in its order."""
+    if not NAME.fullmatch(fields["name"]):
+        yield UserFault("training_name_form")
+    if len(fields.get("description") or "") > DESCRIPTION_LIMIT:
+        yield UserFault("description_too_long", limit=DESCRIPTION_LIMIT)
+    if not fields["reward_code"].strip():
+        yield UserFault("training_reward_missing")
+    vehicle = fields.get("vehicle")
+    if vehicle is not None and vehicle.owner_id != owner.pk:
+        yield UserFault("vehicle_not_yours")
+        return
+    try:
+        check_settings(settings)
+        job = _job(owner, settings, now, fields)
+        _check_sensors(job)
+    except UserFault as fault:  # the other checks need all of these
+        yield fault
+        return
+    checks = [partial(_check_tracks, job.track, more_tracks), partial(check_layout, job, more_tracks)]
+    if job.submit_to_race is not None:
+        checks.append(partial(_check_race, job, job.submit_to_race, now))
+    if job.evaluate_on is not None:
+        checks.append(partial(_check_evaluation, job, job.evaluate_on))
+    if job.cloned_from is not None:
+        checks.append(partial(_check_clone, job, job.cloned_from))
+    checks.append(partial(refuse_full_garage, owner))
+    checks.append(partial(refuse_taken_name, owner, job.name))
+    checks.append(partial(_refuse_full_quota, owner, settings.stop_minutes, now))
+    for check in checks:
+        try:
+            check()
+        except UserFault as fault:
+            yield fault
+
+
+def _job(owner: Racer, settings: TrainingSettings, now: datetime, fields: Mapping[str, Any]) -> TrainingJob:
+    """The training, not saved."""
+    columns = {"cloned_from" if name == "clone_from" else name: value for name, value in fields.items()}
+    return TrainingJob(owner=owner, created_at=now, **columns, **_asked(settings), **_worn(columns.get("vehicle")))
 
 
 def _asked(settings: TrainingSettings) -> dict[str, Any]:
@@ -274,7 +304,8 @@ def _actions(metadata: Mapping[str, Any]) -> str:
     return f"{len(metadata['action_space'])} {kind}" if kind == "discrete" else kind
 
 
-def _refuse_taken_name(owner: Racer, name: str) -> None:
+def refuse_taken_name(owner: Racer, name: str) -> None:
+    """Raises UserFault("training_name_taken")."""
     waiting = TrainingJob.objects.filter(owner=owner, name=name, state__in=(JobState.QUEUED, JobState.RUNNING))
     if waiting.exists() or TrainedModel.objects.filter(owner=owner, name=name, deleted_at=None).exists():
         raise UserFault("training_name_taken", name=name)

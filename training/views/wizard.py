@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from datetime import datetime
 from functools import partial
 from typing import TYPE_CHECKING, Any
@@ -30,6 +30,7 @@ from training.models import TrainingJob, Vehicle
 from training.prefill import LACKS_VEHICLE, proposals, table
 from training.rewards.examples import EXAMPLES
 from training.services import create_training
+from training.services.create import refusals_of, refuse_taken_name
 from training.vehicles import vehicles_of
 
 from .common import usage_of
@@ -96,15 +97,16 @@ def training_new(request: HttpRequest) -> HttpResponse:
 
 def _create(form: TrainingForm, owner: Racer, now: datetime) -> tuple[TrainingJob | None, int]:
     """The training, or None and the status of the answer that says why not."""
-    if not form.is_valid():
-        return None, 422
     try:
-        found = refusals(owner, form.cleaned_data["reward_code"], form.cleaned_data["race_type"])
-        for fault in found:
-            form.show(fault)
-        if found:
+        if form.is_valid():
+            asked, rest = taken_from(form.values())
+            _show_all(form, refusals_of(owner=owner, settings=asked, now=now, **rest))
+        elif "name" in form.cleaned_data:
+            _show_name(form, owner)
+        if {"reward_code", "race_type"} <= set(form.cleaned_data):
+            _show_all(form, refusals(owner, form.cleaned_data["reward_code"], form.cleaned_data["race_type"]))
+        if form.errors:
             return None, 422
-        asked, rest = taken_from(form.values())
         return create_training(owner=owner, settings=asked, now=now, **rest), 302
     except UserFault as fault:
         form.show(fault)
@@ -112,6 +114,18 @@ def _create(form: TrainingForm, owner: Racer, now: datetime) -> tuple[TrainingJo
     except PlatformFault as fault:
         add_fault(form, fault)
         return None, 503
+
+
+def _show_all(form: TrainingForm, faults: Iterable[UserFault]) -> None:
+    for fault in list(faults):
+        form.show(fault)
+
+
+def _show_name(form: TrainingForm, owner: Racer) -> None:
+    try:
+        refuse_taken_name(owner, form.cleaned_data["name"])
+    except UserFault as fault:
+        form.show(fault)
 
 
 @login_required
