@@ -174,6 +174,15 @@ def worth_words(run: Evaluation) -> tuple[str, str] | None:
     return clock(result.best_lap_ms), _("Best lap")
 
 
+def pace(place: Place) -> str:
+    """How a house car, which has no rank, compares with the leader."""
+    assert place.leader is not None and place.leader.gap is not None
+    words = _("%(gap)s s faster than the leader, %(alias)s")
+    if place.leader.gap >= 0:
+        words = _("%(gap)s s slower than the leader, %(alias)s")
+    return words % {"gap": gap(abs(place.leader.gap))[1:], "alias": place.leader.entry.racer.alias}
+
+
 def behind(place: Place, rival: Rival) -> str:
     """How far somebody is ahead of an entry: a time, or once duels are drawn points or ties; a dash where the two are
     not ranked by the same."""

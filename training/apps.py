@@ -42,6 +42,7 @@ class TrainingConfig(AppConfig):
                 "model.actions": "training/parts/model_clone.html",
                 "model.races": "training/parts/model_races.html",
                 "model.origin": "training/parts/model_origin.html",
+                "worth.next": "training/parts/train_on.html",
                 "race.train": "training/parts/train_for_race.html",
                 "racer.cars": "training/parts/shared_by.html",
             }

@@ -238,6 +238,12 @@ def worth_words(run: Evaluation) -> tuple[str, str] | None:
 
 
 @register.filter
+def pace(place: Place) -> str:
+    """How a house car compares with the leader of its board."""
+    return facts.pace(place)
+
+
+@register.filter
 def behind(place: Place, rival: Rival) -> str:
     """How far somebody is ahead of a place on a board."""
     return facts.behind(place, rival)

@@ -20,17 +20,23 @@ from races.lap_charts import gap_chart, speed_chart
 from races.layout import driven_boxes
 from races.replay import lap_rows, map_size, replay_data
 from races.selectors.comparable import direction_of, offers_to_compare, refuse_incomparable
+from races.selectors.results import place_of
 from races.video_words import race_of
 from tracks.drawing import Trajectory
 
 from .common import tell_fault, visible_evaluation
 
+AHEAD = "ahead"
+
 
 @require_safe
 def evaluation_compare(request: HttpRequest, public_id: str) -> HttpResponse:
-    """What a run can be compared with; ``with``: the link or the id of another, to which it leads."""
+    """What a run can be compared with; ``with``: the link or the id of another, to which it leads, or ``ahead``: the
+    run of the car just ahead on the race's board, for a car without a rank the leader's."""
     shown = _finished(request, public_id)
     asked = request.GET.get("with", "").strip()
+    if asked == AHEAD:
+        asked = _ahead(shown)
     if asked:
         other_id = asked.partition("/evaluations/")[2].partition("/")[0] or asked
         try:
@@ -100,6 +106,15 @@ def evaluation_compared_replay(request: HttpRequest, public_id: str, other_id: s
     response = JsonResponse({**one, "bots": [], "rivals": [{"number": 1, **ghost}], "before": numbers[0] - 1})
     response["Cache-Control"] = "private, max-age=0, must-revalidate"
     return response
+
+
+def _ahead(shown: Evaluation) -> str:
+    """The id of the run that counts for the car ahead of this run's racer; empty where nobody is ahead."""
+    submission = getattr(shown, "submission", None)
+    place = None if submission is None else place_of(submission.entry)
+    rival = place and (place.ahead or place.leader)
+    best = rival and rival.entry.best
+    return best.evaluation.public_id if best else ""
 
 
 def _finished(request: HttpRequest, public_id: str) -> Evaluation:

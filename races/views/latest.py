@@ -60,7 +60,7 @@ def latest_run(entry: Entry | None, *, queue: bool = True) -> LatestRun | None:
     """The last submission of ``entry``, if there is one. ``queue``: look for its place there while it waits."""
     if entry is None or not entry.last_number:
         return None
-    related = ("evaluation__model", "evaluation__track", "evaluation__result")
+    related = ("evaluation__model__network", "evaluation__track", "evaluation__result")
     submission = Submission.objects.filter(entry=entry).select_related(*related).order_by("-number").first()
     if submission is None:
         return None

@@ -42,6 +42,7 @@ def said(submission: Submission, reader: Racer | None = None) -> str:
     page = client.get(submission.evaluation.get_absolute_url())
     assert page.status_code == 200
     strip = re.search(r'<section class="card worth".*?</section>', page.content.decode(), re.S)
+    strip = strip and [re.sub(r'<p class="worth-next">.*?</p>', "", strip[0], flags=re.S)]
     return " ".join(html.unescape(re.sub(r"<[^>]*>", " ", strip[0])).split()) if strip else ""
 
 
@@ -105,7 +106,7 @@ def test_a_house_car_is_outside_the_ranking(now):
     race = a_race(now)
     drive(race, a_racer("bob"), laps(12_000, 12_000, 12_000), now)
     house = drive(race, a_racer("house", is_house=True), laps(11_000, 11_000, 11_000), now)
-    assert "Place outside the ranking To the leader −1.000 bob" in said(house)
+    assert "Place not ranked (house car) Pace 1.000 s faster than the leader, bob" in said(house)
 
 
 @pytest.mark.parametrize(
@@ -161,3 +162,53 @@ def test_a_league_run_that_does_not_count_needs_few_queries(world: World, now):
         a_model(world.alice)
     sent = queries(world.client("alice"), f"/evaluations/{world.other.evaluation.public_id}/")
     assert len(sent) <= LIMIT, "\n".join(sent)
+
+
+def page_of(submission: Submission, reader: Racer | None) -> str:
+    client = Client()
+    if reader is not None:
+        client.force_login(reader, backend="django.contrib.auth.backends.ModelBackend")
+    return client.get(submission.evaluation.get_absolute_url()).content.decode()
+
+
+def test_after_a_result_the_next_steps_are_to_compare_and_to_train_on(now, monkeypatch):
+    race, alice, bob = a_race(now), a_racer("alice"), a_racer("bob")
+    leader = drive(race, bob, laps(11_000, 11_000, 11_000), now)
+    ahead = drive(race, a_racer("carol"), laps(11_500, 11_500, 11_500), now)
+    mine = drive(race, alice, laps(12_000, 12_000, 12_000), now)
+    page = page_of(mine, alice)
+    assert "Compare with the car ahead" in page and "Train one for this race" in page
+    compare = f"/evaluations/{mine.evaluation.public_id}/compare/?with=ahead"
+    assert compare in page and f"track={race.track.slug}" in page
+    client = Client()
+    client.force_login(alice, backend="django.contrib.auth.backends.ModelBackend")
+    where = f"/evaluations/{mine.evaluation.public_id}/compare/{ahead.evaluation.public_id}/"
+    assert client.get(compare).headers["Location"] == where
+    assert "Compare with the car ahead" in client.get(race.get_absolute_url()).content.decode()
+    assert "Train on" not in page_of(mine, bob) and "Compare with the car ahead" in page_of(mine, bob)
+    assert "with=ahead" not in page_of(leader, bob)
+    monkeypatch.setattr("training.templatetags.training.build_of_model", lambda model: "a network that learns on")
+    model = mine.evaluation.model.public_id
+    clone = (
+        f'href="/train/new/?clone={model}&amp;track={race.track.slug}&amp;direction=ccw&amp;submit_to_race={race.slug}"'
+    )
+    assert f"{clone}>Train on</a>" in page_of(mine, alice)
+    assert f"{clone}>Train on</a>" in client.get(f"{race.get_absolute_url()}live/").content.decode()
+
+
+def test_a_car_without_a_rank_is_compared_with_the_leader(now):
+    race, alice = a_race(now), a_racer("alice")
+    leader = drive(race, a_racer("bob"), laps(11_000, 11_000, 11_000), now)
+    mine = drive(race, alice, [lap(1), lap(2, complete=False, percentage=40)], now)
+    assert "Compare with the leader" in page_of(mine, alice)
+    answer = Client().get(f"/evaluations/{leader.evaluation.public_id}/compare/?with=ahead")
+    assert answer.status_code == 200  # nobody is ahead: the list of runs
+
+
+def test_a_house_car_is_compared_with_the_leader_in_words(now):
+    race = a_race(now)
+    drive(race, a_racer("kay"), laps(12_000, 12_000, 12_000), now)
+    fast = drive(race, a_racer("flyer", is_house=True), laps(10_000, 10_000, 10_000), now)
+    slow = drive(race, a_racer("brisk", is_house=True), laps(13_000, 13_000, 13_000), now)
+    assert "2.000 s faster than the leader, kay" in said(fast) and "not ranked (house car)" in said(fast)
+    assert "1.000 s slower than the leader, kay" in said(slow) and "To the leader" not in said(slow)
