@@ -129,7 +129,7 @@ class RacerAdmin(UserAdmin):
         actions.pop("delete_selected", None)
         return actions
 
-    @admin.action(description=_("Deactivate: they cannot log in, their results stay"), permissions=["change"])
+    @admin.action(description=_("Deactivate: no log-in, results stay"), permissions=["change"])
     def deactivate(self, request: HttpRequest, queryset: QuerySet[Racer]) -> None:
         self._set_active(request, queryset.exclude(pk=racer_of(request).pk), False)
 

@@ -90,9 +90,9 @@ class TokenForm(forms.Form):
     """A token: what for, and for how long."""
 
     scopes = forms.MultipleChoiceField(
-        label=_("It may"), choices=[*LABELS.items()], initial=SCOPES, widget=forms.CheckboxSelectMultiple
+        label=_("Scopes"), choices=[*LABELS.items()], initial=SCOPES, widget=forms.CheckboxSelectMultiple
     )
-    days = forms.TypedChoiceField(label=_("It holds for"), coerce=int)
+    days = forms.TypedChoiceField(label=_("Valid for"), coerce=int)
 
     def __init__(self, *args: Any, **kwargs: Any) -> None:
         super().__init__(*args, **kwargs)

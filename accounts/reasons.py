@@ -7,9 +7,7 @@ register(
     "Account",
     "user",
     {
-        "sign_up_invitation": _(
-            "The last place of this invitation was just taken, or its time is over. Ask whoever sent it for another."
-        ),
+        "sign_up_invitation": _("This invitation is used up or has expired. Ask the sender for a new one."),
         "class_names": _("Write one name a line, of at most %(limit)s characters each. Nobody was added."),
         "class_no_teacher": _("An account of a class has no classes of its own."),
         "class_not_yours": _("Only the teacher of the class may do this."),
@@ -43,6 +41,6 @@ register(
         "team_not_a_member": _("This racer is not in the team."),
         "team_not_asked": _("This invitation is not yours, or was taken back."),
         "team_too_many_invitations": _("%(limit)s racers were asked and have not answered. Take some back first."),
-        "too_many_tokens": _("You have %(limit)s API tokens already. Revoke one that you no longer need."),
+        "too_many_tokens": _("You already have %(limit)s API tokens. Revoke one that you no longer need."),
     },
 )

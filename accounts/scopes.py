@@ -10,10 +10,10 @@ from django.utils.translation import gettext_lazy as _
 READ, RACE, TRAIN, ORGANISE = "read", "race", "train", "organise"
 SCOPES = (READ, RACE, TRAIN, ORGANISE)
 LABELS = {
-    READ: _("read: whatever you may see"),
-    RACE: _("race: upload models, enter races and send cars"),
-    TRAIN: _("train: begin trainings, change vehicles"),
-    ORGANISE: _("organise: make and change races, seasons, tracks and webhooks"),
+    READ: _("read: read everything you can see"),
+    RACE: _("race: upload models, enter races and submit cars"),
+    TRAIN: _("train: start trainings, edit vehicles"),
+    ORGANISE: _("organise: create and edit races, seasons, tracks and webhooks"),
 }
 # What a view says in place of a scope: any token will do, or only one that may do everything
 ANY, EVERY = "any", "every"

@@ -42,14 +42,14 @@ class Guide:
 
 GUIDES = (
     Guide("racers", _("For racers"), _("Upload, race, train, read results; every reason code.")),
-    Guide("organisers", _("For organisers"), _("Hold races and seasons; what admins can do.")),
+    Guide("organisers", _("For organisers"), _("Run races and seasons; admin tasks.")),
     Guide("operators", _("For operators"), _("Install, settings, commands, backup, upgrade.")),
     Guide("api", _("The API"), _("Every operation, tokens, limits, errors.")),
-    Guide("simulator", _("The simulator"), _("The car, what it sees, the referee, what differs.")),
-    Guide("environments", _("Environments"), _("Practise with Gymnasium what races are driven with.")),
+    Guide("simulator", _("The simulator"), _("The car, its sensors, the referee, known differences.")),
+    Guide("environments", _("Environments"), _("Gymnasium environments with the race simulator.")),
     Guide("tracks", _("The tracks"), _("The catalogue, with lengths, corners and difficulty.")),
     Guide("rules", _("Rules of a race"), _("Every rule with its default and its range.")),
-    Guide("webhooks", _("Webhooks"), _("What Paddock tells programs of yours.")),
+    Guide("webhooks", _("Webhooks"), _("Events that Paddock sends to your programs.")),
 )
 _BY_SLUG = {guide.slug: guide for guide in GUIDES}
 

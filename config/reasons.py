@@ -8,8 +8,8 @@ register(
     "platform",
     {
         "database_not_ready": _(
-            "The database is not ready: %(problem)s. Prepare it with “manage.py migrate” (“manage.py run” does it "
-            "itself), or check DATABASE_URL and PADDOCK_DATA."
+            "The database is not ready: %(problem)s. Run “manage.py migrate” (“manage.py run” does "
+            "this automatically), or check DATABASE_URL and PADDOCK_DATA."
         ),
         "database_damaged": _(
             "The database is damaged: %(problem)s. Restore the last good backup (“manage.py restore”) into an empty "
@@ -36,53 +36,52 @@ register(
     "Commands",
     "user",
     {
-        "command_line": _("The command line is not understood: %(problem)s. Call the command with --help."),
+        "command_line": _("Invalid command line: %(problem)s. Run the command with --help."),
         "file_unreadable": _("%(path)s cannot be read: %(problem)s."),
         "file_unwritable": _("%(path)s cannot be written: %(problem)s."),
-        "backup_exists": _("%(path)s already exists and was not changed. Name a file that does not exist yet."),
+        "backup_exists": _("%(path)s already exists and was not changed. Choose a new file name."),
         "backup_damaged": _("%(path)s cannot be restored: %(problem)s. Nothing was changed. Take another backup."),
         "backup_other_database": _(
-            "The backup is of a database of the kind %(theirs)s, and this site has %(ours)s. Name an empty one of its "
-            "own kind with DATABASE_URL."
+            "The backup is a %(theirs)s database; this site uses %(ours)s. Set DATABASE_URL to an "
+            "empty database of the backup's type."
         ),
         "backup_newer": _(
-            "The backup was made by a newer version of Paddock: %(migration)s is not known here. Update the checkout "
-            "first."
+            "The backup is from a newer version of Paddock: it contains the unknown migration "
+            "%(migration)s. Update the checkout first."
         ),
         "restore_not_empty": _(
-            "%(place)s has data, and nothing is overwritten. Restore into an empty place: an empty database, no stored "
-            "files."
+            "%(place)s is not empty; restoring would overwrite it. Use an empty database and an empty file store."
         ),
         "site_from_before": _(
-            "The database is of a version before 0.1.0. Put it aside, and copy it into a new one with manage.py "
-            "carry_over; nothing was changed."
+            "The database is from a version before 0.1.0. Move it aside and copy it into a new one "
+            "with manage.py carry_over. Nothing was changed."
         ),
         "carry_unreadable": _("%(path)s cannot be read as a database: %(problem)s."),
         "carry_other_kind": _(
-            "The old database is of the kind %(theirs)s, and this site has %(ours)s. Name an empty one of its own kind "
-            "with DATABASE_URL."
+            "The old database is %(theirs)s; this site uses %(ours)s. Set DATABASE_URL to an empty "
+            "database of the same type."
         ),
         "carry_other_state": _(
-            "%(path)s is not in the state of the last version before 0.1.0 (%(found)s). Start that version once with "
-            "it, so that it migrates; nothing was changed."
+            "%(path)s does not have the schema of the last version before 0.1.0 (%(found)s). Start "
+            "that version once to migrate it. Nothing was changed."
         ),
-        "carry_not_empty": _("The site's database has racers, and nothing is overwritten. Name an empty one."),
+        "carry_not_empty": _("The site's database already has racers. Use an empty one."),
         "postgres_tools_missing": _(
-            "PostgreSQL's %(tool)s of version %(version)s or newer is needed and not found here. Install it (Debian: "
-            "postgresql-client-%(version)s)."
+            "PostgreSQL's %(tool)s, version %(version)s or newer, is not installed. Install it "
+            "(Debian: postgresql-client-%(version)s)."
         ),
         "track_not_found": _(
             "There is no track %(name)s. The closest names are: %(nearest)s. Name an .npy file, a track that was "
             "imported into this site, or one of the catalogue: %(known)s."
         ),
         "track_database": _(
-            "There is no track %(name)s in the catalogue, and this site's own tracks cannot be looked up: %(problem)s. "
-            "Name one of the catalogue (%(known)s) or an .npy file, or check the database."
+            "There is no track %(name)s in the catalogue, and this site's tracks cannot be read: "
+            "%(problem)s. Use a catalogue track (%(known)s) or an .npy file, or check the database."
         ),
         "race_not_found": _(
             "There is no race %(name)s on this site. The closest names are: %(nearest)s. Give the address of its page, "
             "or the last part of that."
         ),
-        "rules_senseless": _("These rules make no sense: %(problem)s."),
+        "rules_senseless": _("Invalid rules: %(problem)s."),
     },
 )

@@ -40,5 +40,5 @@ class SecondFactorOfStaff:
         if request.path.startswith("/api/"):
             refusal = handle(SecondFactorMissing(), {})
             return JsonResponse(refusal.data, status=refusal.status_code)
-        messages.warning(request, _("This site demands a second factor of its admins. Set one up to go on."))
+        messages.warning(request, _("Admins of this site need a second factor. Set one up to continue."))
         return redirect("mfa_index")

@@ -7,9 +7,9 @@ register(
     "Paddock's own faults",
     "platform",
     {
-        "internal_error": _("Paddock made a mistake. Nothing is wrong with your model; it will be tried again."),
+        "internal_error": _("Internal error. Your model is fine; the run will be repeated."),
         "storage_failed": _(
-            "A stored file could not be read or written. Nothing is wrong with your model; it will be tried again."
+            "A stored file could not be read or written. Your model is fine; the run will be repeated."
         ),
     },
 )
@@ -18,7 +18,7 @@ register(
     "Programs",
     "user",
     {
-        "unknown_field": _("There is no field %(field)s here. The fields are: %(known)s."),
-        "no_fields": _("This operation takes no fields: what you sent would be left unread. Send it without a body."),
+        "unknown_field": _("Unknown field %(field)s. Known fields: %(known)s."),
+        "no_fields": _("This operation takes no fields. Send it without a body."),
     },
 )

@@ -79,7 +79,7 @@ class TrainedModelAdmin(ReadOnlyAdmin):
         for model in queryset.exclude(shared_at=None):
             stop_sharing_model(model=model)
 
-    @admin.action(description=_("Take out of the garage (results stay)"), permissions=["stop"])
+    @admin.action(description=_("Delete from the garage (results stay)"), permissions=["stop"])
     def delete_from_garage(self, request: HttpRequest, queryset: QuerySet[TrainedModel]) -> None:
         for model in queryset:
             delete_model(model=model, now=timezone.now())

@@ -50,7 +50,7 @@ class UploadForm(forms.Form):
         label=_("Name"),
         required=False,
         max_length=NAME_LIMIT,
-        help_text=_("Left empty, the model is named after its file."),
+        help_text=_("Empty: the file name."),
     )
     description = forms.CharField(label=_("Description"), required=False, max_length=DESCRIPTION_LIMIT)
     checkpoint = forms.CharField(
@@ -59,8 +59,8 @@ class UploadForm(forms.Form):
         max_length=20,
         widget=forms.TextInput(attrs={"autocomplete": "off", "autocapitalize": "none"}),
         help_text=_(
-            "For a training's folder only: best, last, or a number (48 for model_48.pb). Left empty, the best one by "
-            "deepracer_checkpoints.json is taken, else the last."
+            "For training folders only: best, last, or a number (48 for model_48.pb). Empty: the "
+            "best by deepracer_checkpoints.json, otherwise the last."
         ),
     )
 
@@ -80,7 +80,7 @@ class DescribeForm(forms.Form):
         regex=r"^#[0-9a-fA-F]{6}\Z",
         required=False,
         widget=forms.TextInput(attrs={"type": "color"}),
-        error_messages={"invalid": _("Write a colour as #rrggbb, such as #3b82f6.")},
+        error_messages={"invalid": _("Enter a colour as #rrggbb, such as #3b82f6.")},
     )
 
     def values(self, model: TrainedModel) -> dict[str, Any]:

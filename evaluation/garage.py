@@ -26,10 +26,10 @@ class GarageSort(TextChoices):
     """What a garage may be sorted by."""
 
     NEWEST = "newest", _("newest first")
-    DRIVEN = "driven", _("driven last")
+    DRIVEN = "driven", _("last run")
     NAME = "name", _("name")
     ALGORITHM = "algorithm", _("algorithm")
-    WEIGHTS = "weights", _("weights, the fewest first")
+    WEIGHTS = "weights", _("fewest weights first")
 
 
 _ORDERS: dict[str, tuple[OrderBy | str, ...]] = {

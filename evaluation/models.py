@@ -44,7 +44,7 @@ class StoredFile(models.Model):
     size = models.PositiveBigIntegerField(_("bytes"))
     checked_at = models.DateTimeField(_("checked"), null=True, blank=True, db_index=True)
     damage = models.CharField(_("damage"), max_length=8, choices=Damage.choices, blank=True)
-    damaged_at = models.DateTimeField(_("found damaged"), null=True, blank=True)
+    damaged_at = models.DateTimeField(_("damage found"), null=True, blank=True)
 
     class Meta:
         verbose_name = _("stored file")
@@ -74,12 +74,12 @@ class Network(models.Model):
     onnx = models.FileField(_("canonical ONNX"), upload_to="networks/")
     size = models.PositiveIntegerField(_("bytes"))
     parameters = models.PositiveIntegerField(_("weights"))
-    macs = models.PositiveBigIntegerField(_("multiplications a step"))
+    macs = models.PositiveBigIntegerField(_("multiplications per step"))
     facts = models.JSONField(
         _("facts"),
         null=True,
         blank=True,
-        help_text=_("What its admission found out of its arithmetic. Empty: it is found out at each start."),
+        help_text=_("Arithmetic properties measured on upload. Empty: measured at each start."),
     )
     created_at = models.DateTimeField(_("first seen"), default=timezone.now)
 
@@ -110,15 +110,15 @@ class TrainedModel(models.Model):
     source_kind = models.CharField(_("uploaded as"), max_length=16)
     source_sha256 = models.CharField(_("sha-256 of the upload"), max_length=64)
     source_file = models.FileField(
-        _("the upload itself"),
+        _("uploaded file"),
         upload_to="uploads/",
         max_length=255,
         blank=True,
         default="",
         db_default="",
-        help_text=_("Empty for a model that was made here, and for one that was uploaded before uploads were kept."),
+        help_text=_("Empty for models trained here, and for uploads from before files were kept."),
     )
-    source_name = models.CharField(_("name of the upload"), max_length=255, blank=True, default="", db_default="")
+    source_name = models.CharField(_("file name of the upload"), max_length=255, blank=True, default="", db_default="")
     created_at = models.DateTimeField(_("uploaded"), default=timezone.now)
     deleted_at = models.DateTimeField(_("deleted"), null=True, blank=True)
     shared_at = models.DateTimeField(_("shared"), null=True, blank=True)
@@ -215,7 +215,7 @@ class Evaluation(Job):
     spec = models.JSONField(_("specification"))
     priority = models.SmallIntegerField(_("priority"), default=0, help_text=_("Higher runs first."))
     turn = models.PositiveIntegerField(_("turn"), null=True, blank=True, help_text=_("Lower runs first."))
-    urgent_from = models.DateTimeField(_("goes before others from"), null=True, blank=True)
+    urgent_from = models.DateTimeField(_("priority raised at"), null=True, blank=True)
 
     sealed = models.BooleanField(
         _("sealed"),
@@ -342,8 +342,8 @@ class CompetitorResult(models.Model):
 
     laps = models.JSONField(_("laps"))
     trajectory = models.JSONField(_("trajectory"), default=list)
-    end_reason = models.CharField(_("ended because"), max_length=32)
-    retired_code = models.CharField(_("retired because"), max_length=40, blank=True)
+    end_reason = models.CharField(_("reason for ending"), max_length=32)
+    retired_code = models.CharField(_("reason for retiring"), max_length=40, blank=True)
     retired_params = models.JSONField(_("details"), default=dict, blank=True)
     complete_laps = models.PositiveSmallIntegerField(_("complete laps"))
     best_lap_ms = models.PositiveIntegerField(_("best lap"), null=True, blank=True)

@@ -7,17 +7,15 @@ register(
     "Upload",
     "user",
     {
-        "garage_full": _(
-            "Your garage holds %(limit)s models, which is the most it can. Delete one that you no longer race."
-        ),
+        "garage_full": _("Your garage is full (%(limit)s models). Delete one that you no longer need."),
         "learner_shares_nothing": _("An account of a class shares no models."),
         "storage_full": _(
-            "What you have stored takes up %(limit_mb)s MB, which is the most that one racer may. Your usage page says "
-            "what it is. Delete models and trainings that you need no more (networks that never raced are removed "
-            "after a day); for more, ask an operator."
+            "Your storage is full (%(limit_mb)s MB). See your usage page. Delete models and "
+            "trainings that you no longer need (networks that never raced are removed after a day), "
+            "or ask an operator for more."
         ),
         "seen_lap": _("There is no lap %(lap)s to look at: the run has %(laps)s."),
-        "model_name_missing": _("The model needs a name with at least one visible character."),
+        "model_name_missing": _("Enter a model name with at least one visible character."),
         "model_name_too_long": _("The name is longer than %(limit)s characters. Choose a shorter one."),
         "model_name_taken": _("You already have a model named %(name)s. Choose another name."),
         "description_too_long": _("The description is longer than %(limit)s characters. Shorten it."),
@@ -26,8 +24,8 @@ register(
         ),
         "model_deleted_not_shared": _("A deleted model cannot be shared. Upload it again, or share another one."),
         "source_not_kept": _(
-            "There is no uploaded file of this model: it was made on this site, or uploaded before such files were "
-            "kept. Download it in another format, or upload the same file once more, which keeps it."
+            "This model has no uploaded file: it was trained here, or uploaded before files were "
+            "kept. Download another format, or upload the file again."
         ),
         "model_not_yours": _("This model is not in your garage. Choose one of your own, or upload it first."),
     },
@@ -37,8 +35,8 @@ register(
     "Conversion of a TensorFlow graph",
     "user",
     {
-        "conversion_memory": _("Reading the network took more memory than any car needs. Upload a smaller network."),
-        "conversion_time": _("Reading the network took longer than any car needs. Upload a simpler network."),
+        "conversion_memory": _("Reading the network needed too much memory. Upload a smaller network."),
+        "conversion_time": _("Reading the network took too long. Upload a simpler network."),
         "conversion_crashed": _("The network crashed the program that reads it. Export it again with a current tool."),
     },
 )
@@ -48,22 +46,20 @@ register(
     "user",
     {
         "policy_late": _(
-            "The network was too slow: in step %(step)s its time was used up (%(step_s)s s for a step, %(overage_s)s s "
-            "to spare in all, %(total_s)s s for the whole run). Train a smaller network."
+            "The network was too slow: it ran out of time in step %(step)s (%(step_s)s s per step, "
+            "%(overage_s)s s reserve, %(total_s)s s for the whole run). Train a smaller network."
         ),
         "policy_late_exact": _(
-            "The network was too slow: in step %(step)s its time was used up (%(step_s)s s for a step, %(overage_s)s s "
-            "to spare in all, %(total_s)s s for the whole run). Its answers are so close to each other, or so inexact, "
-            "that %(exact)s steps had to be computed in double precision, which takes longer. Train a smaller network, "
-            "or one that decides more clearly."
+            "The network was too slow: it ran out of time in step %(step)s (%(step_s)s s per step, "
+            "%(overage_s)s s reserve, %(total_s)s s for the whole run). Its outputs were too close "
+            "together, so %(exact)s steps had to be repeated in double precision, which takes "
+            "longer. Train a smaller network, or train longer for clearer decisions."
         ),
         "policy_died": _(
             "The process that runs the network ended in step %(step)s (%(how)s). Export the network again, and test it "
             "with onnxruntime before you upload it."
         ),
-        "policy_memory": _(
-            "The network needed more memory than the %(limit_mb)s MB it may use. Train a smaller network."
-        ),
+        "policy_memory": _("The network needed more than %(limit_mb)s MB of memory. Train a smaller network."),
         "policy_protocol": _(
             "The process that runs the network sent something other than one action in step %(step)s. Export the "
             "network again."
@@ -72,7 +68,7 @@ register(
             "The runtime cannot load this network: %(detail)s. Export it again, and test it with onnxruntime "
             "%(version)s."
         ),
-        "stopped": _("The evaluation was stopped before its end. Submit the model again to have it evaluated."),
+        "stopped": _("The evaluation was stopped before its end. Submit the model again."),
     },
 )
 
@@ -81,42 +77,35 @@ register(
     "platform",
     {
         "sandbox_unavailable": _(
-            "This host cannot sandbox models safely enough (level %(level)s, at least %(minimum)s is needed), so no "
-            "model is run. An operator sees with “manage.py doctor” what is missing."
+            "This host cannot sandbox models safely (level %(level)s, minimum %(minimum)s), so it "
+            "runs none. “manage.py doctor” shows what is missing."
         ),
         "worker_inexact": _(
-            "This worker does not compute like every other: %(equal)s of %(runs)s golden runs came to what %(engine)s "
-            "must come to. It takes no work, which waits for another worker. An operator sees with “manage.py doctor” "
-            "what differs."
+            "This worker's results differ from the reference: only %(equal)s of %(runs)s golden runs "
+            "match %(engine)s. It takes no jobs. “manage.py doctor” shows the differences."
         ),
         "sandbox_failed": _("A sandboxed process could not be started. The evaluation will be repeated."),
         "host_overloaded": _(
-            "This host was too busy to run the network. Nothing is wrong with it; the evaluation will be repeated."
+            "This host was too busy to run the network. The network is fine; the evaluation will be repeated."
         ),
         "runner_timeout": _("The simulator did not finish within %(limit_s)s s. The evaluation will be repeated."),
         "runner_died": _("The simulator ended unexpectedly (%(how)s). The evaluation will be repeated."),
-        "runner_protocol": _("The simulator sent something unreadable. The evaluation will be repeated."),
+        "runner_protocol": _("The simulator sent an unreadable answer. The evaluation will be repeated."),
         "runner_error": _("The simulator failed (%(detail)s). The evaluation will be repeated."),
         "export_failed": _(
-            "Writing the model failed on our side. Nothing is wrong with yours: try again later, or download another "
-            "format."
+            "The site could not write the model. Your model is fine. Try again later, or download another format."
         ),
-        "conversion_failed": _("Reading the model failed on our side. Nothing is wrong with yours: try again later."),
-        "upload_busy": _(
-            "Too many models are being read at the moment. Nothing is wrong with yours: try again in a minute."
-        ),
+        "conversion_failed": _("The site could not read the model. Your model is fine. Try again later."),
+        "upload_busy": _("Too many models are being read right now. Try again in a minute."),
         "sb3_needs_torch": _(
             "This site cannot read zips of stable-baselines3: PyTorch is not installed on it. Export the policy "
             "with torch.onnx.export() and upload the .onnx file, or ask the site's operator for training."
         ),
-        "file_damaged": _(
-            "A stored file is damaged. Nothing is wrong with your model; an operator is told, and it will be tried "
-            "again."
-        ),
-        "lease_expired": _("The worker that ran this evaluation disappeared. It will be tried again."),
+        "file_damaged": _("A stored file is damaged. The operator has been notified, and the run will be repeated."),
+        "lease_expired": _("The worker that ran this evaluation disappeared. The evaluation will be repeated."),
         "platform_gave_up": _(
-            "Paddock failed to run this model %(attempts)s times. Nothing is wrong with it and the attempt does not "
-            "count: submit it again later."
+            "Paddock failed to run this model %(attempts)s times. The model is fine and the attempt "
+            "does not count. Submit it again later."
         ),
     },
 )
@@ -125,9 +114,9 @@ register(
     "Several cars in a race",
     "user",
     {
-        "rivals_race_type": _("Other cars race along in head-to-head only. Choose the race type head_to_head."),
-        "rivals_with_bots": _("Submitted cars race each other without bot cars. Set the number of bot cars to 0."),
-        "too_many_rivals": _("At most %(limit)s other cars may race along. Leave some of them out."),
+        "rivals_race_type": _("Rival cars need the race type head_to_head."),
+        "rivals_with_bots": _("Races between submitted cars have no bot cars. Set their number to 0."),
+        "too_many_rivals": _("At most %(limit)s rival cars are possible. Remove some."),
     },
 )
 

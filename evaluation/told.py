@@ -18,18 +18,18 @@ def sentences(package: AdmittedPackage | None) -> list[str]:
     if package is None:
         return said
     if package.reason == BEST:
-        said.append(_("Taken: %(file)s, the best by deepracer_checkpoints.json.") % {"file": package.taken})
+        said.append(_("Checkpoint used: %(file)s, the best by deepracer_checkpoints.json.") % {"file": package.taken})
     elif package.reason == LAST:
-        said.append(_("Taken: %(file)s, the last one of the training.") % {"file": package.taken})
+        said.append(_("Checkpoint used: %(file)s, the last of the training.") % {"file": package.taken})
     elif package.reason:
-        said.append(_("Taken: %(file)s, as you chose.") % {"file": package.taken})
+        said.append(_("Checkpoint used: %(file)s, as chosen.") % {"file": package.taken})
     if package.output:
-        said.append(_("Of the network's outputs, %(output)s is what drives.") % {"output": package.output})
+        said.append(_("The network's output %(output)s drives the car.") % {"output": package.output})
     if package.ignored:
         names = ", ".join(package.ignored[:_NAMED]) + (", …" if len(package.ignored) > _NAMED else "")
         count = len(package.ignored)
         said.append(
-            ngettext("%(count)d file was not needed: %(names)s", "%(count)d files were not needed: %(names)s", count)
+            ngettext("%(count)d file ignored: %(names)s", "%(count)d files ignored: %(names)s", count)
             % {"count": count, "names": names}
         )
     return said

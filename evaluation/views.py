@@ -85,7 +85,7 @@ def model_upload(request: HttpRequest) -> HttpResponse:
                 if uploaded.created:
                     messages.success(request, _("The model is in your garage."))
                 else:
-                    messages.info(request, _("This very network is in your garage already, under this name."))
+                    messages.info(request, _("This network is already in your garage under this name."))
                 for sentence in sentences(uploaded.package):
                     messages.info(request, sentence)
                 return redirect(uploaded.model)
@@ -173,7 +173,7 @@ def model_share(request: HttpRequest, public_id: str) -> HttpResponse:
         if not is_mine and not can_stop_sharing(request.user, shown):
             raise Http404
         services.stop_sharing_model(model=shown)
-        messages.success(request, _("The model is not shared any more. Trainings that began with it go on."))
+        messages.success(request, _("The model is no longer shared. Trainings started from it continue."))
         return redirect(shown) if is_mine else redirect("shared_models")
     if not is_mine:
         raise Http404
@@ -182,7 +182,7 @@ def model_share(request: HttpRequest, public_id: str) -> HttpResponse:
     except UserFault as fault:
         messages.error(request, explain(fault))
         return redirect("models")
-    messages.success(request, _("The model is shared: every racer can look at it, download it and train on from it."))
+    messages.success(request, _("Model shared: every racer can view it, download it and continue training from it."))
     return redirect(shown)
 
 
@@ -213,6 +213,6 @@ def model_delete(request: HttpRequest, public_id: str) -> HttpResponse:
     mine = get_object_or_404(models_of(request.user), public_id=public_id)
     if request.method == "POST":
         services.delete_model(model=mine, now=timezone.now())
-        messages.success(request, _("The model is deleted. What it reached on boards stays."))
+        messages.success(request, _("Model deleted. Results stay on boards."))
         return redirect("models")
     return render(request, "evaluation/model_delete.html", {"model": mine})

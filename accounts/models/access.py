@@ -26,7 +26,7 @@ class RacerQuota(models.Model):
     racer = models.ForeignKey(settings.AUTH_USER_MODEL, models.CASCADE, related_name="quotas", verbose_name=_("racer"))
     name = models.CharField(_("quota"), max_length=40, choices=name_choices)
     limit = models.PositiveIntegerField(
-        _("limit"), help_text=_("In place of the site's. 0 means none at all."), validators=[MinValueValidator(0)]
+        _("limit"), help_text=_("Replaces the site's limit. 0 means none."), validators=[MinValueValidator(0)]
     )
 
     class Meta:
@@ -50,8 +50,8 @@ class SignUpInvitation(models.Model):
     """A link with which so many people may sign up while sign-up is by invitation."""
 
     code = models.CharField(_("code"), max_length=32, unique=True, default=new_code, editable=False)
-    note = models.CharField(_("note"), max_length=100, blank=True, help_text=_("For admins: who it is for."))
-    uses = models.PositiveIntegerField(_("racers"), default=1, help_text=_("How many may sign up with it."))
+    note = models.CharField(_("note"), max_length=100, blank=True, help_text=_("For admins: the intended recipient."))
+    uses = models.PositiveIntegerField(_("racers"), default=1, help_text=_("Number of racers who can sign up with it."))
     used = models.PositiveIntegerField(_("signed up"), default=0, editable=False)
     expires_at = models.DateTimeField(_("expires"))
     made_by = models.ForeignKey(
@@ -60,9 +60,9 @@ class SignUpInvitation(models.Model):
         null=True,
         editable=False,
         related_name="+",
-        verbose_name=_("made by"),
+        verbose_name=_("created by"),
     )
-    made_at = models.DateTimeField(_("made"), editable=False)
+    made_at = models.DateTimeField(_("created"), editable=False)
 
     class Meta:
         verbose_name = _("invitation to sign up")
@@ -106,10 +106,10 @@ class TokenGrant(models.Model):
     token = models.OneToOneField(
         settings.KNOX_TOKEN_MODEL, models.CASCADE, primary_key=True, related_name="grant", verbose_name=_("token")
     )
-    may_read = models.BooleanField(_("may read"))
-    may_race = models.BooleanField(_("may race"))
-    may_train = models.BooleanField(_("may train"))
-    may_organise = models.BooleanField(_("may organise"))
+    may_read = models.BooleanField(_("can read"))
+    may_race = models.BooleanField(_("can race"))
+    may_train = models.BooleanField(_("can train"))
+    may_organise = models.BooleanField(_("can organise"))
     last_used_at = models.DateTimeField(_("last used"), null=True, editable=False)
 
     class Meta:

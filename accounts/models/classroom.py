@@ -17,7 +17,7 @@ class Classroom(models.Model):
 
     group = models.OneToOneField(RacerGroup, models.PROTECT, related_name="classroom", verbose_name=_("group"))
     plan = models.JSONField(_("lesson plan"), default=list, blank=True)
-    made_at = models.DateTimeField(_("made"))
+    made_at = models.DateTimeField(_("created"))
 
     class Meta:
         verbose_name = _("class")

@@ -34,7 +34,7 @@ class RacerGroup(models.Model):
         _("listed"), default=False, help_text=_("Everybody sees it and who is in it, and may filter boards by it.")
     )
     code = models.CharField(_("code"), max_length=32, unique=True, default=new_code, editable=False)
-    made_at = models.DateTimeField(_("made"))
+    made_at = models.DateTimeField(_("created"))
 
     class Meta:
         verbose_name = _("group of racers")

@@ -31,7 +31,7 @@ class Team(models.Model):
         settings.AUTH_USER_MODEL, models.SET_NULL, null=True, blank=True, related_name="+", verbose_name=_("captain")
     )
     code = models.CharField(_("code"), max_length=32, unique=True, default=new_code, editable=False)
-    made_at = models.DateTimeField(_("made"))
+    made_at = models.DateTimeField(_("created"))
 
     class Meta:
         verbose_name = _("team")
@@ -74,7 +74,7 @@ class TeamInvitation(models.Model):
     racer = models.ForeignKey(
         settings.AUTH_USER_MODEL, models.CASCADE, related_name="team_invitations", verbose_name=_("racer")
     )
-    made_at = models.DateTimeField(_("made"))
+    made_at = models.DateTimeField(_("created"))
 
     class Meta:
         verbose_name = _("invitation to a team")

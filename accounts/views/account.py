@@ -91,5 +91,5 @@ def api_token_revoke(request: HttpRequest, key: str) -> HttpResponse:
     """Revoke one of the racer's tokens."""
     if not revoke_token(racer=racer_of(request), key=key):
         raise Http404
-    messages.success(request, _("The token is revoked: programs that use it are locked out from now on."))
+    messages.success(request, _("Token revoked. Programs that use it can no longer connect."))
     return redirect("api_tokens")

@@ -34,7 +34,7 @@ class SecondFactorMissing(APIException):
 
     status_code = status.HTTP_403_FORBIDDEN
     default_code = "second_factor_missing"
-    default_detail = gettext_lazy("This site demands a second factor of its admins. Set one up in your settings.")
+    default_detail = gettext_lazy("Admins of this site need a second factor. Set one up in your settings.")
 
 
 class ScopeMissing(APIException):
@@ -42,11 +42,11 @@ class ScopeMissing(APIException):
 
     status_code = status.HTTP_403_FORBIDDEN
     default_code = "scope_missing"
-    default_detail = gettext_lazy("This token is not for that: it lacks a scope.")
+    default_detail = gettext_lazy("This token lacks a required scope.")
 
     def __init__(self, missing: list[str]) -> None:
         names = ", ".join(missing)
-        super().__init__(_("This token is not for that: it lacks %(scopes)s.") % {"scopes": names})
+        super().__init__(_("This token lacks the scope %(scopes)s.") % {"scopes": names})
         self.params = {"scopes": names}
 
 

@@ -56,7 +56,7 @@ DESCRIPTIONS = {
     "401": "No valid token, and not logged in.",
     "403": "Seen, but not yours to change; or a session without its CSRF token.",
     "409": "Not now, or not again: it contradicts how things stand.",
-    "404": "It does not exist, or you may not see it.",
+    "404": "Not found, or you have no access to it.",
     "429": "Too many requests; `Retry-After` says when to try again.",
     "default": "Any other failure, in the same form: 405, 406, 413, 415, 500, 503.",
 }

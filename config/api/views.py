@@ -42,7 +42,7 @@ class WrongCredentials(APIException):
 
     status_code = status.HTTP_400_BAD_REQUEST
     default_code = "wrong_credentials"
-    default_detail = gettext_lazy("The alias or e-mail address and the password do not belong together.")
+    default_detail = gettext_lazy("Alias, e-mail address or password is wrong.")
 
 
 class AddressUnverified(APIException):
@@ -59,7 +59,8 @@ class SecondFactorNeeded(APIException):
     status_code = status.HTTP_403_FORBIDDEN
     default_code = "second_factor_needed"
     default_detail = gettext_lazy(
-        "Send the code of your second factor too. Who has only a passkey makes a token in the settings on the site."
+        "Send the code of your second factor too. If you only have a passkey, create a token in "
+        "the settings on the site."
     )
 
 
@@ -68,7 +69,7 @@ class WrongCode(APIException):
 
     status_code = status.HTTP_400_BAD_REQUEST
     default_code = "wrong_code"
-    default_detail = gettext_lazy("The code is wrong or was used already.")
+    default_detail = gettext_lazy("The code is wrong or has already been used.")
 
 
 class NoToken(APIException):
@@ -76,7 +77,7 @@ class NoToken(APIException):
 
     status_code = status.HTTP_400_BAD_REQUEST
     default_code = "no_token"
-    default_detail = gettext_lazy("Send the token that is to end in the header Authorization: Token ...")
+    default_detail = gettext_lazy("Send the token to revoke in the header Authorization: Token ...")
 
 
 class LoginSerializer(Body):
@@ -294,8 +295,8 @@ class UnknownAddressView(APIView):
 
     def initial(self, request: Request, rest: str) -> None:
         if rest.endswith("/"):
-            raise NotFound(_("There is nothing at this address. The operations are listed at /api/schema/."))
-        raise NotFound(_("There is nothing at this address. Addresses of the API end with a slash."))
+            raise NotFound(_("This address does not exist. All operations are listed at /api/schema/."))
+        raise NotFound(_("This address does not exist. API addresses end with a slash."))
 
 
 def _authenticate(request: Request, login: str, password: str) -> Racer:

@@ -95,12 +95,12 @@ def _run_again(request: HttpRequest, queue: Queue, rows: QuerySet) -> None:
     jobs = list(rows[:MOST_AT_ONCE])
     report = run_again(queue=queue, jobs=jobs, now=timezone.now())
     if report.queued:
-        text = ngettext("%d run is queued again.", "%d runs are queued again.", report.queued)
+        text = ngettext("%d run queued again.", "%d runs queued again.", report.queued)
         messages.success(request, text % report.queued)
         log_many(racer_of(request), jobs, "Run again")
     for sentence, count in report.refused.items():
-        text = ngettext("%(count)d stays as it is: %(why)s", "%(count)d stay as they are: %(why)s", count)
-        why = sentence or _("Another one of that name is under way.")
+        text = ngettext("%(count)d unchanged: %(why)s", "%(count)d unchanged: %(why)s", count)
+        why = sentence or _("Another task with this name is running.")
         messages.error(request, text % {"count": count, "why": why})
     if not report.queued and not report.refused:
-        messages.info(request, _("Nothing was left to run again."))
+        messages.info(request, _("There is nothing to run again."))

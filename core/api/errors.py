@@ -68,7 +68,7 @@ class RequestTooLarge(exceptions.APIException):
 
     status_code = status.HTTP_413_REQUEST_ENTITY_TOO_LARGE
     default_code = "request_too_large"
-    default_detail = gettext_lazy("The request is too large. Send less at once.")
+    default_detail = gettext_lazy("The request is too large. Send it in smaller parts.")
 
 
 class Unavailable(exceptions.APIException):
@@ -76,14 +76,14 @@ class Unavailable(exceptions.APIException):
 
     status_code = status.HTTP_503_SERVICE_UNAVAILABLE
     default_code = "unavailable"
-    default_detail = gettext_lazy("Paddock is busy or restarting. Nothing was changed: try again in a minute.")
+    default_detail = gettext_lazy("Paddock is busy or restarting. Nothing was changed. Try again in a minute.")
 
 
 class InternalError(exceptions.APIException):
     """A bug of ours."""
 
     default_code = "server_error"
-    default_detail = gettext_lazy("Paddock made a mistake. It is not your fault; the operator finds it in the log.")
+    default_detail = gettext_lazy("Internal error. It is not your fault, and it is recorded in the operator's log.")
 
 
 def handle(exc: Exception, context: dict[str, Any]) -> Response:
@@ -127,14 +127,17 @@ def _as_api_exception(exc: Exception, context: dict[str, Any]) -> exceptions.API
     match exc:
         case exceptions.NotAuthenticated():
             exc.detail = exceptions.ErrorDetail(
-                _("Say who you are: send the header Authorization: Token ... (make a token in your settings)."),
+                _(
+                    "Authentication required: send the header Authorization: Token ... (create a token in "
+                    "your settings)."
+                ),
                 str(exc.get_codes()),
             )
             return exc
         case exceptions.APIException():
             return exc
         case Http404():
-            return exceptions.NotFound(_("It does not exist, or you may not see it."))
+            return exceptions.NotFound(_("Not found, or you have no access to it."))
         case PermissionDenied():
             return exceptions.PermissionDenied()
         case RequestDataTooBig():
@@ -147,7 +150,7 @@ def _as_api_exception(exc: Exception, context: dict[str, Any]) -> exceptions.API
             return exceptions.ValidationError(_messages(exc))
     request = context.get("request")
     if is_of_nul(exc):
-        return exceptions.NotFound(_("It does not exist, or you may not see it."))
+        return exceptions.NotFound(_("Not found, or you have no access to it."))
     if isinstance(exc, (OperationalError, RedisError)):
         log.error("The database or the broker failed during an API request", exc_info=exc)
         return Unavailable()
@@ -204,5 +207,5 @@ def _is_message(details: Any) -> bool:
 def _summary(fields: dict[str, list[dict[str, str]]]) -> str:
     """One line that names the first wrong field."""
     field, errors = next(iter(fields.items()), ("", []))
-    message = errors[0]["message"] if errors else _("Some of the input is not right.")
+    message = errors[0]["message"] if errors else _("Some values are invalid.")
     return f"{field}: {message}" if field else message

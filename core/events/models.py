@@ -23,7 +23,7 @@ class Event(models.Model):
 
     position = models.PositiveBigIntegerField(_("position"), null=True, unique=True, editable=False)
     kind = models.CharField(_("kind"), max_length=32)
-    at = models.DateTimeField(_("happened"))
+    at = models.DateTimeField(_("time"))
     recorded_at = models.DateTimeField(_("recorded"), db_default=Now(), db_index=True, editable=False)
     racer = models.ForeignKey(
         settings.AUTH_USER_MODEL,
@@ -37,7 +37,7 @@ class Event(models.Model):
     race = models.PositiveBigIntegerField(_("race"), null=True, blank=True)
     subject = models.CharField(_("subject"), max_length=64, blank=True)
     data = models.JSONField(_("data"), default=dict, blank=True)
-    once = models.CharField(_("once for"), max_length=160, null=True, blank=True, editable=False)
+    once = models.CharField(_("deduplication key"), max_length=160, null=True, blank=True, editable=False)
 
     class Meta:
         verbose_name = _("event")

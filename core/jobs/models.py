@@ -51,9 +51,9 @@ class Job(Leased):
     reason_params = models.JSONField(_("details"), default=dict, blank=True)
     operator_detail = models.TextField(_("for operators"), blank=True)
     kills = models.PositiveSmallIntegerField(
-        _("kills"), default=0, db_default=0, help_text=_("How often it failed alone, while others passed.")
+        _("kills"), default=0, db_default=0, help_text=_("Number of failures while other jobs succeeded.")
     )
-    failed_at = models.DateTimeField(_("last failed by our fault"), null=True, blank=True)
+    failed_at = models.DateTimeField(_("last platform failure"), null=True, blank=True)
 
     class Meta:
         abstract = True
@@ -103,8 +103,8 @@ class Outage(models.Model):
 
     part = models.CharField(_("part"), max_length=16, choices=Part.choices, unique=True)
     since = models.DateTimeField(_("since"))
-    look_at = models.DateTimeField(_("looked at next"))
-    looks = models.PositiveIntegerField(_("looked at"), default=1)
+    look_at = models.DateTimeField(_("next check"))
+    looks = models.PositiveIntegerField(_("checks"), default=1)
 
     class Meta:
         verbose_name = _("outage")

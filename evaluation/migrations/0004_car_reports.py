@@ -121,11 +121,11 @@ class Migration(migrations.Migration):
                     models.PositiveSmallIntegerField(
                         db_default=0,
                         default=0,
-                        help_text="How often it failed alone, while others passed.",
+                        help_text="Number of failures while other jobs succeeded.",
                         verbose_name="kills",
                     ),
                 ),
-                ("failed_at", models.DateTimeField(blank=True, null=True, verbose_name="last failed by our fault")),
+                ("failed_at", models.DateTimeField(blank=True, null=True, verbose_name="last platform failure")),
                 ("number", models.PositiveSmallIntegerField(verbose_name="number")),
                 (
                     "state",

@@ -28,7 +28,7 @@ SENSOR_WORDS = {
     "STEREO_CAMERAS": gettext_noop("stereo cameras"),
     "LIDAR": gettext_noop("lidar"),
     "SECTOR_LIDAR": gettext_noop("sector lidar"),
-    "DISCRETIZED_SECTOR_LIDAR": gettext_noop("sector lidar in steps"),
+    "DISCRETIZED_SECTOR_LIDAR": gettext_noop("sector lidar, discretized"),
 }
 
 

@@ -19,10 +19,10 @@ def in_queue(position: int | None) -> str:
     if not position:
         return ""
     if position == 1:
-        return _("Next in the queue.")
+        return _("In queue: next.")
     if position > FRONT:
-        return _("Behind the first %(count)s in the queue.") % {"count": number_format(FRONT, force_grouping=True)}
-    return _("Number %(position)s in the queue.") % {"position": position}
+        return _("In queue: after the first %(count)s.") % {"count": number_format(FRONT, force_grouping=True)}
+    return _("In queue: number %(position)s.") % {"position": position}
 
 
 @register.filter
@@ -41,4 +41,4 @@ def done_in(wait_s: float | None, position: int | None) -> str:
     if not wait_s or not position:
         return ""
     seconds = {"seconds": math.ceil(wait_s)}
-    return (_("Not before %(seconds)s s.") if position > FRONT else _("Done in about %(seconds)s s.")) % seconds
+    return (_("Starts in %(seconds)s s or later.") if position > FRONT else _("Done in about %(seconds)s s.")) % seconds

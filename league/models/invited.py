@@ -23,7 +23,7 @@ class MailInvitation(Leased):
 
     race = models.ForeignKey("races.Race", models.CASCADE, related_name="mail_invitations", verbose_name=_("race"))
     email = models.EmailField(_("e-mail address"))
-    made_by = models.ForeignKey(Racer, models.SET_NULL, null=True, related_name="+", verbose_name=_("made by"))
+    made_by = models.ForeignKey(Racer, models.SET_NULL, null=True, related_name="+", verbose_name=_("created by"))
     asked_at = models.DateTimeField(_("asked"))
     turn = models.PositiveSmallIntegerField(_("mails"), default=1)
     expires_at = models.DateTimeField(_("expires"))

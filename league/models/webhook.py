@@ -37,7 +37,7 @@ class Webhook(models.Model):
     secret = models.CharField(_("secret"), max_length=40, default=new_secret, editable=False)
     old_secret = models.CharField(_("secret before"), max_length=40, blank=True, editable=False)
     old_secret_until = models.DateTimeField(_("signs until"), null=True, blank=True, editable=False)
-    created_at = models.DateTimeField(_("made"), default=timezone.now, editable=False)
+    created_at = models.DateTimeField(_("created"), default=timezone.now, editable=False)
 
     class Meta:
         verbose_name = _("webhook")

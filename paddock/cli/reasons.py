@@ -7,7 +7,7 @@ register(
     "At home",
     "user",
     {
-        "home_command_line": _("The command line is not understood: %(problem)s. Call the command with --help."),
+        "home_command_line": _("Invalid command line: %(problem)s. Run the command with --help."),
         "home_file_unreadable": _("%(path)s cannot be read: %(problem)s."),
         "home_file_unwritable": _("%(path)s cannot be written: %(problem)s."),
         "home_exists": _("%(path)s is there already, and nothing is overwritten. Name another place."),
@@ -44,7 +44,7 @@ register(
             "This package does not know the rules of that race (%(problem)s). Install the one of the site's version."
         ),
         "trace_strange": _("The trace of that run cannot be read (%(problem)s)."),
-        "rule_senseless": _("These rules make no sense: %(problem)s."),
+        "rule_senseless": _("Invalid rules: %(problem)s."),
         "track_unknown": _(
             "There is no track %(name)s here. The closest names are: %(nearest)s. Or name an .npy file."
         ),

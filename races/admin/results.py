@@ -129,7 +129,7 @@ class SubmissionAdmin(ReadOnly, WithReason):
             lambda one: repeat_submission(submission=one, now=timezone.now()),
             "Put into the queue again",
         )
-        self.message_user(request, ngettext("%d run is queued again.", "%d runs are queued again.", done) % done)
+        self.message_user(request, ngettext("%d run queued again.", "%d runs queued again.", done) % done)
 
 
 @admin.register(OwnEvaluation)

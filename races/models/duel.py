@@ -109,7 +109,7 @@ class DuelCompetitor(models.Model):
     points = models.PositiveSmallIntegerField(_("points"), null=True, blank=True)
     laps = models.PositiveSmallIntegerField(_("complete laps"), default=0)
     time_ms = models.PositiveIntegerField(_("their time"), default=0)
-    retired_code = models.CharField(_("retired because"), max_length=40, blank=True)
+    retired_code = models.CharField(_("reason for retiring"), max_length=40, blank=True)
 
     class Meta:
         verbose_name = _("car in a duel")

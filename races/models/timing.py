@@ -69,7 +69,7 @@ class Guest(models.Model):
     entry = models.ForeignKey(Entry, models.CASCADE, related_name="guests")
     name = models.CharField(_("name"), max_length=64, validators=[ONE_LINE])
     claim = models.CharField(max_length=24, unique=True, default=new_claim, editable=False)
-    made_at = models.DateTimeField(_("made"), default=timezone.now)
+    made_at = models.DateTimeField(_("created"), default=timezone.now)
     linked_at = models.DateTimeField(_("taken over"), null=True, blank=True)
 
     class Meta:
@@ -88,7 +88,7 @@ class TimingSensor(models.Model):
     name = models.CharField(_("name"), max_length=64, validators=[ONE_LINE])
     token_sha256 = models.CharField(max_length=64, unique=True, editable=False)
     hint = models.CharField(max_length=12, editable=False)
-    made_at = models.DateTimeField(_("made"), default=timezone.now)
+    made_at = models.DateTimeField(_("created"), default=timezone.now)
     made_by = models.ForeignKey(settings.AUTH_USER_MODEL, models.SET_NULL, null=True, related_name="+")
     revoked_at = models.DateTimeField(_("revoked"), null=True, blank=True)
     seen_at = models.DateTimeField(_("last seen"), null=True, blank=True)

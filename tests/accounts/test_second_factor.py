@@ -144,7 +144,7 @@ def test_admins_without_a_required_second_factor_must_set_one_up(sam, settings):
     settings.STAFF_SECOND_FACTOR = True
     for path in ("/admin/", "/", "/settings/tokens/"):
         assert session.get(path)["Location"] == "/accounts/2fa/", path
-    assert "demands a second factor" in session.get("/accounts/2fa/").content.decode()
+    assert "need a second factor" in session.get("/accounts/2fa/").content.decode()
     assert session.get("/api/v1/me/").json()["code"] == "second_factor_missing"
     assert token_for(sam).data["code"] == "second_factor_missing"
     by_token = Client().get("/api/v1/me/", headers={"Authorization": f"Bearer {token}"})

@@ -59,7 +59,7 @@ def test_an_invitation_link_works_for_its_number_of_racers(client, settings) -> 
     invitation.refresh_from_db()
     assert invitation.used == 2
     over = client.get(invitation.get_absolute_url())
-    assert over.status_code == 404 and "Ask whoever sent it" in over.content.decode()
+    assert over.status_code == 404 and "Ask the sender" in over.content.decode()
 
 
 def test_a_refused_form_does_not_use_up_the_invitation(client, settings) -> None:
@@ -86,7 +86,7 @@ def test_a_used_or_expired_invitation_does_not_work(client, settings, fields) ->
     settings.SIGN_UP = "invitation"
     invitation = an_invitation(**fields)
     assert client.get(invitation.get_absolute_url()).status_code == 404
-    with pytest.raises(UserFault, match="Ask whoever sent it"):
+    with pytest.raises(UserFault, match="Ask the sender"):
         take_up_invitation(code=invitation.code, now=timezone.now())
 
 
@@ -97,7 +97,7 @@ def test_losing_the_last_place_is_a_form_error(client, settings, monkeypatch) ->
     monkeypatch.setattr("accounts.adapter.open_invitation", lambda code, now: invitation)
     SignUpInvitation.objects.update(used=1)
     page = client.post("/accounts/signup/", form_of("alice"))
-    assert "was just taken" in page.content.decode()
+    assert "is used up" in page.content.decode()
     assert aliases() == [], "neither the racer nor the use"
 
 

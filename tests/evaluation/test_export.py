@@ -76,7 +76,7 @@ class TestPages:
     def test_a_model_without_its_upload_says_so(self, client, alice):
         model = a_model(alice)
         answer = client.get(f"/models/{model.public_id}/uploaded/", follow=True)
-        assert "There is no uploaded file of this model" in answer.content.decode()
+        assert "This model has no uploaded file" in answer.content.decode()
 
 
 class TestTurns:

@@ -151,7 +151,7 @@ def test_an_inexact_worker_leaves_evaluations_to_others(alice, oval, wakes, prov
     assert tasks.work.apply().get() == 0
     queued.refresh_from_db()
     assert (queued.state, queued.attempt, queued.reason_code) == (State.QUEUED, 0, "")
-    assert "runs nothing: This worker does not compute like every other: 1 of 3 golden runs" in caplog.text
+    assert "runs nothing: This worker's results differ from the reference: only 1 of 3 golden runs" in caplog.text
     assert INEXACT.why in caplog.text
     proves(EXACT)
     assert tasks.work.apply().get() == 1

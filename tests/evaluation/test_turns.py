@@ -164,9 +164,9 @@ class TestLongQueue:
 
     def test_pages_show_the_place_in_words(self):
         assert [in_queue(number) for number in (None, 1, 1000, 1001)] == [
-            *("", "Next in the queue.", "Number 1000 in the queue.", "Behind the first 1,000 in the queue.")
+            *("", "In queue: next.", "In queue: number 1000.", "In queue: after the first 1,000.")
         ]
         assert [place(number) for number in (None, 1, 7, 1001)] == ["…", "next", "7", "> 1,000"]
         assert (done_in(7.2, 3), done_in(7.2, 1001), done_in(None, 3)) == (
-            *("Done in about 8 s.", "Not before 8 s.", ""),
+            *("Done in about 8 s.", "Starts in 8 s or later.", ""),
         )

@@ -233,8 +233,8 @@ class TestSite:
         assert status == 1
         for part in (
             f"car 1: trace_sha256: was {'0' * 64}, is ",
-            "car 1: ended because: was retired, is laps_done",
-            "car 1: retired because: was policy_died, is ",
+            "car 1: reason for ending: was retired, is laps_done",
+            "car 1: reason for retiring: was policy_died, is ",
             "order of the cars: was ",
             "boxes: was ",
         ):

@@ -99,7 +99,7 @@ def test_an_unavailable_file_is_a_503_that_blames_the_platform(mood, s3, driven,
     for address in pages:
         answer = owner.get(address)
         assert answer.status_code == 503 and answer["Retry-After"], address
-        assert "Nothing is wrong with your model" in answer.content.decode(), address
+        assert "Your model is fine" in answer.content.decode(), address
     for address in api:
         answer = owner.get(address)
         assert answer.status_code == 503 and answer.json()["fault"] == "platform", address
@@ -114,7 +114,7 @@ def test_an_upload_that_cannot_be_stored_is_a_503(mood, s3, driven, owner):
     known = StoredFile.objects.count()
     s3.be(mood)
     page = upload(owner, SimpleUploadedFile("car.zip", package))
-    assert page.status_code == 503 and "Nothing is wrong with your model" in page.content.decode()
+    assert page.status_code == 503 and "Your model is fine" in page.content.decode()
     asked = owner.post("/api/v1/models/", {"package": SimpleUploadedFile("car.zip", package)})
     assert (asked.status_code, asked.json()["code"]) == (503, "storage_failed")
     assert StoredFile.objects.count() == known and driven.entry.racer.models.count() == 1

@@ -152,7 +152,7 @@ def test_a_racer_keeps_a_limited_number_of_tokens(world: World) -> None:
         create_token(racer=world.alice, now=timezone.now())
     sent = {"scopes": "read", "days": "30"}
     html = world.client("alice").post("/settings/tokens/", sent, follow=True).content.decode()
-    assert f"You have {TOKENS_PER_RACER} API tokens already" in html
+    assert f"You already have {TOKENS_PER_RACER} API tokens" in html
     assert AuthToken.objects.count() == TOKENS_PER_RACER
 
 

@@ -175,7 +175,7 @@ def test_a_training_folder_is_uploaded_and_a_checkpoint_chosen(page: playwright.
     page.get_by_label("Checkpoint").fill("4")
     page.get_by_role("main").get_by_role("button", name="Upload").click()
     playwright.expect(page.get_by_text("model_4.pb, as you chose")).to_be_visible()
-    playwright.expect(page.get_by_text("files were not needed")).to_be_visible()
+    playwright.expect(page.get_by_text("files ignored")).to_be_visible()
 
 
 def test_a_track_is_found_by_its_official_name_and_by_its_figures(page: playwright.Page) -> None:

@@ -21,7 +21,7 @@ def page_of(world: World, name: str, viewer: str) -> str:
 
 def test_a_waiting_run_shows_its_place_in_the_queue(world: World) -> None:
     html = page_of(world, "queued", "alice")
-    assert "Next in the queue." in html
+    assert "In queue: next." in html
     assert 'http-equiv="refresh"' in html, "without scripts the page still renews itself"
     assert "Stop" in html
 

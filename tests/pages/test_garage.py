@@ -103,7 +103,7 @@ def test_uploading_the_same_network_leads_to_the_existing_model(world: World, mo
     client = world.client("alice")
     response = upload(client, SimpleUploadedFile("a.onnx", b"net"))
     assert response["Location"] == f"/models/{world.model.public_id}/"
-    assert "in your garage already" in client.get(response["Location"]).content.decode()
+    assert "already in your garage" in client.get(response["Location"]).content.decode()
 
 
 @pytest.mark.parametrize(
@@ -261,7 +261,7 @@ def test_a_checkpoint_of_a_training_folder_may_be_chosen(world: World) -> None:
         shown.append(client.get(response.url).content.decode())
     assert "model_4.pb, the best by deepracer_checkpoints.json" in shown[0]
     assert "model_9.pb, as you chose" in shown[1]
-    assert all("files were not needed" in html and "notes.md" in html for html in shown)
+    assert all("files ignored" in html and "notes.md" in html for html in shown)
     assert len(set(TrainedModel.objects.filter(owner=world.newcomer).values_list("network", flat=True))) == 2
     refused = upload(client, SimpleUploadedFile(name, folder), checkpoint="<b>5</b>")
     assert 'data-code="checkpoint_missing"' in refused.content.decode()

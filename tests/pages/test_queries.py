@@ -60,7 +60,7 @@ def test_a_waiting_car_costs_the_race_page_no_more_queries(world: World) -> None
     sent = queries(client, "/races/waiting-race/")
     assert len(sent) <= LIMIT, "\n".join(sent)
     assert 'hx-trigger="load, paddock:moved"' in client.get("/races/waiting-race/").content.decode()
-    assert "in the queue" in client.get("/races/waiting-race/live/").content.decode()
+    assert "In queue:" in client.get("/races/waiting-race/live/").content.decode()
 
 
 @pytest.mark.parametrize(

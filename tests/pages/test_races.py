@@ -317,7 +317,7 @@ def test_the_live_box_polls_only_while_something_happens(world: World) -> None:
     asked_first = re.search(r'hx-get="(/races/waiting-race/live/\?seen=[^"]+)" hx-trigger="load, paddock:moved"', page)
     box = client.get(asked_first[1]).content.decode()
     polled = re.search(r'hx-get="(/races/waiting-race/live/\?seen=[^"]+)" hx-trigger="paddock:moved"', box)
-    assert polled and "Next in the queue." in box
+    assert polled and "In queue: next." in box
     unchanged = client.get(polled[1])
     assert (unchanged.status_code, unchanged.content) == (204, b"")
     from tests.factories import finish

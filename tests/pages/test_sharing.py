@@ -68,7 +68,7 @@ def test_the_page_explains_sharing_and_shares_the_model(world: World) -> None:
     answer = client.post(f"{path}share/", follow=True)
     world.model.refresh_from_db()
     assert world.model.shared_at is not None
-    assert "The model is shared" in answer.content.decode() and "Shared since" in answer.content.decode()
+    assert "Model shared" in answer.content.decode() and "Shared since" in answer.content.decode()
     assert '<span class="pill">shared</span>' in body(client, "/models/")
     answer = client.post(f"{path}share/", {"stop": "1"}, follow=True)
     world.model.refresh_from_db()

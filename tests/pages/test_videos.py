@@ -51,7 +51,7 @@ def test_members_are_offered_the_best_lap_then_the_run_then_laps(world, run):
 def test_a_guest_watches_ready_videos_but_cannot_request_any(world, run):
     assert 'id="video"' not in page_of(world, "anonymous", run)
     ask(world, run)
-    assert "Next in the queue." in page_of(world, "anonymous", run)
+    assert "In queue: next." in page_of(world, "anonymous", run)
     run_next_video(worker="w")
     html = page_of(world, "anonymous", run)
     video = Video.objects.get()
@@ -67,7 +67,7 @@ def test_without_scripts_the_page_follows_the_video_to_its_end(world, run):
     assert (response.status_code, response["Location"]) == (302, video.get_absolute_url())
     path = response["Location"].partition("#")[0]
     html = client.get(path).content.decode()
-    assert "Next in the queue." in html and 'http-equiv="refresh"' in html
+    assert "In queue: next." in html and 'http-equiv="refresh"' in html
     claim = VIDEOS.claim(worker="w", now=timezone.now())
     Video.objects.update(progress=40)
     html = client.get(path).content.decode()

@@ -220,7 +220,7 @@ def test_only_the_filtered_failed_runs_are_retried(client, failures):
     assert "3 failed runs" in html and all(one.public_id in html for one in failures["ours"])
     assert failures["slow"][0].public_id not in html and failures["old"][0].public_id not in html
     answer = client.post(path, {"reason": "internal_error", "hours": "1", "worker": ""}, follow=True)
-    assert "3 runs are queued again." in answer.content.decode()
+    assert "3 runs queued again." in answer.content.decode()
     assert Evaluation.objects.filter(state=State.QUEUED).count() == 3
     free = failures["ours"][2]
     free.refresh_from_db()
@@ -233,7 +233,7 @@ def test_only_the_filtered_failed_runs_are_retried(client, failures):
         assert one.state == State.FAILED
     assert LogEntry.objects.filter(change_message="Run again").count() == 3
     again = client.post(path, {"reason": "internal_error", "hours": "1", "worker": ""}, follow=True).content.decode()
-    assert "Nothing was left to run again." in again and Evaluation.objects.filter(state=State.QUEUED).count() == 3
+    assert "There is nothing to run again." in again and Evaluation.objects.filter(state=State.QUEUED).count() == 3
 
 
 def test_a_run_that_cannot_be_retried_does_not_block_others(client, failures):
@@ -241,7 +241,7 @@ def test_a_run_that_cannot_be_retried_does_not_block_others(client, failures):
     other = a_model(entry.racer)
     submit_model(race=entry.race, racer=entry.racer, model=other, now=timezone.now())
     html = client.post("/workers/evaluations/failed/", {"hours": "0", "worker": "w@one"}, follow=True).content.decode()
-    assert "3 runs are queued again." in html and "1 stays as it is:" in html
+    assert "3 runs queued again." in html and "1 unchanged:" in html
 
 
 def test_a_training_without_checkpoints_starts_over(client, now):

@@ -57,7 +57,7 @@ class VehicleForm(forms.Form):
         label=_("Colour"),
         regex=r"^#[0-9a-fA-F]{6}\Z",
         widget=forms.TextInput(attrs={"type": "color"}),
-        error_messages={"invalid": _("Write a colour as #rrggbb, such as #3b82f6.")},
+        error_messages={"invalid": _("Enter a colour as #rrggbb, such as #3b82f6.")},
     )
 
     def __init__(self, *args: Any, vehicle: Vehicle | None = None, **kwargs: Any) -> None:

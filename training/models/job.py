@@ -174,7 +174,7 @@ class TrainingJob(with_columns(_RULES), Job):  # type: ignore[misc]
     submit_reason_code = models.CharField(_("not submitted because"), max_length=40, blank=True)
     submit_reason_params = models.JSONField(_("details"), default=dict, blank=True)
     ended_because = models.CharField(_("why it ended"), max_length=10, choices=EndReason.choices, blank=True)
-    created_at = models.DateTimeField(_("made"), default=timezone.now)
+    created_at = models.DateTimeField(_("created"), default=timezone.now)
     deleted_at = models.DateTimeField(
         _("deleted"),
         null=True,
