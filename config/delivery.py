@@ -16,6 +16,8 @@ from django.middleware.http import ConditionalGetMiddleware
 from django.utils.cache import patch_vary_headers
 from django.utils.http import quote_etag
 
+from races.spectators import is_spectator
+
 READS = ("GET", "HEAD")
 COMPRESSED = (
     *("application/json", "application/vnd.oai.openapi", "application/vnd.oai.openapi+json", "application/yaml"),
@@ -106,7 +108,8 @@ def _lives(request: HttpRequest) -> bool:
 
 
 def _is_somebody(request: HttpRequest) -> bool:
-    return "Authorization" in request.headers or settings.SESSION_COOKIE_NAME in request.COOKIES
+    known = "Authorization" in request.headers or settings.SESSION_COOKIE_NAME in request.COOKIES
+    return known or is_spectator(request)
 
 
 def _etag_of_file(response: FileResponse) -> str:

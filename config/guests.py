@@ -15,6 +15,7 @@ from django.utils.cache import get_conditional_response, patch_vary_headers
 
 from core.streams.reading import last_numbered
 from core.unchanged import Unchanged, is_shared
+from races.spectators import is_spectator
 from races.spoilers import COOKIE, HEADER, PARAMETER
 
 from .moving import ASKS, KNOWS, tag_of
@@ -101,7 +102,7 @@ def _is_guests(request: HttpRequest) -> bool:
         return False
     if any(name in request.COOKIES for name in (settings.SESSION_COOKIE_NAME, _MESSAGES, COOKIE)):
         return False
-    if PARAMETER in request.GET or HEADER in request.headers:
+    if PARAMETER in request.GET or HEADER in request.headers or is_spectator(request):
         return False
     if request.path != "/" and not request.path.startswith(_BEGINNINGS):
         return False

@@ -26,6 +26,7 @@ from .events import (
 from .live_stream import source, welcome
 from .models import Duel, Race, Submission, Visibility
 from .selectors.visibility import can_see_evaluation, can_see_race
+from .spectators import may_watch, tokens_of_viewer
 
 RACES = "races"  # all public races and what is on track there
 _OF_RUNS = {kind.name for kind in (RUN_QUEUED, RUN_STARTED, RUN_FINISHED, RUN_FAILED, RUN_STOPPED)}
@@ -40,10 +41,11 @@ _OF_LIVE = {
 
 def register() -> None:
     """``race:ID`` and ``run:ID`` for whoever may see the race or the run; ``live:ID`` with what is played in the live
-    event of a race, and ``sees:ID`` with what its cars see there, for whoever may see the race; ``races`` for all."""
-    register_topic(Topic("race", _sees_race))
-    register_topic(Topic("live", _sees_race, welcome, source))
-    register_topic(Topic("sees", _sees_race, source=live_seen_stream.source))
+    event of a race, and ``sees:ID`` with what its cars see there, for whoever may see or watch the race; ``races`` for
+    all."""
+    register_topic(Topic("race", _watches_race))
+    register_topic(Topic("live", _watches_race, welcome, source))
+    register_topic(Topic("sees", _watches_race, source=live_seen_stream.source))
     register_topic(Topic("run", _sees_run))
     register_topic(Topic(RACES, lambda viewer, key: not key))
     register_moves(moves)
@@ -88,9 +90,9 @@ def _races_of(runs: Iterable[str]) -> dict[str, set[int]]:
     return found
 
 
-def _sees_race(viewer: Viewer, key: str) -> bool:
+def _watches_race(viewer: Viewer, key: str) -> bool:
     race = Race.objects.filter(pk=int(key)).first() if key.isdecimal() and len(key) < 16 else None
-    return race is not None and can_see_race(viewer, race)
+    return race is not None and (can_see_race(viewer, race) or may_watch(tokens_of_viewer(viewer), race))
 
 
 def _sees_run(viewer: Viewer, key: str) -> bool:

@@ -56,6 +56,7 @@ version_1: list[URLPattern | URLResolver] = [
     path("races/<slug:slug>/", races.RaceView.as_view(), name="api-race"),
     path("races/<slug:slug>/close/", races.CloseView.as_view(), name="api-race-close"),
     path("races/<slug:slug>/cancel/", races.CancelView.as_view(), name="api-race-cancel"),
+    path("races/<slug:slug>/spectators/", races.SpectatorLinkRenewView.as_view(), name="api-race-spectators"),
     path("races/<slug:slug>/invitation/", races.InvitationResetView.as_view(), name="api-race-invitation"),
     path(
         "races/<slug:slug>/specification/",

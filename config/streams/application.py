@@ -23,11 +23,12 @@ from django.http.request import split_domain_port, validate_host
 
 from core.streams.topics import asked_for
 from paddock.errors.reasons import REASONS
+from races.spectators import COOKIE, HEADER, tokens_in
 
 from .feed import Desk
 from .hub import Hub
 from .reader import Reader
-from .viewers import viewers_of
+from .viewers import name_of, viewers_of
 
 TOPICS = 32
 LONGEST_QUERY = 4096
@@ -87,30 +88,32 @@ class Application:
             raise NoStream(503, "streams_full", 30)
         if self._of_address[address] >= settings.STREAMS_PER_ADDRESS:
             raise NoStream(429, "streams_of_address", 30)
-        session, racer = _session(headers), None
+        browsers, racer = _browsers(headers), None
         self._of_address[address] += 1
         try:
-            racer, topics = await self._who_asks(session, written)
+            browser, racer, topics = await self._who_asks(browsers, written)
             if racer is not None:
                 if self._of_racer[racer] >= settings.STREAMS_PER_RACER:
                     racer = None
                     raise NoStream(429, "streams_of_racer", 30)
                 self._of_racer[racer] += 1
-            reader = Reader(topics, session if racer is not None else "", address, lambda: self._cut(scope["client"]))
+            reader = Reader(topics, browser, address, lambda: self._cut(scope["client"]))
             await self._serve(reader, last, receive, send)
         finally:
             _count_off(self._of_address, address)
             if racer is not None:
                 _count_off(self._of_racer, racer)
 
-    async def _who_asks(self, session: str, written: list[str]) -> tuple[int | None, frozenset[str]]:
+    async def _who_asks(self, browsers: list[str], written: list[str]) -> tuple[str, int | None, frozenset[str]]:
+        """The name of the reader's browser (empty for any guest's), their number as a racer, and what they follow."""
         try:
-            viewers = await self._who.ask(viewers_of, [session]) if session else {}
+            viewers = await self._who.ask(viewers_of, browsers) if browsers else {}
         except Error:
             raise NoStream(503, "streams_away", 5) from None
-        viewer = viewers.get(session)
+        browser = next((each for each in browsers if each in viewers), "")
+        viewer = viewers.get(browser)
         try:
-            return viewer and viewer.pk, frozenset(asked_for(written, viewer))
+            return browser, viewer and viewer.pk, frozenset(asked_for(written, viewer))
         except ValueError:
             raise NoStream(400, "stream_topics") from None
 
@@ -171,12 +174,18 @@ def _asked(scope: Scope, headers: dict[str, str]) -> tuple[list[str], int | None
     return written, int(known) if known.isascii() and known.isdecimal() and len(known) < 19 else None
 
 
-def _session(headers: dict[str, str]) -> str:
+def _browsers(headers: dict[str, str]) -> list[str]:
+    """What the reader's browser may be named (:mod:`config.streams.viewers`), the one with its session first."""
     try:
-        cookie = SimpleCookie(headers.get("cookie", "")).get(settings.SESSION_COOKIE_NAME)
+        cookies = SimpleCookie(headers.get("cookie", ""))
     except CookieError:
-        return ""
-    return cookie.value if cookie is not None and len(cookie.value) <= SESSION_KEY_LENGTH else ""
+        cookies = SimpleCookie()
+    sent = {name: cookies[name].value if name in cookies else "" for name in (settings.SESSION_COOKIE_NAME, COOKIE)}
+    session = sent[settings.SESSION_COOKIE_NAME]
+    session = session if len(session) <= SESSION_KEY_LENGTH and "|" not in session else ""
+    tokens = (*tokens_in(sent[COOKIE]), *tokens_in(headers.get(HEADER.lower(), "")))
+    named = [name_of(session, tokens)] if session else []
+    return [*named, name_of("", tokens)] if tokens else named
 
 
 def _address(scope: Scope, headers: dict[str, str]) -> str:

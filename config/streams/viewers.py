@@ -1,23 +1,54 @@
-"""Who a reader is, by the session of their browser, and whether they still are. All of it asks the database."""
+"""Who a reader is, by the session and the spectators' tokens of their browser, and whether they still are. All of it
+asks the database.
+
+A browser is named by its session, and with spectators' tokens (:mod:`races.spectators`) by ``SESSION|TOKEN.TOKEN``,
+where the session may be empty: :func:`name_of`.
+"""
 
 from __future__ import annotations
 
+import copy
 from collections.abc import Iterable, Mapping
 from importlib import import_module
 from typing import Any
 
 from django.conf import settings
 from django.contrib.auth import BACKEND_SESSION_KEY, HASH_SESSION_KEY, SESSION_KEY, get_user_model
+from django.contrib.auth.models import AnonymousUser
 from django.utils import timezone
 from django.utils.crypto import constant_time_compare
 
 from accounts.second_factor import lacks_demanded_factor
 from core.streams import can_follow
+from races.spectators import any_is_valid, tokens_in
 
 Sessions = import_module(settings.SESSION_ENGINE).SessionStore
 
 
-def viewers_of(sessions: Iterable[str]) -> dict[str, Any]:
+def name_of(session: str, tokens: Iterable[str]) -> str:
+    """The name of a browser with this session (empty: none) and these spectators' tokens."""
+    written = ".".join(tokens)
+    return f"{session}|{written}" if written else session
+
+
+def viewers_of(browsers: Iterable[str]) -> dict[str, Any]:
+    """The readers of browsers that are good now, by their names: the racers of good sessions, and guests with a
+    spectators' token that is valid. ``spectator_tokens`` of a reader are their tokens."""
+    named = {browser: browser.partition("|")[::2] for browser in browsers}
+    sessions = {session for session, _ in named.values() if session}
+    racers = _racers_of(sessions) if sessions else {}
+    found: dict[str, Any] = {}
+    for browser, (session, written) in named.items():
+        tokens = tokens_in(written)
+        viewer = racers.get(session) if session else AnonymousUser() if any_is_valid(tokens) else None
+        if viewer is not None:
+            found[browser] = viewer = copy.copy(viewer) if tokens else viewer
+            if tokens:
+                viewer.spectator_tokens = tokens
+    return found
+
+
+def _racers_of(sessions: Iterable[str]) -> dict[str, Any]:
     """The racers of sessions that are good now, by session: as Django's log-in says, in two queries. One that is over,
     was logged out, or whose racer was locked out or has changed the password is not among them; nor is an admin's
     without the second factor that the site demands."""

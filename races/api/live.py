@@ -29,7 +29,7 @@ from ..models.live import LEAST_ATTEMPT_MS, MOST_ATTEMPT_MS, MOST_ROUNDS
 from ..selectors.live import console_rows, live_events_visible_to, played
 from ..services.live import change_live, choose_model, plan_live, say_here
 from ..services.live.planning import MOST_GAP_S
-from .lookup import organised_race, visible_race
+from .lookup import organised_race, visible_race, watched_race
 
 
 class SpeedCommandSerializer(serializers.Serializer):
@@ -281,6 +281,12 @@ def live_event(request: Request, slug: str) -> LiveEvent:
     return get_object_or_404(live_events_visible_to(request.user), race=race)
 
 
+def watched_live_event(request: Request, slug: str) -> LiveEvent:
+    """The same, with a spectators' link too: to read. Raises Http404."""
+    events = LiveEvent.objects.select_related("race__track", "race__organiser", "winner__racer")
+    return get_object_or_404(events, race=watched_race(request, slug))
+
+
 def poses_document(slot: LiveSlot, after: int) -> dict[str, Any]:
     """What of a run has been played by now, after chunk ``after``."""
     now = timezone.now()
@@ -304,12 +310,15 @@ class LiveView(APIView):
     @extend_schema(
         operation_id="read_live",
         summary="The live event of a race",
-        description="What runs, who is next, how it stands. Nothing of a run is told before it was played.",
+        description=(
+            "What runs, who is next, how it stands. Nothing of a run is told before it was played. Of a race by "
+            "invitation a spectators' token in the header `X-Paddock-Spectator` opens this and the poses."
+        ),
         responses=LiveEventSerializer,
         tags=["races"],
     )
     def get(self, request: Request, slug: str) -> Response:
-        return self._answer(live_event(request, slug))
+        return self._answer(watched_live_event(request, slug))
 
     @extend_schema(
         operation_id="plan_live",
@@ -437,7 +446,7 @@ class LivePosesView(APIView):
         tags=["races"],
     )
     def get(self, request: Request, slug: str) -> Response:
-        event = live_event(request, slug)
+        event = watched_live_event(request, slug)
         slot = slot_in(event, request.query_params.get("slot", ""))
         return Response(PosesSerializer(poses_document(slot, after_in(request.query_params.get("after", "")))).data)
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from django.http import Http404
 from django.shortcuts import get_object_or_404
 from rest_framework.exceptions import PermissionDenied
 from rest_framework.request import Request
@@ -10,12 +11,21 @@ from evaluation.models import Evaluation
 from paddock.errors import UserFault
 
 from ..models import Entry, Race
-from ..selectors import can_organise, entry_of, evaluations_visible_to, races_visible_to
+from ..selectors import can_organise, can_see_race, entry_of, evaluations_visible_to, races_visible_to
+from ..spectators import may_watch, tokens_of
 
 
 def visible_race(request: Request, slug: str) -> Race:
     """The race at ``slug``. Raises Http404."""
     return get_object_or_404(races_visible_to(request.user), slug=slug)
+
+
+def watched_race(request: Request, slug: str) -> Race:
+    """The race at ``slug`` whose live event the reader may watch, with a spectators' link too. Raises Http404."""
+    race = get_object_or_404(Race.objects.select_related("track", "organiser"), slug=slug)
+    if not (can_see_race(request.user, race) or may_watch(tokens_of(request._request), race)):
+        raise Http404
+    return race
 
 
 def organised_race(request: Request, slug: str) -> Race:

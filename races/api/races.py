@@ -29,6 +29,7 @@ from ..ranking import order_rule, rule_for
 from ..rules.serializers import with_rules
 from ..selectors import can_organise, can_see_race, races_visible_to
 from ..services.races import edition_of
+from ..spectators import spectator_token
 from .lookup import organised_race, visible_race
 from .placed import PlacedBoxSerializer
 
@@ -97,6 +98,9 @@ class RaceDetailSerializer(RaceSerializer):
     tie_rule = serializers.SerializerMethodField()
     edition = serializers.SerializerMethodField(help_text="Another after every change; see the change of a race.")
     invitation = serializers.SerializerMethodField(help_text="The secret that joins; only for who organises the race.")
+    spectators = serializers.SerializerMethodField(
+        help_text="The token of the spectators' link, /watch/TOKEN/; only for the organiser of a race by invitation."
+    )
 
     @extend_schema_field(PlacedBoxSerializer(many=True))
     def get_placed_boxes(self, race: Race) -> list[dict]:
@@ -114,6 +118,10 @@ class RaceDetailSerializer(RaceSerializer):
     def get_invitation(self, race: Race) -> str | None:
         hidden = race.visibility != Visibility.INVITATION or not can_organise(self.context["request"].user, race)
         return None if hidden else race.invitation
+
+    def get_spectators(self, race: Race) -> str | None:
+        hidden = race.visibility != Visibility.INVITATION or not can_organise(self.context["request"].user, race)
+        return None if hidden else spectator_token(race)
 
 
 class RaceChangeSerializer(with_rules(Body, RULES, asked=True)):  # type: ignore[misc]
@@ -333,6 +341,26 @@ class InvitationResetView(APIView):
     def post(self, request: Request, slug: str) -> Response:
         refuse_fields(request)
         race = services.reset_invitation(race=organised_race(request, slug))
+        return Response(RaceDetailSerializer(race, context={"request": request}).data)
+
+
+class SpectatorLinkRenewView(APIView):
+    """Another spectators' link."""
+
+    token_scope = ORGANISE
+    permission_classes = [IsAuthenticated]
+
+    @extend_schema(
+        operation_id="renew_spectator_link",
+        summary="Give a race that you organise a new spectators' link",
+        description="The old link opens nothing any more, and streams that were opened with it end.",
+        request=None,
+        responses=RaceDetailSerializer,
+        tags=["races"],
+    )
+    def post(self, request: Request, slug: str) -> Response:
+        refuse_fields(request)
+        race = services.renew_spectator_link(race=organised_race(request, slug), now=timezone.now())
         return Response(RaceDetailSerializer(race, context={"request": request}).data)
 
 

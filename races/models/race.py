@@ -101,6 +101,9 @@ class Race(ChecksTogether, with_rules(RULES, inside_a_race)):  # type: ignore[mi
     )
     visibility = models.CharField(_("visibility"), max_length=10, choices=Visibility.choices, default=Visibility.PUBLIC)
     invitation = models.CharField(_("invitation"), max_length=32, unique=True, default=new_invitation, editable=False)
+    spectator_edition = models.PositiveIntegerField(
+        _("edition of the spectators' link"), default=0, db_default=0, editable=False
+    )
     physical = models.BooleanField(
         _("real cars, timed at the track"),
         default=False,

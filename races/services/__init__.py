@@ -15,6 +15,7 @@ from .races import (
     create_community_race,
     create_league_race,
     edit_race,
+    renew_spectator_link,
     reset_invitation,
 )
 from .standings import recompute_race, recompute_standing, record_ended_evaluation
@@ -43,6 +44,7 @@ __all__ = [
     "record_ended_evaluation",
     "record_ended_own",
     "remove_entry",
+    "renew_spectator_link",
     "repeat_submission",
     "reset_invitation",
     "restore_entry",

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 from django.core.exceptions import ValidationError
 from django.db import transaction
+from django.db.models import F
 from django.utils import timezone
 from django.utils.crypto import get_random_string
 from django.utils.text import slugify
@@ -23,8 +24,8 @@ from paddock.errors import UserFault
 from tracks.models import Track
 
 from ..errors import RaceRefused, problem
-from ..events import RACE_CANCELLED, of_race
-from ..models import Race, RaceKind, Submission, TimedSession, new_invitation
+from ..events import LIVE_CHANGED, RACE_CANCELLED, of_race
+from ..models import LiveEvent, Race, RaceKind, Submission, TimedSession, new_invitation
 from ..quotas import RACES
 from ..validation import EDITABLE_FIELDS, check_race, hold_above, stored_value
 from .gates import require_not_over, require_open
@@ -163,6 +164,16 @@ def reset_invitation(*, race: Race) -> Race:
     """Give a race another invitation link; the old one joins nobody any more, who has joined stays."""
     race.invitation = new_invitation()
     race.save(update_fields=["invitation"])
+    return race
+
+
+@transaction.atomic
+def renew_spectator_link(*, race: Race, now: datetime) -> Race:
+    """Give a race another spectators' link. The old one opens nothing any more, and streams opened with it end."""
+    Race.objects.filter(pk=race.pk).update(spectator_edition=F("spectator_edition") + 1)
+    race.refresh_from_db(fields=["spectator_edition"])
+    version = LiveEvent.objects.filter(race=race).values_list("version", flat=True).first()
+    record(LIVE_CHANGED, at=now, **of_race(race), version=version or 0)
     return race
 
 

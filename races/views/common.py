@@ -14,12 +14,21 @@ from core.forms import explain
 from evaluation.models import Evaluation
 from paddock.errors import PaddockError
 from races.models import Race
-from races.selectors import can_organise, evaluations_visible_to, races_visible_to
+from races.selectors import can_organise, can_see_race, evaluations_visible_to, races_visible_to
+from races.spectators import may_watch, tokens_of
 
 
 def visible_race(request: HttpRequest, slug: str) -> Race:
     """The race, or 404 when there is none or the reader may not see it."""
     return get_object_or_404(races_visible_to(request.user), slug=slug)
+
+
+def watched_race(request: HttpRequest, slug: str) -> Race:
+    """The race whose live event the reader may watch: as :func:`visible_race`, or with a spectators' link."""
+    race = get_object_or_404(Race.objects.select_related("track", "organiser"), slug=slug)
+    if not (can_see_race(request.user, race) or may_watch(tokens_of(request), race)):
+        raise Http404
+    return race
 
 
 def organised_race(request: HttpRequest, slug: str) -> Race:

@@ -30,6 +30,7 @@ from races.selectors.duels import duels_of
 from races.selectors.live import (
     SlotRow,
     can_run_live,
+    can_see_live,
     console_rows,
     live_events_visible_to,
     live_racers,
@@ -45,7 +46,7 @@ from races.sensors import not_offered
 from races.services.live import change_live, choose_model, plan_live, say_here
 from races.services.live.sealing import AHEAD
 
-from .common import organised_race, tell_fault, visible_race
+from .common import organised_race, tell_fault, visible_race, watched_race
 
 LOG_SHOWN = 30
 FRAMES_KEPT_S = 600
@@ -54,21 +55,21 @@ FRAMES_KEPT_S = 600
 @require_safe
 def live_event(request: HttpRequest, slug: str) -> HttpResponse:
     """The lobby before it begins, then the show, then how it ended."""
-    race, event = _event(request, slug)
+    race, event = _watched(request, slug)
     return render(request, "races/live/event.html", _shown(request, race, event))
 
 
 @require_safe
 def live_state(request: HttpRequest, slug: str) -> JsonResponse:
     """The event as data, for the page to renew itself."""
-    _race, event = _event(request, slug)
+    _race, event = _watched(request, slug)
     return _unkept(JsonResponse(live_document(event, timezone.now())))
 
 
 @require_safe
 def live_poses(request: HttpRequest, slug: str) -> JsonResponse:
     """What of a run has been played by now: ``slot``, ``after`` which chunk."""
-    _race, event = _event(request, slug)
+    _race, event = _watched(request, slug)
     slot = slot_in(event, request.GET.get("slot", ""))
     return _unkept(JsonResponse(poses_document(slot, after_in(request.GET.get("after", "")))))
 
@@ -77,7 +78,7 @@ def live_poses(request: HttpRequest, slug: str) -> JsonResponse:
 def live_frames(request: HttpRequest, slug: str) -> HttpResponse:
     """What the cars of a run saw in a chunk of it that has been played: ``slot``, ``n``. 404 before, 204 while the
     machine has too much else to draw."""
-    race, event = _event(request, slug)
+    race, event = _watched(request, slug)
     slot, number = slot_in(event, request.GET.get("slot", "")), _number(request.GET.get("n", ""))
     strip = None if number is None else frames_of(slot, timezone.now(), number)
     if strip is None:
@@ -92,7 +93,7 @@ def live_frames(request: HttpRequest, slug: str) -> HttpResponse:
 @require_safe
 def live_ghost(request: HttpRequest, slug: str) -> JsonResponse:
     """The line of a run that was shown, for others to be drawn beside: ``slot``, and which ``lap`` of it."""
-    _race, event = _event(request, slug)
+    _race, event = _watched(request, slug)
     lap = _number(request.GET.get("lap", "")) if "lap" in request.GET else None
     line = shown_line(slot_in(event, request.GET.get("slot", "")), timezone.now(), lap)
     if line is None or ("lap" in request.GET and lap is None):
@@ -207,6 +208,13 @@ def _waits(event: LiveEvent, rows: list[SlotRow]) -> bool:
     return event.state in UNDER_WAY and (not is_computed or any(row.phase == "countdown" for row in rows))
 
 
+def _watched(request: HttpRequest, slug: str) -> tuple[Race, LiveEvent]:
+    """The race and its live event, or 404 when there is none or the reader may not watch it."""
+    race = watched_race(request, slug)
+    events = LiveEvent.objects.select_related("race__track", "race__organiser", "winner__racer")
+    return race, get_object_or_404(events, race=race)
+
+
 def _event(request: HttpRequest, slug: str) -> tuple[Race, LiveEvent]:
     """The race and its live event, or 404 when there is none or the reader may not see it."""
     race = visible_race(request, slug)
@@ -249,6 +257,7 @@ def _shown(request: HttpRequest, race: Race, event: LiveEvent) -> dict[str, Any]
         "asks_terms": not has_accepted(entry, race),
         "map_size": map_size(race.track),
         "can_run": can_run_live(request.user, event),
+        "is_spectator": not can_see_live(request.user, event),
     }
 
 

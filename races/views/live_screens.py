@@ -6,6 +6,7 @@ None of them shows anything that the event's state, its poses and its revealed r
 from __future__ import annotations
 
 from typing import Any
+from urllib.parse import urlencode
 
 import segno
 from allauth.core.internal import ratelimit
@@ -23,15 +24,16 @@ from core.unchanged import Unchanged, is_shared
 from paddock.errors import UserFault
 from races.live_document import live_document
 from races.live_story import story_of
-from races.models import LiveEvent, Opponents, Race, ReactionKind
+from races.models import LiveEvent, Opponents, Race, ReactionKind, Visibility
 from races.replay import map_size
 from races.selectors.duels import duels_of
-from races.selectors.live import live_events_visible_to, phase_of, running_order, up_next
+from races.selectors.live import can_see_live, live_events_visible_to, phase_of, running_order, up_next
 from races.selectors.live_facts import facts_of, met_before
 from races.selectors.live_reactions import reactions_of, takes_reactions
 from races.services.live import react
+from races.spectators import keep_token, race_of_token, spectator_token
 
-from .common import tell_fault, visible_race
+from .common import tell_fault, visible_race, watched_race
 
 # The pieces of a broadcast, and the size in pixels that each is made for.
 OVERLAYS = {
@@ -41,6 +43,8 @@ OVERLAYS = {
     "next": (480, 320),
     "bracket": (1600, 900),
 }
+# What a spectators' link opens, by the last part of its address.
+WATCHED = {"event": "live_event", "phone": "live_phone", "screen": "live_screen", "overlay": "live_overlay"}
 EMOJI = {"clap": "👏", "fire": "🔥", "wow": "😮", "laugh": "😂", "heart": "💜", "flag": "🏁"}
 TOLD_MOST = 80
 SAME_FOR_S = 0.25  # less than a page waits before it asks for what it has just played (told.js)
@@ -50,8 +54,7 @@ _COMMENTARIES: Unchanged[dict[str, Any]] = Unchanged(32)
 @require_safe
 def live_screen(request: HttpRequest, slug: str) -> HttpResponse:
     """The big screen: no controls, readable from the back of a room."""
-    race, event = _shown(request, slug)
-    follow = request.build_absolute_uri(reverse("live_phone" if event is not None else "race", args=[race.slug]))
+    race, event = _watched(request, slug)
     return _screen(
         request,
         "races/live/screens/screen.html",
@@ -59,7 +62,7 @@ def live_screen(request: HttpRequest, slug: str) -> HttpResponse:
         event,
         html_class="screen",
         default_theme=theme(request),
-        code=qr_code(follow),
+        code=qr_code(follow_address(request, race, event)),
     )
 
 
@@ -68,7 +71,7 @@ def live_overlay(request: HttpRequest, slug: str, piece: str) -> HttpResponse:
     """One piece of a broadcast on a transparent ground."""
     if piece not in OVERLAYS:
         raise Http404
-    race, event = _shown(request, slug)
+    race, event = _watched(request, slug)
     if event is None and piece != "bracket":
         raise Http404
     return _screen(
@@ -111,14 +114,14 @@ def _commentary(event: LiveEvent) -> dict[str, Any]:
 @ensure_csrf_cookie
 def live_phone(request: HttpRequest, slug: str) -> HttpResponse:
     """The show on a phone, with reactions."""
-    race, event = _shown(request, slug)
+    race, event = _watched(request, slug)
     if event is None:
         raise Http404
     now = timezone.now()
     sent = reactions_of(event)
     kinds = [(kind.value, EMOJI[kind.value], kind.label, sent[kind.value]) for kind in ReactionKind]
     context = _context(race, event) | {"duels": duels_of(race) if race.opponents == Opponents.MODELS else None}
-    context |= {"kinds": kinds, "takes_reactions": takes_reactions(event, now)}
+    context |= {"kinds": kinds, "takes_reactions": takes_reactions(event, now) and can_see_live(request.user, event)}
     return _fresh(render(request, "races/live/screens/phone.html", context))
 
 
@@ -147,6 +150,30 @@ def live_react(request: HttpRequest, slug: str) -> HttpResponse:
     return JsonResponse({"reactions": reactions_of(event)}) if by_script else redirect("live_phone", slug)
 
 
+@require_safe
+def live_watch(request: HttpRequest, token: str, page: str = "", piece: str = "") -> HttpResponse:
+    """Where a spectators' link leads: the token goes into a cookie, the reader on to the page that they asked for."""
+    race = race_of_token(token)
+    if race is None:
+        raise Http404
+    has_event = LiveEvent.objects.filter(race=race).exists()
+    if not has_event and race.opponents != Opponents.MODELS:
+        return _unkept(render(request, "races/live/nothing.html", {"race": race}))
+    page = page or ("phone" if has_event else "screen")
+    address = reverse(WATCHED[page], args=[race.slug, piece] if piece else [race.slug])
+    chosen = {name: request.GET[name] for name in ("language", "theme") if name in request.GET}
+    response = redirect(f"{address}?{urlencode(chosen)}" if chosen else address)
+    keep_token(request, response, token)
+    return _unkept(response)
+
+
+def follow_address(request: HttpRequest, race: Race, event: LiveEvent | None) -> str:
+    """Where the QR code of a screen leads: to the phone's page; of a race by invitation by its spectators' link."""
+    if race.visibility == Visibility.INVITATION:
+        return request.build_absolute_uri(reverse("live_watch", args=[spectator_token(race)]))
+    return request.build_absolute_uri(reverse("live_phone" if event is not None else "race", args=[race.slug]))
+
+
 def qr_code(address: str) -> str:
     """A QR code that leads to an address, as SVG whose colours are the page's."""
     drawn = segno.make(address, error="m").svg_inline(border=0, omitsize=True, svgclass="qr", lineclass="qr-dark")
@@ -157,6 +184,16 @@ def _shown(request: HttpRequest, slug: str) -> tuple[Race, LiveEvent | None]:
     """The race with its live event; a race of duels has none and is shown by its bracket. 404 for what is neither."""
     race = visible_race(request, slug)
     event = live_events_visible_to(request.user).filter(race=race).first()
+    if event is None and race.opponents != Opponents.MODELS:
+        raise Http404
+    return race, event
+
+
+def _watched(request: HttpRequest, slug: str) -> tuple[Race, LiveEvent | None]:
+    """The same for whoever may watch: with a spectators' link, too."""
+    race = watched_race(request, slug)
+    events = LiveEvent.objects.select_related("race__track", "race__organiser", "winner__racer")
+    event = events.filter(race=race).first()
     if event is None and race.opponents != Opponents.MODELS:
         raise Http404
     return race, event
@@ -186,3 +223,10 @@ def _screen(request: HttpRequest, template: str, race: Race, event: LiveEvent | 
 def _fresh(response: HttpResponse) -> HttpResponse:
     response["Cache-Control"] = "private, no-store"
     return response
+
+
+def _unkept(response: HttpResponse) -> HttpResponse:
+    """An answer to an address with a token: kept by nobody, named to nobody."""
+    response["Referrer-Policy"] = "no-referrer"
+    response["X-Robots-Tag"] = "noindex"
+    return _fresh(response)

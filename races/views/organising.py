@@ -24,6 +24,7 @@ from races.selectors.cars import shared_cars
 from races.selectors.counting import cars_waiting
 from races.selectors.terms import with_accepted_terms
 from races.services.races import has_submissions
+from races.spectators import spectator_token
 from tracks.models import Track
 
 from .common import organised_race, tell_fault
@@ -86,6 +87,7 @@ def race_edit(request: HttpRequest, slug: str) -> HttpResponse:
         "layout": preview(form, submitted=form.is_bound),
         "race": race,
         "invitation_url": request.build_absolute_uri(_invitation_path(race)),
+        "spectator_url": request.build_absolute_uri(reverse("live_watch", args=[spectator_token(race)])),
         "is_over": state in (RaceState.CLOSED, RaceState.CANCELLED),
         "is_league": race.kind == RaceKind.LEAGUE,
         "rules_are_fixed": "laps" in locked,
@@ -138,6 +140,16 @@ def invitation_reset(request: HttpRequest, slug: str) -> HttpResponse:
     services.reset_invitation(race=race)
     messages.success(request, _("The link is new; the old one no longer works. Who has joined stays."))
     return redirect("race_edit", race.slug)
+
+
+@login_required
+@require_POST
+def spectator_link_renew(request: HttpRequest, slug: str) -> HttpResponse:
+    """Give a race another spectators' link."""
+    race = organised_race(request, slug)
+    services.renew_spectator_link(race=race, now=timezone.now())
+    messages.success(request, _("The spectators' link is new. The old one opens nothing any more."))
+    return redirect(f"{reverse('race_edit', args=[race.slug])}#spectators")
 
 
 @login_required

@@ -37,6 +37,7 @@ SAME: dict[str, set[str]] = {
     "race_edit": {"edit_race"},
     "race_invitation": {"accept_invitation"},
     "race_invitation_reset": {"reset_invitation"},
+    "race_spectators_renew": {"renew_spectator_link"},
     "race_new": {"create_race"},
     "race_racer_remove": {"remove_entry"},
     "race_racer_restore": {"restore_entry"},

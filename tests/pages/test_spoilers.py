@@ -97,6 +97,7 @@ def test_every_address_of_a_race_a_run_or_a_season_is_decided_on():
     """A new page about one of them is covered, or named here as one that tells nothing."""
     harmless = {
         *("race_duels", "race_draw", "enter", "submit", "withdraw", "race_invitation_reset", "race_racer_remove"),
+        "race_spectators_renew",
         *("race_racer_restore", "race_timing_worker", "race_timing_setup", "timekeeper_name", "timekeeper_dismiss"),
         *("sensor_revoke", "guest_link", "car_choose", "lap_correct", "live_mine", "live_act", "live_react"),
         "live_highlights",

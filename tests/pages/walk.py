@@ -48,6 +48,7 @@ NO_PAGES = {
     *("evaluation_video", "favicon", "health_live", "health_ready", "model_export"),
     *("model_package", "model_sensors", "model_share", "model_uploaded"),
     *("notice_open", "notices_read", "race_layout", "race_draw", "race_invitation_reset", "race_live"),
+    *("live_watch", "live_watch_event", "live_watch_screen", "live_watch_overlay", "race_spectators_renew"),
     *(
         "own_again",
         "own_layout",
