@@ -3,10 +3,12 @@
 The graph is evaluated from the policy backwards with known and unknown values: everything that does not depend on the
 sensors (shapes, frozen training flags, weights) is computed here, the rest becomes ONNX nodes. What the policy does not
 need is never looked at, and branches that are not taken (those of training) are dead, as in TensorFlow's executor.
+TensorFlow 2 writes such branches as functions: the one that is taken is converted in place of its call.
 """
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 
 import numpy as np
@@ -23,11 +25,13 @@ from .heads import find_policy
 from .ops_math import unary
 from .ops_shape import cast
 from .ours import read_ours
-from .registry import CONVERTERS, Context, Contradiction, Unsupported, require
+from .registry import CONVERTERS, Context, Contradiction, Unsupported, known, require
 from .values import DEAD, Dead, Flow, Known, Tensor, Value
 
 _FLOAT = np.dtype("<f4")
 _SOURCES = ("Const", "Placeholder")
+_BRANCHES, _CALLS = ("If", "StatelessIf"), ("PartitionedCall", "StatefulPartitionedCall")
+_MOST_CALLS = 16  # of functions within functions
 
 
 def convert(graph_def: bytes, inputs: Sequence[InputSpec], limits: PackageLimits = DEFAULT_LIMITS) -> bytes:
@@ -42,7 +46,7 @@ def convert(graph_def: bytes, inputs: Sequence[InputSpec], limits: PackageLimits
         return ours
     policy, squashed = find_policy(graph)
     conversion = _Conversion(graph, inputs, limits)
-    output = conversion.evaluate(policy)
+    output = conversion.evaluate(policy.name)
     if squashed and isinstance(output, Tensor) and output.dtype == _FLOAT:
         output = unary(conversion.context, "Tanh", np.tanh, output)
     if not isinstance(output, Tensor) or output.dtype != _FLOAT:
@@ -52,17 +56,21 @@ def convert(graph_def: bytes, inputs: Sequence[InputSpec], limits: PackageLimits
 
 
 class _Conversion:
-    def __init__(self, graph: Graph, inputs: Sequence[InputSpec], limits: PackageLimits) -> None:
+    def __init__(
+        self, graph: Graph, inputs: Sequence[InputSpec], limits: PackageLimits, caller: _Conversion | None = None
+    ) -> None:
         self._graph = graph
+        self._depth: int = 0 if caller is None else caller._depth + 1
         self._specs = {spec.sensor: spec for spec in inputs}
         self._read: dict[str, Tensor] = {}  # by sensor
         self._strangers: list[str] = []
         self._done: dict[str, Sequence[Flow]] = {}
-        self.context = Context(Emitter(limits), limits)
+        self._called: dict[str, tuple[_Conversion, list[tuple[str, int]]]] = {}
+        self.context: Context = Context(Emitter(limits), limits) if caller is None else caller.context
 
-    def evaluate(self, policy: TensorflowNode) -> Flow:
-        """The first output of ``policy``. Works off a stack of its own: a graph may be deeper than Python's."""
-        stack = [policy.name]
+    def evaluate(self, wanted: str, index: int = 0) -> Flow:
+        """One output of a node. Works with an explicit stack: a graph may be deeper than Python's."""
+        stack = [wanted]
         underway: set[str] = set()
         while stack:
             name = stack[-1]
@@ -80,7 +88,7 @@ class _Conversion:
             self._done[name] = self._convert(node)
             underway.discard(name)
             stack.pop()
-        return self._done[policy.name][0]
+        return self._output(wanted, index)
 
     def _node(self, name: str) -> TensorflowNode:
         node = self._graph.nodes.get(name)
@@ -106,6 +114,7 @@ class _Conversion:
         return gates
 
     def _convert(self, node: TensorflowNode) -> Sequence[Flow]:
+        self.context.count_node()
         try:
             if any(self._done[gate][0] is DEAD for gate in self._gates(node)):
                 return [DEAD]
@@ -120,6 +129,9 @@ class _Conversion:
                 return [alive[0], Known(np.array(values.index(alive[0]), np.int32))] if alive else [DEAD, DEAD]
             if len(alive) < len(values):
                 return [DEAD]
+            if node.op in (*_BRANCHES, *_CALLS):
+                self._call(node, alive)
+                return []
             converter = CONVERTERS.get(node.op)
             if converter is None:
                 raise Unsupported
@@ -133,7 +145,28 @@ class _Conversion:
         except (Contradiction, WireError) as error:
             raise UserFault("graph_invalid", node=printable(node.name)) from error
 
+    def _call(self, node: TensorflowNode, values: list[Value]) -> None:
+        """Enter a function, or the branch that is taken. Its results are converted when something reads them: those
+        that TensorFlow adds for gradients are never read here."""
+        name = "f"
+        if node.op in _BRANCHES:
+            require(bool(values) and math.prod(values[0].shape) == 1)
+            name = "then_branch" if known(values[0]).reshape(-1)[0] else "else_branch"
+            values = values[1:]
+        if self._depth >= _MOST_CALLS:
+            raise Unsupported
+        function = self._graph.function(node.attributes.function(name))
+        require(len(function.arguments) == len(values))
+        body = Graph(function.nodes, self._graph.library, self._graph.budget)
+        inner = _Conversion(body, (), self.context.limits, caller=self)
+        inner._done.update((argument, [value]) for argument, value in zip(function.arguments, values, strict=True))
+        self._called[node.name] = (inner, function.results)
+
     def _output(self, name: str, index: int) -> Flow:
+        if name in self._called:
+            body, results = self._called[name]
+            require(index < len(results))
+            return body.evaluate(*results[index])
         outputs = self._done[name]
         if outputs[0] is DEAD and index >= len(outputs):
             return DEAD

@@ -66,6 +66,16 @@ class Attributes:
         """The type, or None if it is missing or of no use in a policy network."""
         return DTYPES.get(wire.number(self._find(name, 6, 0)))
 
+    def function(self, name: str) -> str:
+        """The name of the function that an attribute refers to."""
+        value = self._find(name, 10, None)
+        if value is None:
+            raise WireError("a call without a function")
+        for number, _, item in wire.fields(wire.message(value), self.budget):
+            if number == 1:
+                return wire.text(item)
+        raise WireError("a function without a name")
+
     def integers(self, name: str, default: list[int] | None = None) -> list[int]:
         value = self._find(name, 1, None)
         if value is None:
@@ -102,10 +112,28 @@ class TensorflowNode:
 
 
 @dataclass
+class Function:
+    """A function of the graph's library: what TensorFlow 2 writes the branches of ``tf.cond`` as. ``results``: where
+    its outputs come from, in their order; a name of ``arguments`` stands for that argument."""
+
+    arguments: list[str]
+    nodes: dict[str, TensorflowNode]
+    results: list[tuple[str, int]]
+
+
+@dataclass
 class Graph:
-    """All nodes by name, in the file's order."""
+    """All nodes by name, in the file's order. The functions of its library are read when they are called."""
 
     nodes: dict[str, TensorflowNode] = field(default_factory=dict)
+    library: dict[str, memoryview] = field(default_factory=dict)
+    budget: Budget = field(default_factory=lambda: Budget(0))
+
+    def function(self, name: str) -> Function:
+        """Raises :class:`WireError` where the library has no function of this name."""
+        if name not in self.library:
+            raise WireError("a function that is not there")
+        return _function(self.library[name], self.budget)
 
     @cached_property
     def sinks(self) -> list[TensorflowNode]:
@@ -120,7 +148,7 @@ def read_graph(data: bytes, limits: PackageLimits) -> Graph:
     Raises UserFault ``graph_unreadable`` or ``graph_too_big``. Constants stay in the bytes until they are asked for.
     """
     budget = Budget(limits.wire_fields)
-    graph = Graph()
+    graph = Graph(budget=budget)
     try:
         for number, _, value in wire.fields(memoryview(data), budget):
             if number == 1:
@@ -130,7 +158,9 @@ def read_graph(data: bytes, limits: PackageLimits) -> Graph:
                 if node.name in graph.nodes:
                     raise WireError("two nodes of one name")
                 graph.nodes[node.name] = node
-            elif number not in (2, 3, 4, 5):  # library, version, versions, debug_info
+            elif number == 2:
+                _add_library(graph, wire.message(value))
+            elif number not in (3, 4, 5):  # version, versions, debug_info
                 raise WireError("not a GraphDef")
     except wire.TooManyFields as error:
         raise UserFault("graph_too_big", limit=limits.wire_fields) from error
@@ -139,6 +169,78 @@ def read_graph(data: bytes, limits: PackageLimits) -> Graph:
     if not graph.nodes:
         raise UserFault("graph_unreadable")
     return graph
+
+
+# The outputs of an operation that has several, by the names that function bodies call them by. An operation that is
+# not here has one, which may be a list (``output:1`` is its second value).
+_BATCH_NORM = ("y", "batch_mean", "batch_variance", "reserve_space_1", "reserve_space_2", "reserve_space_3")
+_OUTPUTS: dict[str, tuple[str, ...]] = {
+    **{op: _BATCH_NORM for op in ("FusedBatchNorm", "FusedBatchNormV2", "FusedBatchNormV3")},
+    "Switch": ("output_false", "output_true"),
+    "Merge": ("output", "value_index"),
+}
+
+
+def _add_library(graph: Graph, data: memoryview) -> None:
+    """The functions of a FunctionDefLibrary by name, unread."""
+    for number, _, value in wire.fields(data, graph.budget):
+        if number != 1:  # gradients, which a car does not need
+            continue
+        definition = wire.message(value)
+        for part, _, signature in wire.fields(definition, graph.budget):
+            if part == 1:
+                name = next(
+                    (wire.text(item) for at, _, item in wire.fields(wire.message(signature), graph.budget) if at == 1),
+                    "",
+                )
+                graph.library[name] = definition
+
+
+def _function(data: memoryview, budget: Budget) -> Function:
+    """A FunctionDef. Its nodes name their inputs ``argument`` or ``node:output:index``."""
+    arguments: list[str] = []
+    outputs: list[str] = []
+    nodes: dict[str, TensorflowNode] = {}
+    returned: dict[str, str] = {}
+    bodies: list[memoryview] = []
+    for number, _, value in wire.fields(data, budget):
+        if number == 1:
+            for part, _, item in wire.fields(wire.message(value), budget):
+                if part in (2, 3):
+                    (arguments if part == 2 else outputs).append(_map_entry(wire.message(item), budget)[0])
+        elif number == 3:
+            bodies.append(wire.message(value))
+        elif number == 4:
+            key, content = "", ""
+            for part, _, item in wire.fields(wire.message(value), budget):
+                if part == 1:
+                    key = wire.text(item)
+                elif part == 2:
+                    content = wire.text(item)
+            returned[key] = content
+    ops: dict[str, str] = {}
+    for body in bodies:
+        node = _node(body, budget)
+        nodes[node.name], ops[node.name] = node, node.op
+    for node in nodes.values():
+        node.inputs = [_inner(name, index, ops) for name, index in node.inputs]
+    if not all(name in returned for name in outputs):
+        raise WireError("a function without its result")
+    results = [_inner(*_reference(returned[name]), ops) for name in outputs]
+    return Function(arguments, nodes, results)
+
+
+def _inner(name: str, index: int, ops: dict[str, str]) -> tuple[str, int]:
+    """A reference in a function's body as those of a graph."""
+    source, colon, output = name.rpartition(":")
+    if not colon:
+        return name, index
+    names = _OUTPUTS.get(ops.get(source, ""), ())
+    if not names:
+        return source, index
+    if output not in names:
+        raise WireError("an output that is not there")
+    return source, names.index(output)
 
 
 def _node(data: memoryview, budget: Budget) -> TensorflowNode:

@@ -9,8 +9,20 @@ from .registry import Context, converts, known, require
 from .values import DEAD, Flow, Known, Value
 
 
-@converts("Identity", "StopGradient")
+@converts("Identity", "StopGradient", "PreventGradient", "CheckNumerics", "Snapshot", "ReadVariableOp")
 def _pass_on(context: Context, node: TensorflowNode, inputs: list[Value]) -> list[Value]:
+    require(len(inputs) == 1)
+    return inputs
+
+
+@converts("IdentityN")
+def _pass_all_on(context: Context, node: TensorflowNode, inputs: list[Value]) -> list[Value]:
+    return inputs
+
+
+@converts("PlaceholderWithDefault")
+def _default(context: Context, node: TensorflowNode, inputs: list[Value]) -> list[Value]:
+    """Training flags and keep probabilities: nothing feeds them when a car drives."""
     require(len(inputs) == 1)
     return inputs
 

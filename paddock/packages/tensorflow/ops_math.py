@@ -4,11 +4,12 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
+from functools import reduce
 
 import numpy as np
 
 from .graph import TensorflowNode
-from .registry import Context, Unsupported, axes_of, converts, integers, known, require, tensor
+from .registry import Context, Unsupported, axes_of, converts, integers, require, tensor
 from .values import Known, Tensor, Value
 
 _BINARY: dict[str, tuple[str, Callable]] = {
@@ -17,8 +18,36 @@ _BINARY: dict[str, tuple[str, Callable]] = {
     "Sub": ("Sub", np.subtract),
     "Mul": ("Mul", np.multiply),
     "RealDiv": ("Div", np.true_divide),
+    "Div": ("Div", np.true_divide),
+    "Maximum": ("Max", np.maximum),
+    "Minimum": ("Min", np.minimum),
+    "Pow": ("Pow", np.power),
 }
-_UNARY: dict[str, Callable] = {"Relu": lambda x: np.maximum(x, 0), "Tanh": np.tanh}
+# ONNX's name, and what computes a known value (None: only of what depends on the sensors)
+_UNARY: dict[str, tuple[str, Callable | None]] = {
+    "Neg": ("Neg", np.negative),
+    "Abs": ("Abs", np.abs),
+    "Exp": ("Exp", np.exp),
+    "Log": ("Log", np.log),
+    "Sqrt": ("Sqrt", np.sqrt),
+    "Reciprocal": ("Reciprocal", lambda x: 1 / x),
+    "Inv": ("Reciprocal", lambda x: 1 / x),
+    "Relu": ("Relu", lambda x: np.maximum(x, 0)),
+    "Tanh": ("Tanh", np.tanh),
+    "Sigmoid": ("Sigmoid", lambda x: 1 / (1 + np.exp(-x))),
+    "Softplus": ("Softplus", lambda x: np.logaddexp(x, 0)),
+    "Softsign": ("Softsign", lambda x: x / (1 + np.abs(x))),
+    "Selu": ("Selu", None),
+    "Elu": ("Elu", None),
+    "LeakyRelu": ("LeakyRelu", None),
+}
+_REDUCTIONS: dict[str, tuple[str, Callable]] = {
+    "Mean": ("ReduceMean", np.mean),
+    "Sum": ("ReduceSum", np.sum),
+    "Max": ("ReduceMax", np.max),
+    "Min": ("ReduceMin", np.min),
+    "Prod": ("", np.prod),  # of known shapes only (tensordot)
+}
 _FLOAT = np.dtype("<f4")
 # Numbers that may be multiplied into weights: none of the weights' digits is lost for their size.
 _LEAST_SCALE, _MOST_SCALE = 2.0**-24, 2.0**24
@@ -38,6 +67,8 @@ def binary(context: Context, op: str, left: Value, right: Value) -> Value:
     onnx_op, compute = _BINARY[op]
     if isinstance(left, Known) and isinstance(right, Known):
         require(math.prod(shape) <= context.limits.tensor_elements)
+        if op == "Div" and left.dtype.kind in "iu":
+            raise Unsupported
         with np.errstate(all="ignore"):
             return Known(np.asarray(compute(left.array, right.array)).astype(left.dtype))
     if left.dtype != _FLOAT:
@@ -141,21 +172,37 @@ def _bias_add(context: Context, node: TensorflowNode, inputs: list[Value]) -> li
     return [binary(context, "Add", *inputs)]
 
 
+@converts("AddN")
+def _add_n(context: Context, node: TensorflowNode, inputs: list[Value]) -> list[Value]:
+    require(bool(inputs))
+    return [reduce(lambda total, value: binary(context, "Add", total, value), inputs)]
+
+
 @converts(*_UNARY)
 def _unary(context: Context, node: TensorflowNode, inputs: list[Value]) -> list[Value]:
     require(len(inputs) == 1)
-    return [unary(context, node.op, _UNARY[node.op], inputs[0])]
+    onnx_op, compute = _UNARY[node.op]
+    if node.op == "LeakyRelu":
+        source = _floats(inputs[0])
+        alpha = node.attributes.real("alpha", 0.2)
+        return [context.emit.node(onnx_op, [source], source.shape, planar=source.planar, alpha=alpha)]
+    return [unary(context, onnx_op, compute, inputs[0])]
 
 
-def unary(context: Context, op: str, compute: Callable, value: Value) -> Value:
+def unary(context: Context, op: str, compute: Callable | None, value: Value) -> Value:
     """An element-wise operation of one input."""
-    if isinstance(value, Known):
+    if isinstance(value, Known) and compute is not None:
         with np.errstate(all="ignore"):
             return Known(np.asarray(compute(value.array)).astype(value.dtype))
+    source = _floats(value)
+    return context.emit.node(op, [source], source.shape, planar=source.planar)
+
+
+def _floats(value: Value) -> Tensor:
     source = tensor(value)
     if source.dtype != _FLOAT:
         raise Unsupported
-    return context.emit.node(op, [source], source.shape, planar=source.planar)
+    return source
 
 
 @converts("Rsqrt")
@@ -165,6 +212,12 @@ def _rsqrt(context: Context, node: TensorflowNode, inputs: list[Value]) -> list[
     return [unary(context, "Reciprocal", lambda x: 1 / x, root)]
 
 
+@converts("Square")
+def _square(context: Context, node: TensorflowNode, inputs: list[Value]) -> list[Value]:
+    require(len(inputs) == 1)
+    return [binary(context, "Mul", inputs[0], inputs[0])]
+
+
 @converts("SquaredDifference")
 def _squared_difference(context: Context, node: TensorflowNode, inputs: list[Value]) -> list[Value]:
     require(len(inputs) == 2)
@@ -172,37 +225,55 @@ def _squared_difference(context: Context, node: TensorflowNode, inputs: list[Val
     return [binary(context, "Mul", difference, difference)]
 
 
-@converts("Softmax")
+@converts("Relu6")
+def _relu6(context: Context, node: TensorflowNode, inputs: list[Value]) -> list[Value]:
+    require(len(inputs) == 1)
+    low, high = (Known(np.array(bound, _FLOAT)) for bound in (0, 6))
+    return [_clipped(context, inputs[0], low, high)]
+
+
+@converts("ClipByValue")
+def _clip(context: Context, node: TensorflowNode, inputs: list[Value]) -> list[Value]:
+    require(len(inputs) == 3)
+    return [_clipped(context, *inputs)]
+
+
+def _clipped(context: Context, value: Value, low: Value, high: Value) -> Value:
+    return binary(context, "Maximum", binary(context, "Minimum", value, high), low)
+
+
+@converts("Softmax", "LogSoftmax")
 def _softmax(context: Context, node: TensorflowNode, inputs: list[Value]) -> list[Value]:
     require(len(inputs) == 1)
     source = context.emit.interleaved(tensor(inputs[0]))
     require(len(source.shape) >= 1)
-    return [context.emit.node("Softmax", [source], source.shape, axis=-1)]
+    return [context.emit.node(node.op, [source], source.shape, axis=-1)]
 
 
-@converts("Mean")
-def _mean(context: Context, node: TensorflowNode, inputs: list[Value]) -> list[Value]:
-    """Of what depends on the sensors: batch normalisation takes it while a network is trained."""
+@converts(*_REDUCTIONS)
+def _reduce(context: Context, node: TensorflowNode, inputs: list[Value]) -> list[Value]:
     require(len(inputs) == 2)
-    source = tensor(inputs[0])
-    axes = axes_of(integers(inputs[1]), len(source.shape))
-    if source.dtype != _FLOAT:
+    onnx_op, compute = _REDUCTIONS[node.op]
+    value, keep = inputs[0], node.attributes.flag("keep_dims")
+    axes = axes_of(integers(inputs[1]), len(value.shape))
+    if isinstance(value, Known):
+        require(node.op in ("Sum", "Prod") or value.array.size > 0)
+        result = compute(value.array, axis=tuple(axes), keepdims=keep)
+        return [Known(np.asarray(result).astype(value.dtype))]
+    source = tensor(value)
+    if source.dtype != _FLOAT or not onnx_op:
         raise Unsupported
     if not axes:
         return [source]
     kept = tuple(1 if axis in axes else size for axis, size in enumerate(source.shape))
     stored = sorted(_PLANAR_AXES[axis] if source.planar else axis for axis in axes)
-    reduced = context.emit.node("ReduceMean", [source], kept, planar=source.planar, axes=stored, keepdims=1)
-    if node.attributes.flag("keep_dims"):
+    if onnx_op == "ReduceSum":  # its axes are an input since opset 13
+        reduced = context.emit.node(
+            onnx_op, [source, np.array(stored, np.int64)], kept, planar=source.planar, keepdims=1
+        )  # fmt: skip
+    else:
+        reduced = context.emit.node(onnx_op, [source], kept, planar=source.planar, axes=stored, keepdims=1)
+    if keep:
         return [reduced]
     final = tuple(size for axis, size in enumerate(source.shape) if axis not in axes)
     return [context.emit.reshaped(reduced, final)]
-
-
-@converts("Prod")
-def _prod(context: Context, node: TensorflowNode, inputs: list[Value]) -> list[Value]:
-    """Of a known shape (tensordot)."""
-    require(len(inputs) == 2)
-    source, keep = known(inputs[0]), node.attributes.flag("keep_dims")
-    axes = axes_of(integers(inputs[1]), source.ndim)
-    return [Known(np.asarray(np.prod(source, axis=tuple(axes), keepdims=keep)).astype(source.dtype))]

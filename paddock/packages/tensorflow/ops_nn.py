@@ -1,4 +1,4 @@
-"""Layers: convolution, matrix products and batch normalisation."""
+"""Layers: convolution, pooling, matrix products and batch normalisation."""
 
 from __future__ import annotations
 
@@ -22,22 +22,31 @@ def _spatial(node: TensorflowNode, name: str, default: list[int]) -> tuple[int, 
 
 
 def _window(
-    node: TensorflowNode, size: tuple[int, ...], kernel: tuple[int, int], strides: tuple[int, int]
+    node: TensorflowNode,
+    size: tuple[int, ...],
+    kernel: tuple[int, int],
+    strides: tuple[int, int],
+    dilations: tuple[int, int] = (1, 1),
 ) -> tuple[list[int], tuple[int, int]]:
     """ONNX pads and the output's height and width, by TensorFlow's padding rules (nn.convolution)."""
-    padding = node.attributes.text("padding")
-    if padding not in ("SAME", "VALID"):
+    padding, explicit = node.attributes.text("padding"), node.attributes.integers("explicit_paddings")
+    if padding not in ("SAME", "VALID", "EXPLICIT"):
         raise Unsupported
     before, after, out = [], [], []
     for axis in range(2):
-        total = 0
+        reach = (kernel[axis] - 1) * dilations[axis] + 1
+        first = last = 0
         if padding == "SAME":
             steps = -(-size[axis] // strides[axis])
-            total = max((steps - 1) * strides[axis] + kernel[axis] - size[axis], 0)
-        covered = size[axis] + total - kernel[axis]
+            total = max((steps - 1) * strides[axis] + reach - size[axis], 0)
+            first, last = total // 2, total - total // 2
+        elif padding == "EXPLICIT":
+            require(len(explicit) == 8 and all(0 <= pad <= 4096 for pad in explicit))
+            first, last = explicit[2 + 2 * axis : 4 + 2 * axis]
+        covered = size[axis] + first + last - reach
         require(covered >= 0)
-        before.append(total // 2)
-        after.append(total - total // 2)
+        before.append(first)
+        after.append(last)
         out.append(covered // strides[axis] + 1)
     return before + after, (out[0], out[1])
 
@@ -50,12 +59,13 @@ def _conv2d(context: Context, node: TensorflowNode, inputs: list[Value]) -> list
     height, width, depth, filters = kernel.shape
     require(depth == source.shape[3] and min(kernel.shape) > 0)
     strides = _spatial(node, "strides", [])
-    if _spatial(node, "dilations", [1, 1, 1, 1]) != (1, 1):
-        raise Unsupported
-    pads, out = _window(node, source.shape[1:3], (height, width), strides)
+    dilations = _spatial(node, "dilations", [1, 1, 1, 1])
+    pads, out = _window(node, source.shape[1:3], (height, width), strides, dilations)
     attributes: dict[str, list[int]] = {"kernel_shape": [height, width], "strides": list(strides)}
     if any(pads):
         attributes["pads"] = pads
+    if dilations != (1, 1):
+        attributes["dilations"] = list(dilations)
     # Pictures come as 0 to 255 and are divided first: a division of every pixel for one of every weight, here.
     source, factor = unscaled(context, source)
     if factor != 1.0:
@@ -67,9 +77,9 @@ def _conv2d(context: Context, node: TensorflowNode, inputs: list[Value]) -> list
     return [context.emit.node("Conv", [picture, weight], shape, _FLOAT, planar=True, extra=extra, **attributes)]
 
 
-@converts("AvgPool")
-def _average_pool(context: Context, node: TensorflowNode, inputs: list[Value]) -> list[Value]:
-    """The mean of what of the picture is under each window; our own cars see theirs so."""
+@converts("MaxPool", "AvgPool")
+def _pool(context: Context, node: TensorflowNode, inputs: list[Value]) -> list[Value]:
+    """The greatest value under each window, or the mean of the part of the picture under it."""
     require(len(inputs) == 1)
     source = tensor(inputs[0])
     require(len(source.shape) == 4 and source.dtype == _FLOAT)
@@ -80,7 +90,8 @@ def _average_pool(context: Context, node: TensorflowNode, inputs: list[Value]) -
         attributes["pads"] = pads
     shape = (source.shape[0], *out, source.shape[3])
     picture = context.emit.planar(source)
-    return [context.emit.node("AveragePool", [picture], shape, _FLOAT, planar=True, extra=(), **attributes)]
+    op = "MaxPool" if node.op == "MaxPool" else "AveragePool"
+    return [context.emit.node(op, [picture], shape, _FLOAT, planar=True, extra=(), **attributes)]
 
 
 @converts("MatMul")

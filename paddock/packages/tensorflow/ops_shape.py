@@ -3,18 +3,28 @@
 from __future__ import annotations
 
 import math
+from typing import Any
 
 import numpy as np
 
 from .graph import TensorflowNode
-from .registry import Context, Contradiction, Unsupported, axes_of, converts, integers, known, require, tensor
+from .registry import Context, Contradiction, Unsupported, axes_of, axis_of, converts, integers, known, require, tensor
 from .values import Known, Tensor, Value
+
+_MOST_PARTS = 64
 
 
 @converts("Shape")
 def _shape(context: Context, node: TensorflowNode, inputs: list[Value]) -> list[Value]:
     require(len(inputs) == 1)
     return [Known(np.array(inputs[0].shape, node.attributes.dtype("out_type") or np.int32))]
+
+
+@converts("Size", "Rank")
+def _size(context: Context, node: TensorflowNode, inputs: list[Value]) -> list[Value]:
+    require(len(inputs) == 1)
+    shape = inputs[0].shape
+    return [Known(np.array(math.prod(shape) if node.op == "Size" else len(shape), np.int32))]
 
 
 @converts("Reshape")
@@ -34,6 +44,14 @@ def _reshaped(context: Context, value: Value, shape: tuple[int, ...]) -> Value:
     if isinstance(value, Known):
         return Known(value.array.reshape(shape))
     return context.emit.reshaped(tensor(value), shape)
+
+
+@converts("ExpandDims")
+def _expand_dims(context: Context, node: TensorflowNode, inputs: list[Value]) -> list[Value]:
+    require(len(inputs) == 2)
+    shape = inputs[0].shape
+    axis = axis_of(inputs[1], len(shape) + 1)
+    return [_reshaped(context, inputs[0], (*shape[:axis], 1, *shape[axis:]))]
 
 
 @converts("Squeeze")
@@ -68,12 +86,11 @@ def _pack(context: Context, node: TensorflowNode, inputs: list[Value]) -> list[V
     return [_concatenate(context, [_reshaped(context, value, single) for value in inputs], axis)]
 
 
-@converts("ConcatV2")
+@converts("Concat", "ConcatV2")
 def _concat(context: Context, node: TensorflowNode, inputs: list[Value]) -> list[Value]:
     require(len(inputs) >= 2)
-    *values, axis = inputs
-    (at,) = axes_of(integers(axis), len(values[0].shape))
-    return [_concatenate(context, values, at)]
+    values, axis = (inputs[:-1], inputs[-1]) if node.op == "ConcatV2" else (inputs[1:], inputs[0])
+    return [_concatenate(context, values, axis_of(axis, len(values[0].shape)))]
 
 
 def _concatenate(context: Context, values: list[Value], axis: int) -> Value:
@@ -95,48 +112,182 @@ def _concatenate(context: Context, values: list[Value], axis: int) -> Value:
 
 @converts("StridedSlice")
 def _strided_slice(context: Context, node: TensorflowNode, inputs: list[Value]) -> list[Value]:
-    """The first of the outermost axis, or a part of a known shape. Of what depends on the sensors nothing is cut off:
-    a batch is one."""
     require(len(inputs) == 4)
     source = inputs[0]
     index = _python_index(node, [integers(value) for value in inputs[1:]], len(source.shape))
     try:
         if isinstance(source, Known):
-            return [Known(np.asarray(source.array[index]))]
+            return [Known(np.asarray(source.array[tuple(index)]))]
         # A view without memory has the same shapes as the real thing.
-        final = np.broadcast_to(np.zeros((), np.uint8), source.shape)[index].shape
+        final = np.broadcast_to(np.zeros((), np.uint8), source.shape)[tuple(index)].shape
     except IndexError as error:
         raise Contradiction from error
-    if math.prod(final) != math.prod(source.shape):
-        raise Unsupported
-    return [_reshaped(context, source, final)]
+    return [_reshaped(context, _cut(context, source, _without_ellipsis(index, len(source.shape))), final)]
 
 
-def _python_index(node: TensorflowNode, vectors: list[list[int]], rank: int) -> tuple[int | slice, ...]:
-    """TensorFlow's begin, end, strides and masks as a Python index."""
+def _python_index(node: TensorflowNode, vectors: list[list[int]], rank: int) -> list[Any]:
+    """TensorFlow's begin, end, strides and masks as a Python index. Of one position the masks count in TensorFlow's
+    own order: ellipsis, new axis, shrink."""
     begin, end, strides = vectors
-    require(len(begin) == len(end) == len(strides) <= rank and 0 not in strides)
-    if node.attributes.integer("ellipsis_mask") or node.attributes.integer("new_axis_mask") or min(strides) < 0:
-        raise Unsupported
-    index: list[int | slice] = []
+    require(len(begin) == len(end) == len(strides) <= 8 and 0 not in strides)
+    names = ("begin", "end", "ellipsis", "new_axis", "shrink_axis")
+    masks = {name: node.attributes.integer(f"{name}_mask") for name in names}
+    index: list[Any] = []
     for at, (first, last, step) in enumerate(zip(begin, end, strides, strict=True)):
-        masked = {name: node.attributes.integer(f"{name}_mask") >> at & 1 for name in ("begin", "end", "shrink_axis")}
-        if masked["shrink_axis"]:
+        masked = {name for name in names if masks[name] >> at & 1}
+        if "ellipsis" in masked:
+            require(Ellipsis not in index)
+            index.append(Ellipsis)
+        elif "new_axis" in masked:
+            index.append(None)
+        elif "shrink_axis" in masked:
             index.append(first)
         else:
-            index.append(slice(None if masked["begin"] else first, None if masked["end"] else last, step))
-    return tuple(index)
+            index.append(slice(None if "begin" in masked else first, None if "end" in masked else last, step))
+    require(sum(item is not None and item is not Ellipsis for item in index) <= rank)
+    return index
 
 
-@converts("GatherV2")
+def _without_ellipsis(index: list[Any], rank: int) -> list[Any]:
+    """The index with one entry for each axis of the source."""
+    used = [item for item in index if item is not None]
+    rest = [slice(None)] * (rank - len(used) + (Ellipsis in used))
+    if Ellipsis not in used:
+        return [*used, *rest]
+    at = used.index(Ellipsis)
+    return [*used[:at], *rest, *used[at + 1 :]]
+
+
+def _cut(context: Context, value: Value, index: list[Any]) -> Value:
+    """The part of a value that one slice or position for each axis names; a position keeps its axis, of size one."""
+    ranges = []
+    for item, size in zip(index, value.shape, strict=True):
+        first = item + size if isinstance(item, int) and item < 0 else item
+        ranges.append(range(*item.indices(size)) if isinstance(item, slice) else range(first, first + 1))
+    shape = tuple(len(numbers) for numbers in ranges)
+    if isinstance(value, Known):
+        return Known(value.array[tuple(slice(one.start, one.stop, one.step) for one in ranges)])
+    if any(numbers.step < 0 for numbers in ranges):
+        raise Unsupported
+    if shape == value.shape:
+        return value
+    starts, ends = ([getattr(one, end) for one in ranges] for end in ("start", "stop"))
+    ends = [max(start, end) for start, end in zip(starts, ends, strict=True)]
+    vectors = (starts, ends, list(range(len(ranges))), [one.step for one in ranges])
+    parts = [np.array(numbers, np.int64) for numbers in vectors]
+    return context.emit.node("Slice", [context.emit.interleaved(value), *parts], shape, value.dtype)
+
+
+@converts("Slice")
+def _slice(context: Context, node: TensorflowNode, inputs: list[Value]) -> list[Value]:
+    require(len(inputs) == 3)
+    source, begin, sizes = inputs[0], integers(inputs[1]), integers(inputs[2])
+    require(len(begin) == len(sizes) == len(source.shape))
+    index = []
+    for first, wanted, full in zip(begin, sizes, source.shape, strict=True):
+        last = full if wanted == -1 else first + wanted
+        require(0 <= first <= last <= full)
+        index.append(slice(first, last))
+    return [_cut(context, source, index)]
+
+
+@converts("Split", "SplitV")
+def _split(context: Context, node: TensorflowNode, inputs: list[Value]) -> list[Value]:
+    require(len(inputs) == (2 if node.op == "Split" else 3))
+    source, axis = (inputs[1], inputs[0]) if node.op == "Split" else (inputs[0], inputs[2])
+    count = node.attributes.integer("num_split")
+    at = axis_of(axis, len(source.shape))
+    whole = source.shape[at]
+    require(0 < count <= _MOST_PARTS)
+    if node.op == "Split":
+        require(whole % count == 0)
+        sizes = [whole // count] * count
+    else:
+        sizes = integers(inputs[1])
+        require(len(sizes) == count and sizes.count(-1) <= 1)
+        sizes = [whole - sum(sizes) - 1 if size == -1 else size for size in sizes]
+    return _parts(context, source, at, sizes)
+
+
+@converts("Unpack")
+def _unpack(context: Context, node: TensorflowNode, inputs: list[Value]) -> list[Value]:
+    require(len(inputs) == 1)
+    shape = inputs[0].shape
+    (axis,) = axes_of([node.attributes.integer("axis")], len(shape))
+    require(shape[axis] <= _MOST_PARTS)
+    parts = _parts(context, inputs[0], axis, [1] * shape[axis])
+    return [_reshaped(context, part, (*shape[:axis], *shape[axis + 1 :])) for part in parts]
+
+
+def _parts(context: Context, value: Value, axis: int, sizes: list[int]) -> list[Value]:
+    """The parts of these sizes along one axis."""
+    require(all(size >= 0 for size in sizes) and sum(sizes) == value.shape[axis])
+    index: list[Any] = [slice(None)] * len(value.shape)
+    parts, start = [], 0
+    for size in sizes:
+        index[axis] = slice(start, start + size)
+        parts.append(_cut(context, value, index))
+        start += size
+    return parts
+
+
+@converts("Gather", "GatherV2")
 def _gather(context: Context, node: TensorflowNode, inputs: list[Value]) -> list[Value]:
     """Only of known values: TensorFlow gathers sizes out of shapes (tensordot)."""
-    require(len(inputs) == 3)
+    require(len(inputs) == (2 if node.op == "Gather" else 3))
     source, indices = known(inputs[0]), known(inputs[1])
-    (axis,) = axes_of(integers(inputs[2]), source.ndim)
+    axis = axis_of(inputs[2], source.ndim) if len(inputs) == 3 else 0
+    require(source.ndim > 0)
     require(indices.dtype.kind in "iu" and indices.size <= 64 and source.size <= 64)
     require(bool(np.all((indices >= 0) & (indices < source.shape[axis]))))
     return [Known(np.take(source, indices, axis))]
+
+
+@converts("Fill")
+def _fill(context: Context, node: TensorflowNode, inputs: list[Value]) -> list[Value]:
+    require(len(inputs) == 2)
+    shape, value = integers(inputs[0]), known(inputs[1])
+    require(value.size == 1 and len(shape) <= 8 and all(size >= 0 for size in shape))
+    require(math.prod(shape) <= context.limits.tensor_elements)
+    return [Known(np.broadcast_to(value.reshape(()), shape))]
+
+
+@converts("Range")
+def _range(context: Context, node: TensorflowNode, inputs: list[Value]) -> list[Value]:
+    require(len(inputs) == 3 and all(math.prod(value.shape) == 1 for value in inputs))
+    start, limit, delta = (integers(value)[0] for value in inputs)
+    require(delta != 0 and len(range(start, limit, delta)) <= 64)
+    return [Known(np.arange(start, limit, delta, dtype=inputs[0].dtype))]
+
+
+@converts("Tile")
+def _tile(context: Context, node: TensorflowNode, inputs: list[Value]) -> list[Value]:
+    """Once along each axis: what is repeated for each picture of a batch, which is one."""
+    require(len(inputs) == 2)
+    if any(times != 1 for times in integers(inputs[1])):
+        raise Unsupported
+    return [inputs[0]]
+
+
+@converts("ZerosLike", "OnesLike")
+def _like(context: Context, node: TensorflowNode, inputs: list[Value]) -> list[Value]:
+    require(len(inputs) == 1)
+    value = np.array(node.op == "OnesLike", inputs[0].dtype)
+    return [Known(np.broadcast_to(value, inputs[0].shape))]
+
+
+@converts("Cast")
+def _cast(context: Context, node: TensorflowNode, inputs: list[Value]) -> list[Value]:
+    require(len(inputs) == 1)
+    source, wanted = inputs[0], node.attributes.dtype("DstT")
+    if wanted is None:
+        raise Unsupported
+    if source.dtype == wanted:
+        return [source]
+    if isinstance(source, Known):
+        with np.errstate(all="ignore"):
+            return [Known(source.array.astype(wanted))]
+    return [cast(context, tensor(source), wanted)]
 
 
 def cast(context: Context, source: Tensor, wanted: np.dtype) -> Tensor:

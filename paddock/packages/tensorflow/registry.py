@@ -7,6 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from paddock.errors import UserFault
 from paddock.packages.limits import PackageLimits
 
 from .emit import Emitter
@@ -28,6 +29,13 @@ class Context:
 
     emit: Emitter
     limits: PackageLimits
+    nodes: int = 0
+
+    def count_node(self) -> None:
+        """Functions may call functions: bounds how many nodes are converted in all of them together."""
+        self.nodes += 1
+        if self.nodes > self.limits.graph_nodes:
+            raise UserFault("graph_too_big", limit=self.limits.graph_nodes)
 
 
 Converter = Callable[[Context, TensorflowNode, list[Value]], Sequence[Flow]]
@@ -71,6 +79,13 @@ def tensor(value: Value) -> Tensor:
     if not isinstance(value, Tensor):
         raise Unsupported
     return value
+
+
+def axis_of(value: Value, rank: int) -> int:
+    """A known input as one axis, counted from the front."""
+    numbers = integers(value)
+    require(len(numbers) == 1)
+    return axes_of(numbers, rank)[0]
 
 
 def axes_of(raw: list[int], rank: int) -> list[int]:
