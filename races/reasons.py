@@ -312,6 +312,7 @@ register(
         "live_busy": _("A run is on track. Wait until it is over."),
         "live_nothing_next": _("Nothing is left in the running order. Add a racer, or end the event."),
         "live_not_ready": _("This run is still being computed. Try again in a few seconds."),
+        "live_car_queued": _("This racer's car is in the queue. The place is released as soon as the car is ready."),
         "live_no_model": _("This racer has no model to drive with. They choose one in the lobby."),
         "live_left": _("This racer has left the race."),
         "live_absent": _("This racer did not answer the roll call."),

@@ -40,7 +40,7 @@ def viewers_of(browsers: Iterable[str]) -> dict[str, Any]:
     found: dict[str, Any] = {}
     for browser, (session, written) in named.items():
         tokens = tokens_in(written)
-        viewer = racers.get(session) if session else AnonymousUser() if any_is_valid(tokens) else None
+        viewer: Any = racers.get(session) if session else AnonymousUser() if any_is_valid(tokens) else None
         if viewer is not None:
             found[browser] = viewer = copy.copy(viewer) if tokens else viewer
             if tokens:

@@ -44,6 +44,7 @@ from races.selectors.live import (
 from races.selectors.terms import has_accepted
 from races.sensors import not_offered
 from races.services.live import change_live, choose_model, plan_live, say_here
+from races.services.live.roll import LACKS_CAR
 from races.services.live.sealing import AHEAD
 
 from .common import organised_race, tell_fault, visible_race, watched_race
@@ -203,7 +204,7 @@ def live_act(request: HttpRequest, slug: str) -> HttpResponse:
 
 def _waits(event: LiveEvent, rows: list[SlotRow]) -> bool:
     """Whether the console changes soon by what is told to nobody: a run that is being computed, a countdown."""
-    coming = [row for row in rows if row.slot.state in TO_COME and row.slot.reason_code != "live_no_model"]
+    coming = [row for row in rows if row.slot.state in TO_COME and row.slot.reason_code not in LACKS_CAR]
     is_computed = all(row.sealed == "sealed" for row in coming[:AHEAD])
     return event.state in UNDER_WAY and (not is_computed or any(row.phase == "countdown" for row in rows))
 

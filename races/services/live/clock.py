@@ -17,9 +17,9 @@ from paddock.errors import UserFault
 
 from ...models import REVEALED_AFTER, LiveEvent, LiveSlot, LiveState, SlotState
 from ...models.live import OVER
-from .order import hold_slot
+from .order import hold_slot, release_slot
 from .planning import cancel_live
-from .roll import throw_away
+from .roll import LACKS_CAR, lacks_car, model_of, note_late_qualifying, throw_away
 from .sealing import next_slots, prepare_ahead
 from .show import begin_live, end_live, launch, ready_ms, reveal, tidy_ended
 from .speed import settle_speed
@@ -63,7 +63,7 @@ def _move_on(event: LiveEvent, now: datetime) -> int:
             cancel_live(event=event, by=None, seen=event.version, now=now)
             return 1
         return 0
-    settled = settle_speed(event=event, now=now)
+    settled = settle_speed(event=event, now=now) + _release_ready(event, now)
     running = LiveSlot.objects.filter(event=event, state=SlotState.RUNNING).first()
     if running is not None:
         due = running.ends_at is not None and running.ends_at <= now - REVEALED_AFTER
@@ -80,6 +80,8 @@ def _move_on(event: LiveEvent, now: datetime) -> int:
 def _next_by_itself(event: LiveEvent, now: datetime) -> int:
     coming = next_slots(event)
     if not coming:
+        if LiveSlot.objects.filter(event=event, state=SlotState.HELD, reason_code="live_car_queued").exists():
+            return 0  # a car is in the queue
         if event.last_at <= now - LAST_WORDS:
             end_live(event=event, by=None, seen=event.version, now=now)
             return 1
@@ -90,12 +92,28 @@ def _next_by_itself(event: LiveEvent, now: datetime) -> int:
     try:
         ready_ms(first)
     except UserFault as fault:
-        if fault.code != "live_no_model":
+        if fault.code not in LACKS_CAR:
             return 0  # it is being computed
         hold_slot(event=event, slot=first, by=None, seen=event.version, now=now, reason=fault.code)
         return 1
     launch(event=event, slot=first, by=None, seen=event.version, now=now)
     return 1
+
+
+def _release_ready(event: LiveEvent, now: datetime) -> int:
+    """Release the slots that are held for want of a car, and whose racer has one by now. Returns how many."""
+    held = LiveSlot.objects.filter(event=event, state=SlotState.HELD, reason_code__in=LACKS_CAR)
+    related = ("racer__entry__racer", "racer__entry__best__evaluation__model__owner", "racer__model__owner")
+    done = 0
+    for slot in held.select_related(*related).order_by("position", "pk"):
+        assert slot.racer is not None, "a heat has the cars of its draw"
+        if model_of(slot.racer) is not None:
+            note_late_qualifying(slot.racer)
+            release_slot(event=event, slot=slot, by=None, seen=event.version, now=now)
+            done += 1
+        elif slot.reason_code != (reason := lacks_car(slot.racer)):
+            LiveSlot.objects.filter(pk=slot.pk, state=SlotState.HELD).update(reason_code=reason)
+    return done
 
 
 def _compute_again(event: LiveEvent, now: datetime) -> int:

@@ -9,13 +9,13 @@ from django.db import transaction
 from django.db.models import Max, QuerySet
 
 from core.events import record
-from evaluation.models import Evaluation, TrainedModel
+from evaluation.models import FINAL_STATES, Evaluation, TrainedModel
 from evaluation.selectors import can_use_model
 from evaluation.services import discard_sealed
 from paddock.errors import UserFault
 
 from ...events import LIVE_CHANGED, of_race
-from ...models import Entry, LiveEvent, LiveRacer, LiveSlot, LiveState, Opponents, Race, SlotState
+from ...models import Entry, LiveEvent, LiveRacer, LiveSlot, LiveState, Opponents, Race, SlotState, Submission
 from ...models.live import TO_COME, UNDER_WAY
 from ...selectors.boards import ranks_of
 from ...selectors.live_speed import slots_of_racer
@@ -27,6 +27,8 @@ from .acting import acting
 if TYPE_CHECKING:
     from accounts.models import Racer
 
+# Why a slot waits for a car; the clock releases it once there is one.
+LACKS_CAR = ("live_no_model", "live_car_queued")
 STILL_TO_DRIVE = (*TO_COME, SlotState.HELD, SlotState.SKIPPED)
 
 
@@ -131,11 +133,24 @@ def note_qualifying(racers: list[LiveRacer]) -> None:
     LiveRacer.objects.bulk_update(racers, ["qualified_rank", "qualified_ms"])
 
 
+def note_late_qualifying(racer: LiveRacer) -> None:
+    """Write down how a racer qualified whose car was still in the queue when the event began."""
+    if racer.qualified_rank is None and racer.entry.best_id is not None:
+        note_qualifying([racer])
+
+
 def model_of(racer: LiveRacer) -> TrainedModel | None:
     """What a racer drives: their choice, else the model of their result; None once it has left their garage."""
     best = racer.entry.best
     model = racer.model or (best.evaluation.model if best is not None else None)
     return model if model is not None and can_use_model(racer.entry.racer, model) else None
+
+
+def lacks_car(racer: LiveRacer) -> str:
+    """Why a racer without a model has none: ``live_car_queued`` while a car of theirs waits or drives in the race's
+    queue, else ``live_no_model``."""
+    on_its_way = Submission.objects.filter(entry=racer.entry_id).exclude(evaluation__state__in=FINAL_STATES)
+    return "live_car_queued" if on_its_way.exists() else "live_no_model"
 
 
 def drop_computed(racer: LiveRacer, *, but: TrainedModel | None, now: datetime) -> None:

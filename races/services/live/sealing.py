@@ -19,7 +19,7 @@ from ...models import HEAT_CARS, LiveEvent, LiveSlot, Race, SlotState
 from ...models.live import TO_COME, UNDER_WAY
 from ...speed_log import rules_with, start_log
 from .heats import arrange_heats, seal_heat
-from .roll import model_of, take_out_left, throw_away
+from .roll import lacks_car, model_of, take_out_left, throw_away
 
 logger = logging.getLogger(__name__)
 AHEAD = 2
@@ -34,15 +34,18 @@ def live_rules(event: LiveEvent, race: Race) -> RaceRules:
 def prepare_ahead(*, event: LiveEvent, now: datetime) -> int:
     """Queue the sealed runs of the next slots that have none, before all that others wait for. Returns how many.
 
-    A slot whose racer has no model any more says why (``reason_code``) and is passed over.
+    A slot whose racer has no model (yet) has the reason in ``reason_code`` and is passed over.
     """
     event = LiveEvent.objects.select_for_update(of=("self",)).select_related("race__track").get(pk=event.pk)
     if event.state not in UNDER_WAY:
         return 0
     take_out_left(event, now)
     arrange_heats(event, now)
-    queued = 0
-    for slot in next_slots(event)[:AHEAD]:
+    queued = ahead = 0
+    for slot in next_slots(event):
+        if ahead == AHEAD:
+            break
+        ahead += 1
         if slot.evaluation_id is not None:
             continue
         if slot.racer is None:
@@ -50,7 +53,8 @@ def prepare_ahead(*, event: LiveEvent, now: datetime) -> int:
             continue
         model = model_of(slot.racer)
         if model is None:
-            LiveSlot.objects.filter(pk=slot.pk).update(reason_code="live_no_model")
+            LiveSlot.objects.filter(pk=slot.pk).update(reason_code=lacks_car(slot.racer))
+            ahead -= 1  # it is passed over
             continue
         log = start_log(event, [slot.racer])
         try:

@@ -32,7 +32,7 @@ from ...selectors.live import duels_are_open, live_standings
 from ..locks import lock_entry
 from .acting import acting
 from .heats import begin_heats, hand_heat_over
-from .roll import require_stayed, take_roll
+from .roll import LACKS_CAR, require_stayed, take_roll
 from .sealing import clear_up, next_slots, prepare_after_commit
 from .speed import forget_speed
 
@@ -93,7 +93,7 @@ def launch(
 
     It plays from ``starts_at`` on, ten seconds from now, for everybody at the same instant. Raises UserFault as
     ``acting``, ``live_busy`` while a run is played, ``live_nothing_next``, ``live_slot_state``, ``live_not_ready``
-    while it is being computed, ``live_no_model``, ``live_left`` for who has left the race.
+    while it is being computed, ``live_no_model``, ``live_car_queued``, ``live_left`` for a racer who left the race.
     """
     with acting(event, "launch", by=by, seen=seen, now=now, states=(LiveState.RUNNING,)) as act:
         if LiveSlot.objects.filter(event=act.event, state=SlotState.RUNNING).exists():
@@ -123,7 +123,7 @@ def ready_ms(slot: LiveSlot) -> int:
     """How long a computed run plays, in milliseconds; 0 for a car that failed. Raises UserFault."""
     evaluation = slot.evaluation
     if evaluation is None:
-        raise UserFault("live_no_model" if slot.reason_code == "live_no_model" else "live_not_ready")
+        raise UserFault(slot.reason_code if slot.reason_code in LACKS_CAR else "live_not_ready")
     if not evaluation.is_final or evaluation.state == State.STOPPED or evaluation.is_platform_fault:
         raise UserFault("live_not_ready")  # what says nothing of the car is computed again
     if evaluation.state != State.FINISHED:
