@@ -93,7 +93,7 @@ class _Racer:
         self._token = self._call("POST", "auth/token/", {"login": _ALIAS, "password": _PASSWORD})["token"]
 
     def race(self, car: Car, track: str, laps: int) -> dict[str, float]:
-        """One car in a race of its own: seconds by part."""
+        """One car in a single race: seconds by part."""
         now = datetime.now(UTC)
         race = self._call(
             "POST",

@@ -20,7 +20,7 @@ from .services import put_in_division
 from .services.fields import give_fields
 from .services.seasons import FIXED_ONCE_OFFICIAL, edition_of
 
-_OFFICIAL = _("The results of this round are official, so it stays as it is. Take them back first, under Rounds.")
+_OFFICIAL = _("The results of this round are official. Revoke them first, under Rounds.")
 
 
 class RoundAdminForm(ModelForm):

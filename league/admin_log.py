@@ -24,7 +24,7 @@ class LogAdmin(ReadOnly, admin.ModelAdmin):
     date_hierarchy = "action_time"
     actions = None
 
-    @admin.display(description=_("what and why"))
+    @admin.display(description=_("action and reason"))
     def what(self, entry: LogEntry) -> str:
         return entry.get_change_message()
 

@@ -33,7 +33,7 @@ LABELS = {
     "reason": gettext_lazy("Reason"),
     "racer": gettext_lazy("Racer"),
     "hours": gettext_lazy("Hours"),
-    "text": gettext_lazy("What to tell"),
+    "text": gettext_lazy("Announcement"),
 }
 Call = Callable[[Round, dict[str, str]], object]
 
@@ -71,7 +71,7 @@ class RoundAdmin(ReadOnly, admin.ModelAdmin):
         def call(round_: Round, given: dict[str, str]) -> object:
             return close_round(round=round_, now=timezone.now())
 
-        follows = _("The results become official: promotions, fields, qualifications and points follow.")
+        follows = _("The results become official and decide promotions, finale fields, championship places and points.")
         return self._ask(request, queryset, "publish", _("Publish results"), follows, (), call)
 
     @admin.action(description=gettext_lazy("Lock: end the steward window"), permissions=["steward"])
@@ -79,16 +79,19 @@ class RoundAdmin(ReadOnly, admin.ModelAdmin):
         def call(round_: Round, given: dict[str, str]) -> object:
             return lock_round(round=round_, by=racer_of(request), reason=given["reason"], now=timezone.now())
 
-        follows = _("Nobody can correct these results any more. This cannot be undone.")
+        follows = _("These results can no longer be corrected. This cannot be undone.")
         return self._ask(request, queryset, "lock", _("Lock results"), follows, ("reason",), call)
 
-    @admin.action(description=gettext_lazy("Take the official results back"), permissions=["steward"])
+    @admin.action(description=gettext_lazy("Revoke the official results"), permissions=["steward"])
     def take_back(self, request: HttpRequest, queryset: QuerySet[Round]) -> HttpResponse | None:
         def call(round_: Round, given: dict[str, str]) -> object:
             return reopen_round(round=round_, by=racer_of(request), reason=given["reason"], now=timezone.now())
 
-        follows = _("What came of the round is undone until somebody publishes it again.")
-        return self._ask(request, queryset, "take_back", _("Take results back"), follows, ("reason",), call)
+        follows = _(
+            "Promotions, finale fields, championship places and points of this round are withdrawn "
+            "until the results are published again."
+        )
+        return self._ask(request, queryset, "take_back", _("Revoke results"), follows, ("reason",), call)
 
     @admin.action(description=gettext_lazy("Disqualify a racer"), permissions=["steward"])
     def disqualify(self, request: HttpRequest, queryset: QuerySet[Round]) -> HttpResponse | None:
@@ -97,19 +100,19 @@ class RoundAdmin(ReadOnly, admin.ModelAdmin):
             return disqualify(round=round_, racer=racer, by=steward, reason=given["reason"], now=timezone.now())
 
         follows = _(
-            "The racer leaves the board, their waiting cars are stopped, everybody reads the reason, and the outcome "
-            "of the round is calculated again. It can be undone while the steward window is open."
+            "The racer is removed from the board, their queued cars are stopped, the reason is "
+            "published, and the round is recalculated. You can undo this during the steward window."
         )
         return self._ask(request, queryset, "disqualify", _("Disqualify"), follows, ("racer", "reason"), call)
 
-    @admin.action(description=gettext_lazy("Put a disqualified racer back"), permissions=["steward"])
+    @admin.action(description=gettext_lazy("Reinstate a disqualified racer"), permissions=["steward"])
     def put_back(self, request: HttpRequest, queryset: QuerySet[Round]) -> HttpResponse | None:
         def call(round_: Round, given: dict[str, str]) -> object:
             racer = _racer(given["racer"])
             return put_back(round=round_, racer=racer, by=racer_of(request), reason=given["reason"], now=timezone.now())
 
-        follows = _("The racer stands on the board again, and the outcome of the round is calculated again.")
-        return self._ask(request, queryset, "put_back", _("Put back"), follows, ("racer", "reason"), call)
+        follows = _("The racer returns to the board, and the round is recalculated.")
+        return self._ask(request, queryset, "put_back", _("Reinstate"), follows, ("racer", "reason"), call)
 
     @admin.action(description=gettext_lazy("Postpone"), permissions=["steward"])
     def postpone(self, request: HttpRequest, queryset: QuerySet[Round]) -> HttpResponse | None:
@@ -117,15 +120,15 @@ class RoundAdmin(ReadOnly, admin.ModelAdmin):
             hours = int(given["hours"]) if given["hours"].isdecimal() and len(given["hours"]) < 6 else 0
             return postpone_round(round=round_, hours=hours, reason=given["reason"], now=timezone.now())
 
-        follows = _("The race closes later, and opens later if it has not opened yet. Its racers read the reason.")
+        follows = _("The race closes later, and opens later if it has not opened yet. Its racers see the reason.")
         return self._ask(request, queryset, "postpone", _("Postpone"), follows, ("hours", "reason"), call)
 
-    @admin.action(description=gettext_lazy("Announce something to the racers"), permissions=["steward"])
+    @admin.action(description=gettext_lazy("Send an announcement to the racers"), permissions=["steward"])
     def announce(self, request: HttpRequest, queryset: QuerySet[Round]) -> HttpResponse | None:
         def call(round_: Round, given: dict[str, str]) -> object:
             return announce(race=round_.race, text=given["text"], now=timezone.now())
 
-        follows = _("Everybody whom the race concerns is told, in the site and by e-mail.")
+        follows = _("Everyone in the race gets a notice on the site and by e-mail.")
         return self._ask(request, queryset, "announce", _("Announce"), follows, ("text",), call)
 
     def _ask(

@@ -34,15 +34,15 @@ EVENTS = (*OF_RACER, *OF_RACES)
 # asked for by the owner
 TEST = "webhook.test"
 LABELS = {
-    FINISHED: gettext_noop("a car of mine has driven"),
-    FAILED: gettext_noop("a run of mine ended without a result"),
+    FINISHED: gettext_noop("my car has finished its run"),
+    FAILED: gettext_noop("my run ended without a result"),
     PROMOTED: gettext_noop("I am promoted"),
-    IN_FINALE: gettext_noop("I am in a finale"),
+    IN_FINALE: gettext_noop("I am in the finale"),
     QUALIFIED: gettext_noop("I have qualified for the championship"),
     OPENED: gettext_noop("a race of mine opens"),
     CLOSED: gettext_noop("a race of mine closes"),
     OFFICIAL: gettext_noop("its results are official"),
-    RESULT: gettext_noop("a car was timed in it"),
+    RESULT: gettext_noop("a car set a time in it"),
 }
 # Words for people, for addresses of chats.
 WORDS = {
@@ -50,12 +50,12 @@ WORDS = {
     CLOSED: gettext_noop("%(race)s has closed."),
     OFFICIAL: SENTENCES[NoticeKind.OFFICIAL],
     RESULT: gettext_noop("%(race)s: %(racer)s was timed (%(time)s)."),
-    FINISHED: gettext_noop("Your car %(model)s has driven: best lap %(time)s."),
+    FINISHED: gettext_noop("Your car %(model)s has finished: best lap %(time)s."),
     FAILED: gettext_noop("The run of your car %(model)s ended without a result (%(reason)s)."),
     PROMOTED: SENTENCES[NoticeKind.PROMOTED],
     IN_FINALE: gettext_noop("You are in the finale: %(race)s."),
     QUALIFIED: SENTENCES[NoticeKind.QUALIFIED],
-    TEST: gettext_noop("A test from Paddock: this address receives what you chose."),
+    TEST: gettext_noop("Test from Paddock: this address receives the events you chose."),
 }
 
 

@@ -16,8 +16,8 @@ SENTENCES = {
     NoticeKind.OPENS: gettext_noop("%(race)s is open."),
     NoticeKind.CLOSES: gettext_noop("%(race)s closes in less than a day, at %(closes)s."),
     NoticeKind.RESULT: gettext_noop("The result of your car in %(race)s is in."),  # of an old one, which says no more
-    NoticeKind.LOST_LEAD: gettext_noop("%(leader)s has taken the lead of %(race)s from you."),
-    NoticeKind.PROMOTED: gettext_noop("You are promoted: from now on you race in the pro division of %(season)s."),
+    NoticeKind.LOST_LEAD: gettext_noop("%(leader)s has taken the lead in %(race)s."),
+    NoticeKind.PROMOTED: gettext_noop("You are promoted to the pro division of %(season)s."),
     NoticeKind.FINALE: gettext_noop("You are in the finale of %(month)s."),
     NoticeKind.QUALIFIED: gettext_noop("You have qualified for the championship of %(season)s."),
     NoticeKind.OFFICIAL: gettext_noop("The results of %(race)s are official."),
@@ -26,7 +26,7 @@ SENTENCES = {
     NoticeKind.DISQUALIFIED: gettext_noop("You are disqualified from %(race)s (%(text)s)."),
     NoticeKind.RESTORED: gettext_noop("You are no longer disqualified from %(race)s (%(text)s)."),
     NoticeKind.RETIMED: gettext_noop(
-        "%(race)s was driven again with the engine %(engine)s. You had %(old)s with %(before)s, and have %(new)s."
+        "%(race)s was repeated with the engine %(engine)s. Your result: %(new)s (before, with %(before)s: %(old)s)."
     ),
     NoticeKind.CUP: gettext_noop("The cup of %(day)s is over: you are in place %(place)s of division %(division)s."),
     NoticeKind.FOLLOWED: gettext_noop("%(racer)s leads %(race)s with %(score)s."),
@@ -38,10 +38,8 @@ FOLLOWED_WON = {
     "cup": gettext_noop("%(racer)s has won division %(division)s of the cup of %(day)s."),
 }
 # What a racer can do about it. Told while it can be changed: "until" is empty before the results are official.
-APPEAL = gettext_noop("If you think that this is wrong, tell the organisers: they can put you back.")
-APPEAL_UNTIL = gettext_noop(
-    "If you think that this is wrong, tell the organisers: they can put you back until %(until)s."
-)
+APPEAL = gettext_noop("If this is a mistake, contact the organisers. They can reinstate you.")
+APPEAL_UNTIL = gettext_noop("If this is a mistake, contact the organisers. They can reinstate you until %(until)s.")
 
 
 def sentence(notice: Notice) -> str:
@@ -67,14 +65,14 @@ def _result(said: _NoticeParams) -> str:
     """The result itself: what ranks and the place, or why there is none, and what it changed."""
     if "reason" in said:
         why = reason_sentence(said["reason"], said.get("reason_params") or {})
-        return " ".join([_("Your car in %(race)s was not timed.") % said, why])
+        return " ".join([_("Your car in %(race)s has no time.") % said, why])
     if said.get("score_ms") is None:
         text = _("Your car in %(race)s is not classified: %(streak)s of %(needed)s complete laps in a row.") % said
     elif said.get("rank") is None:
         text = _("Your car in %(race)s: %(score)s.") % _NoticeParams(said, score=clock(said["score_ms"]))
     else:
         score = _NoticeParams(said, score=clock(said["score_ms"]))
-        text = _("Your car in %(race)s: %(score)s. You are in place %(rank)s of %(of)s.") % score
+        text = _("Your car in %(race)s: %(score)s. Place %(rank)s of %(of)s.") % score
     return " ".join([text, change_sentence(said.get("change", ""), said.get("by", 0))]).strip()
 
 

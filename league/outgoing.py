@@ -127,7 +127,7 @@ def post(url: str, body: bytes, headers: Mapping[str, str], *, allow_private: bo
         return connection.getresponse().status
     except (OSError, http.client.HTTPException) as error:
         if monotonic() >= until:
-            raise TimeoutError("no answer in time") from error
+            raise TimeoutError("timeout") from error
         raise
     finally:
         deadline.cancel()

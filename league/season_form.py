@@ -54,7 +54,7 @@ class SeasonForm(forms.Form):
     races that the last preview showed.
     """
 
-    name = forms.CharField(label=_("Name"), max_length=40, help_text=_("Such as: Season 2027."))
+    name = forms.CharField(label=_("Name"), max_length=40, help_text=_("Example: Season 2027."))
     slug = forms.SlugField(label=_("Address"), max_length=40, help_text=_("In links: /seasons/2027/."))
     year = forms.IntegerField(label=_("Year"), min_value=2000, max_value=2200)
     first_month = forms.TypedChoiceField(
@@ -62,7 +62,8 @@ class SeasonForm(forms.Form):
     )
     turning = forms.ChoiceField(label=_("Direction"), choices=Turning.choices, initial=Turning.CCW)
     zone = forms.ChoiceField(
-        label=_("Time zone"), help_text=_("Races open and close at midnight of this zone, at the first of a month.")
+        label=_("Time zone"),
+        help_text=_("Races open and close at midnight in this time zone, on the first of a month."),
     )
     finale_day = forms.IntegerField(label=_("Finale: day of the next month"), min_value=1, max_value=28, initial=10)
     finale_hour = forms.IntegerField(label=_("Finale: opens at hour"), min_value=0, max_value=23, initial=18)
@@ -72,32 +73,32 @@ class SeasonForm(forms.Form):
     )
     championship_hours = forms.IntegerField(label=_("Championship: hours open"), min_value=1, max_value=720, initial=48)
     promotion_percent = forms.DecimalField(
-        label=_("Promoted, per cent"),
+        label=_("Promoted (%)"),
         max_digits=4,
         decimal_places=1,
         initial=10,
-        help_text=_("Of the classified racers of a month's open race; at least one is promoted."),
+        help_text=_("Share of the classified racers of a month's open race; at least one."),
     )
     finale_size = forms.IntegerField(label=_("Cars in a finale"), min_value=1, max_value=1000, initial=16)
     championship_places = forms.IntegerField(
-        label=_("Places in the championship from each finale"), min_value=1, max_value=1000, initial=3
+        label=_("Championship places per finale"), min_value=1, max_value=1000, initial=3
     )
     points = PointsField(
-        label=_("Points by place"), initial=DEFAULT_POINTS, help_text=_("The winner's first; the list never rises.")
+        label=_("Points by place"), initial=DEFAULT_POINTS, help_text=_("Winner's points first, in descending order")
     )
     drop_worst = forms.IntegerField(
         label=_("Worst results dropped"),
         min_value=0,
         max_value=11,
         initial=0,
-        help_text=_("A round that a racer missed is a result of no points."),
+        help_text=_("A missed round counts as 0 points."),
     )
     steward_hours = forms.IntegerField(
         label=_("Steward window in hours"),
         min_value=0,
         max_value=24 * 60,
         initial=48,
-        help_text=_("For so long after a round has closed its results can be corrected."),
+        help_text=_("Results can be corrected for this long after a round has closed."),
     )
     prizes = forms.CharField(
         label=_("Prizes"), required=False, max_length=4000, widget=forms.Textarea(attrs={"rows": 3})
@@ -222,7 +223,7 @@ class SeasonForm(forms.Form):
             label=_("Pro race and finale"), required=False, choices=nothing + choices, initial=slugs[place % len(slugs)]
         )
         self.fields[f"direction_{place}"] = forms.ChoiceField(
-            label=_("Direction"), required=False, choices=[("", _("as the season")), *Direction.choices]
+            label=_("Direction"), required=False, choices=[("", _("same as the season")), *Direction.choices]
         )
         for kind in ("open", "pro", "direction"):
             shown = self.fields[f"{kind}_{place}"]

@@ -86,8 +86,8 @@ def stage_plan(stage: Stage, data: Mapping[str, Any]) -> StagePlan:
 
 def _turns(stage: Stage) -> dict[str, forms.Field]:
     of_a_finale = stage in (Stage.FINALE, Stage.CHAMPIONSHIP)
-    first = [(AS_PRO, _("as its pro race")), *Turn.choices] if of_a_finale else Turn.choices
-    again = [("", _("again from the first")), *Turn.choices]
+    first = [(AS_PRO, _("same as the pro race")), *Turn.choices] if of_a_finale else Turn.choices
+    again = [("", _("start again with the first race")), *Turn.choices]
     fields: dict[str, forms.Field] = {"turn_1": forms.ChoiceField(label=_("First race"), choices=first)}
     for name, label in (("turn_2", _("Second race")), ("turn_3", _("Third race"))):
         fields[name] = forms.ChoiceField(label=label, choices=again, required=False)
@@ -102,7 +102,7 @@ def _layout() -> dict[str, forms.Field]:
     """An empty one is as proposed."""
     fields = rule_fields(LAYOUT, strict=True)
     fields["random_boxes"].label = _("Boxes")
-    fields["random_boxes"].help_text = _("Their places are drawn again for each month.")
+    fields["random_boxes"].help_text = _("Positions are drawn anew each month.")
     return fields | rule_fields(("sensors",), strict=True)
 
 

@@ -15,8 +15,8 @@ from .models import Round
 TITLES: dict[str, Promise] = {
     "publish": _("Publish results"),
     "disqualify": _("Disqualify"),
-    "put_back": _("Put back"),
-    "take_back": _("Take results back"),
+    "put_back": _("Reinstate"),
+    "take_back": _("Revoke results"),
     "lock": _("Lock results"),
     "postpone": _("Postpone"),
     "announce": _("Announce"),

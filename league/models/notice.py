@@ -22,11 +22,11 @@ class NoticeKind(models.TextChoices):
     FINALE = "finale", _("in the finale")
     QUALIFIED = "qualified", _("qualified for the championship")
     OFFICIAL = "official", _("results are official")
-    MESSAGE = "message", _("a word from the organisers")
+    MESSAGE = "message", _("an announcement from the organisers")
     CANCELLED = "cancelled", _("a race is cancelled")
     DISQUALIFIED = "disqualified", _("disqualified by the stewards")
-    RESTORED = "restored", _("put back by the stewards")
-    RETIMED = "retimed", _("a new engine changed your time")
+    RESTORED = "restored", _("reinstated by the stewards")
+    RETIMED = "retimed", _("your time changed with a new engine")
     CUP = "cup", _("a cup of the day is over")
     FOLLOWED = "followed", _("a racer you follow leads or wins")
     TEAM = "team", _("a team asks you to join")
@@ -46,8 +46,8 @@ class Notice(models.Model):
     racer = models.ForeignKey(Racer, models.CASCADE, related_name="notices", verbose_name=_("racer"), db_index=False)
     kind = models.CharField(_("kind"), max_length=12, choices=NoticeKind.choices)
     about = models.CharField(_("about"), max_length=160)
-    params = models.JSONField(_("what it says"), default=dict, blank=True)
-    path = models.CharField(_("leads to"), max_length=200, blank=True)
+    params = models.JSONField(_("text"), default=dict, blank=True)
+    path = models.CharField(_("link"), max_length=200, blank=True)
     at = models.DateTimeField(_("at"))
     hidden = models.BooleanField(_("by mail only"), default=False)
     read_at = models.DateTimeField(_("read"), null=True, blank=True)
@@ -92,8 +92,8 @@ class NoticeChoice(models.Model):
     """What a racer wants to be told and how; who has no row is told everything in the usual way."""
 
     racer = models.OneToOneField(Racer, models.CASCADE, primary_key=True, related_name="notice_choice")
-    site_off = models.JSONField(_("not in the site"), default=list, blank=True)
-    mail_off = models.JSONField(_("not by e-mail"), default=list, blank=True)
+    site_off = models.JSONField(_("off on the site"), default=list, blank=True)
+    mail_off = models.JSONField(_("off by e-mail"), default=list, blank=True)
     language = models.CharField(_("language of e-mails"), max_length=5, choices=settings.LANGUAGES, default="en")
 
     class Meta:

@@ -32,7 +32,7 @@ class Membership(models.Model):
         related_name="promotions",
         verbose_name=_("promoted in"),
     )
-    place = models.PositiveIntegerField(_("place there"), null=True, blank=True, editable=False)
+    place = models.PositiveIntegerField(_("place in that race"), null=True, blank=True, editable=False)
 
     class Meta:
         verbose_name = _("division of a racer")
@@ -126,8 +126,8 @@ class Decision(models.TextChoices):
     """What a steward can decide about an official round."""
 
     DISQUALIFIED = "disqualified", _("disqualified")
-    RESTORED = "restored", _("put back")
-    REOPENED = "reopened", _("results taken back")
+    RESTORED = "restored", _("reinstated")
+    REOPENED = "reopened", _("results revoked")
     LOCKED = "locked", _("results locked")
 
 

@@ -59,7 +59,7 @@ class RecordedResult(models.Model):
     alias = models.CharField(_("alias"), max_length=64)
     rank = models.PositiveIntegerField(_("rank"))
     score = models.BigIntegerField(_("score"))
-    measured = models.BooleanField(_("score is the time ranked by"), default=True)
+    measured = models.BooleanField(_("the score is the ranking time"), default=True)
     collisions = models.PositiveIntegerField(_("collisions"), default=0)
     average_resets = models.FloatField(_("resets a lap"), default=0.0)
     status = models.CharField(_("status"), max_length=32)

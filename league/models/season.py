@@ -39,7 +39,7 @@ class Stage(models.TextChoices):
     PRO = "pro-qualifier", _("pro race")
     FINALE = "pro-finale", _("finale")
     CHAMPIONSHIP = "championship", _("championship")
-    SINGLE = "single", _("race of its own")
+    SINGLE = "single", _("single race")
 
 
 # Whose the race of a stage is. A finale's and the championship's field is given besides.
@@ -71,31 +71,31 @@ class Season(models.Model):
     starts_on = models.DateField(_("starts"))
     ends_on = models.DateField(_("ends"))
     promotion_percent = models.DecimalField(
-        _("promoted, per cent"),
+        _("promoted (%)"),
         max_digits=4,
         decimal_places=1,
         default=Decimal(10),
-        help_text=_("Of the classified racers of a month's open race; at least one is promoted."),
+        help_text=_("Share of the classified racers of a month's open race; at least one."),
     )
     finale_size = models.PositiveSmallIntegerField(
         _("cars in a finale"), default=16, validators=[MinValueValidator(1), MaxValueValidator(1000)]
     )
     championship_places = models.PositiveSmallIntegerField(
-        _("places in the championship from each finale"),
+        _("championship places per finale"),
         default=3,
         validators=[MinValueValidator(1), MaxValueValidator(1000)],
     )
     points = models.JSONField(
-        _("points by place"), default=default_points, help_text=_("A list that never rises, the winner's points first.")
+        _("points by place"), default=default_points, help_text=_("Winner's points first, in descending order.")
     )
     drop_worst = models.PositiveSmallIntegerField(
-        _("worst results dropped"), default=0, help_text=_("A round that a racer missed is a result of no points.")
+        _("worst results dropped"), default=0, help_text=_("A missed round counts as 0 points.")
     )
     steward_hours = models.PositiveSmallIntegerField(
         _("steward window in hours"),
         default=48,
         validators=[MaxValueValidator(24 * 60)],
-        help_text=_("For so long after a round has closed its results can be corrected."),
+        help_text=_("Results can be corrected for this long after a round has closed."),
     )
     prizes = models.TextField(_("prizes"), blank=True, max_length=4000)
 
@@ -202,14 +202,14 @@ class Round(models.Model):
         max_length=16,
         choices=Stage.choices,
         blank=True,
-        help_text=_("Empty: the open or the pro race of the month, whichever division the race has."),
+        help_text=_("Empty: the month's open or pro race, by the race's division."),
     )
     name = models.CharField(
         _("name of the month"),
         max_length=64,
         blank=True,
         validators=[ONE_LINE],
-        help_text=_("The races of a month have the same one; a finale belongs to the qualifier of the same name."),
+        help_text=_("All races of a month share one name. A finale belongs to the qualifier with the same name."),
     )
     race = models.OneToOneField("races.Race", models.PROTECT, related_name="round", verbose_name=_("race"))
     closed_at = models.DateTimeField(_("official since"), null=True, blank=True, editable=False)
@@ -218,10 +218,14 @@ class Round(models.Model):
         null=True,
         blank=True,
         editable=False,
-        help_text=_("A steward took the results back: they become official again when an admin says so."),
+        help_text=_("A steward revoked the results. An admin must publish them again."),
     )
     locked_at = models.DateTimeField(
-        _("locked"), null=True, blank=True, editable=False, help_text=_("Final from then on, whatever the window says.")
+        _("locked"),
+        null=True,
+        blank=True,
+        editable=False,
+        help_text=_("Final from then on, even during the steward window."),
     )
 
     class Meta:
@@ -259,7 +263,7 @@ class Round(models.Model):
         if self.race_id is None:
             return
         if self.race.kind != RaceKind.LEAGUE:
-            raise ValidationError({"race": _("Only a league race can be a round. This is a community race.")})
+            raise ValidationError({"race": _("Only league races can be rounds. This is a community race.")})
         self.stage = self.stage or usual_stage(self.race)
         if self.stage in DIVISION_OF and self.race.division != DIVISION_OF[Stage(self.stage)]:
             division = Division(DIVISION_OF[Stage(self.stage)]).label

@@ -35,8 +35,8 @@ class Webhook(models.Model):
     host = models.CharField(_("host"), max_length=255, db_default="", default="", blank=True, editable=False)
     events = models.JSONField(_("events"), default=list, blank=True)
     secret = models.CharField(_("secret"), max_length=40, default=new_secret, editable=False)
-    old_secret = models.CharField(_("secret before"), max_length=40, blank=True, editable=False)
-    old_secret_until = models.DateTimeField(_("signs until"), null=True, blank=True, editable=False)
+    old_secret = models.CharField(_("previous secret"), max_length=40, blank=True, editable=False)
+    old_secret_until = models.DateTimeField(_("valid until"), null=True, blank=True, editable=False)
     created_at = models.DateTimeField(_("created"), default=timezone.now, editable=False)
 
     class Meta:
@@ -60,7 +60,7 @@ class WebhookHost(models.Model):
 
     host = models.CharField(_("host"), max_length=255, primary_key=True)
     failures = models.PositiveSmallIntegerField(_("failures in a row"), default=0)
-    free_at = models.DateTimeField(_("free at"))
+    free_at = models.DateTimeField(_("next delivery at"))
 
     class Meta:
         verbose_name = _("host of webhooks")
@@ -83,7 +83,7 @@ class WebhookDelivery(Leased):
     at = models.DateTimeField(_("at"))
     state = models.CharField(_("state"), max_length=8, default="due")
     status = models.PositiveSmallIntegerField(_("answer"), null=True, blank=True)
-    error = models.CharField(_("what went wrong"), max_length=200, blank=True)
+    error = models.CharField(_("error"), max_length=200, blank=True)
 
     class Meta:
         verbose_name = _("delivery")

@@ -35,10 +35,9 @@ class FinaleField:
     def sentence(self) -> str:
         """The rule in the reader's language."""
         return ngettext(
-            "A month's pro race is a qualifier: the best of it who has not yet qualified for the championship drives "
-            "the finale.",
-            "A month's pro race is a qualifier: its best %(size)s who have not yet qualified for the championship meet "
-            "in the finale.",
+            "A month's pro race is a qualifier. Its best racer without a championship place drives the finale.",
+            "A month's pro race is a qualifier. Its best %(size)s racers without a championship "
+            "place meet in the finale.",
             self.size,
         ) % {"size": self.size}
 
@@ -61,7 +60,7 @@ class ChampionshipField:
         """The rule in the reader's language."""
         return ngettext(
             "The winner of a finale qualifies for the championship, which closes the season.",
-            "The first %(places)s of a finale who have not yet done so qualify for the championship, which closes the "
-            "season.",
+            "The best %(places)s of a finale without a championship place qualify for the "
+            "championship, which closes the season.",
             self.places,
         ) % {"places": self.places}

@@ -46,7 +46,8 @@ class Promotion:
     def sentence(self) -> str:
         """The rule in the reader's language."""
         return _(
-            "Everybody starts in the open division. When a month's open race closes, the best %(percent)s %% of its "
-            "classified racers, rounded half up and at least one, move to the pro division for the rest of the season. "
-            "Who has moved stays, and leaves no place to others by racing on."
+            "Everyone starts in the open division. When a month's open race closes, the best "
+            "%(percent)s %% of its classified racers, rounded half up and at least one, move to the "
+            "pro division for the rest of the season. Once promoted, you stay promoted. The place of "
+            "an already promoted racer is not passed on."
         ) % {"percent": f"{self.percent.normalize():f}"}

@@ -34,7 +34,7 @@ class PointsTable:
         """The rule in the reader's language."""
         listed = ", ".join(map(str, self.points))
         return ngettext(
-            "The winner of a round gets %(points)s points; nobody else gets any.",
+            "The winner of a round gets %(points)s points.",
             "The first %(places)s of a round get points, in this order: %(points)s.",
             len(self.points),
         ) % {"places": len(self.points), "points": listed}
@@ -112,7 +112,7 @@ class Standings:
             % {"count": self.drop_worst}
         )
         ties = _(
-            "Equal points: more first places stand first, then more second places, and so on; then the better place in "
-            "the latest round in which the two differ."
+            "Ties: more first places win, then more second places, and so on; then the better place "
+            "in the latest round with different places."
         )
         return f"{dropped} {ties}"

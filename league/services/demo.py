@@ -71,7 +71,7 @@ COMMUNITY_RACES: tuple[tuple[int, dict[str, Any]], ...] = (
         12,
         {
             "name": _("First laps on the oval"),
-            "description": _("The place for a first car: a short track, one complete lap is enough."),
+            "description": _("For a first car: a short track, one complete lap is enough."),
             "track": "oval",
             "ranking_method": RankingMethod.BEST,
             "laps": 3,
@@ -85,7 +85,7 @@ COMMUNITY_RACES: tuple[tuple[int, dict[str, Any]], ...] = (
         3,
         {
             "name": _("Turnpike three laps"),
-            "description": _("Three laps, all of them count: a race for cars that stay on the road."),
+            "description": _("Three laps, and all count: for cars that stay on the road."),
             "track": "baja-turnpike",
             "ranking_method": RankingMethod.TOTAL,
             "laps": 3,
@@ -97,7 +97,7 @@ COMMUNITY_RACES: tuple[tuple[int, dict[str, Any]], ...] = (
         2,
         {
             "name": _("No second chance"),
-            "description": _("The first fault ends the run. The best two laps in a row count, out of ten."),
+            "description": _("The first fault ends the run. The best two consecutive laps of ten count."),
             "track": "cosmic-loop",
             "ranking_method": RankingMethod.AVERAGE,
             "laps": 10,
@@ -110,7 +110,7 @@ COMMUNITY_RACES: tuple[tuple[int, dict[str, Any]], ...] = (
         12,
         {
             "name": _("Boxes on the oval"),
-            "description": _("Three boxes stand in the way. One complete lap is enough; a crash costs three seconds."),
+            "description": _("Three boxes on the road. One complete lap is enough; a crash costs three seconds."),
             "track": "oval",
             "race_type": RaceType.OBJECT_AVOIDANCE,
             "boxes": [
@@ -130,7 +130,7 @@ COMMUNITY_RACES: tuple[tuple[int, dict[str, Any]], ...] = (
         3,
         {
             "name": _("Traffic on the loop"),
-            "description": _("Four bots at a walking pace, and they change lanes. Overtake without touching them."),
+            "description": _("Four slow bots that change lanes. Overtake without contact."),
             "track": "cosmic-loop",
             "race_type": RaceType.HEAD_TO_HEAD,
             "opponents": Opponents.BOTS,
@@ -149,8 +149,7 @@ COMMUNITY_RACES: tuple[tuple[int, dict[str, Any]], ...] = (
         {
             "name": _("Duels on the turnpike"),
             "description": _(
-                "Qualify alone; when the race has closed, the best cars meet two at a time, everybody against "
-                "everybody."
+                "Qualify alone. When the race has closed, the best cars meet in a round robin of two-car duels."
             ),
             "track": "baja-turnpike",
             "race_type": RaceType.HEAD_TO_HEAD,

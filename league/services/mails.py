@@ -89,9 +89,8 @@ def _message(notice: Notice, address: str, server: Any) -> EmailMessage:
                 _("Hello %(racer)s,") % {"racer": notice.racer.alias},
                 text,
                 f"{settings.SITE_URL}{notice.path}",
-                _("Which notices you get is up to you: %(address)s")
-                % {"address": f"{settings.SITE_URL}/settings/notices/"},
-                _("No more e-mails of this kind: %(address)s") % {"address": stop},
+                _("Choose your notices: %(address)s") % {"address": f"{settings.SITE_URL}/settings/notices/"},
+                _("Unsubscribe from these e-mails: %(address)s") % {"address": stop},
             ]
         )
     # RFC 2369 and 8058: mail programs show a button that posts to this address

@@ -69,12 +69,12 @@ def consequences_of(call: Callable[[], object], season: Season) -> list[str]:
     moved = Counter(fact[1] for fact in before.keys() & after.keys() if before[fact] != after[fact])
     for race, count in sorted(moved.items()):
         text = ngettext(
-            "%(count)s racer gets another place or other points (%(race)s).",
-            "%(count)s racers get another place or other points (%(race)s).",
+            "%(count)s racer changes place or points (%(race)s).",
+            "%(count)s racers change place or points (%(race)s).",
             count,
         )
         lines.append(text % {"count": count, "race": race})
-    return lines or [_("No promotion, field, qualification or points change.")]
+    return lines or [_("Promotions, finale fields, championship places and points do not change.")]
 
 
 def removal_says(round_: Round, entry: Entry, *, by: Racer, now: datetime) -> list[str]:
@@ -82,20 +82,20 @@ def removal_says(round_: Round, entry: Entry, *, by: Racer, now: datetime) -> li
     if round_.closed_at is None:
         return []
     if not round_.is_under_review(now):
-        return [_("The results are final: promotions, fields, qualifications and points stay as they are.")]
+        return [_("The results are final. Promotions, finale fields, championship places and points do not change.")]
     return consequences_of(lambda: remove_entry(entry=entry, by=by, now=now), round_.season)
 
 
 def cancelling_says(round_: Round) -> list[str]:
     """What would follow for the season if the race of a round were cancelled, in sentences."""
     lines = {
-        Stage.OPEN: [_("Nobody is promoted from this open race.")],
-        Stage.PRO: [_("Nobody qualifies for this month's finale: cancel it, too.")],
-        Stage.FINALE: [_("Nobody qualifies for the championship in this finale.")],
+        Stage.OPEN: [_("No racer is promoted from this open race.")],
+        Stage.PRO: [_("No racer qualifies for this month's finale. Cancel it, too.")],
+        Stage.FINALE: [_("No racer qualifies for the championship in this finale.")],
         Stage.CHAMPIONSHIP: [_("The season has no champion.")],
     }.get(Stage(round_.stage), [])
     if round_.stage in WITH_POINTS:
-        lines.append(_("It gives no points and does not count as a round of the standings."))
+        lines.append(_("No points; not a round of the standings."))
     return lines
 
 
@@ -120,6 +120,6 @@ def _named(fact: Fact) -> dict[str, str]:
         "promoted": _("promoted"),
         "finale": _("in the finale"),
         "qualified": _("qualified for the championship"),
-        "points": _("among those with points"),
+        "points": _("in the points"),
     }
     return {"what": kinds[fact[0]], "race": fact[1], "racer": fact[2]}

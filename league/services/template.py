@@ -58,8 +58,8 @@ class Turning(models.TextChoices):
 
     CCW = "ccw", _("all counterclockwise")
     CW = "cw", _("all clockwise")
-    ALTERNATING = "alternating", _("the other way round every month")
-    HALVES = "halves", _("the second half the other way round")
+    ALTERNATING = "alternating", _("direction alternates every month")
+    HALVES = "halves", _("second half in the other direction")
 
     def of(self, number: int, months: int) -> str:
         """The direction of month ``number`` (from 1) of so many."""

@@ -36,7 +36,7 @@ class NoticesForm(forms.Form):
     def __init__(self, *args: Any, **kwargs: Any) -> None:
         super().__init__(*args, **kwargs)
         for kind in NoticeKind:
-            for way, label in (("site", _("in the site")), ("mail", _("by e-mail"))):
+            for way, label in (("site", _("on the site")), ("mail", _("by e-mail"))):
                 box = forms.BooleanField(required=False, label=f"{kind.label}: {label}")
                 box.widget.attrs["aria-label"] = box.label
                 self.fields[f"{way}_{kind.value}"] = box

@@ -59,13 +59,13 @@ def _make(request: HttpRequest, data: QueryDict) -> HttpResponse:
     plan = form.plan(now)
     try:
         if form.cleaned_data["seen"] != digest_of(plan.rounds(now)):
-            note = _("The season has changed since you looked at it. This is what it would be now.")
+            note = _("The season has changed since your preview. This is the new preview.")
             return _show_plan(request, data, note if form.cleaned_data["seen"] else "")
         season, count = schedule_season(plan=plan, now=now)
     except (UserFault, ValidationError):
         return _show_plan(request, data)
     log(racer_of(request), season, ADDITION, f"Made from the template with {count} races")
-    told = ngettext("The season is made: %d race.", "The season is made: %d races.", count) % count
+    told = ngettext("Season created: %d race.", "Season created: %d races.", count) % count
     messages.success(request, told)
     return redirect(season)
 

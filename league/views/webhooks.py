@@ -40,15 +40,15 @@ from races.views.common import tell_fault
 SHOWN = 20
 # what a delivery failed for, by its ``error``; the codes of faults beside those of league.services.webhooks
 FAILED_FOR = {
-    "webhook_address": gettext_lazy("this address cannot be posted to"),
-    "webhook_private": gettext_lazy("the address leads into a private network"),
-    "no_such_name": gettext_lazy("there is no such host"),
+    "webhook_address": gettext_lazy("invalid delivery address"),
+    "webhook_private": gettext_lazy("the address is in a private network"),
+    "no_such_name": gettext_lazy("unknown host"),
     "refused": gettext_lazy("the connection was refused"),
-    "too_slow": gettext_lazy("no answer in time"),
+    "too_slow": gettext_lazy("timeout"),
     "no_tls": gettext_lazy("the certificate is not valid"),
     "no_http": gettext_lazy("the answer was not HTTP"),
     "no_connection": gettext_lazy("no connection"),
-    "host_away": gettext_lazy("the host could not be reached for half a day"),
+    "host_away": gettext_lazy("host unreachable for 12 hours"),
 }
 
 
@@ -59,10 +59,10 @@ class WebhookForm(forms.Form):
         label=gettext_lazy("Address"),
         max_length=500,
         assume_scheme="https",
-        help_text=gettext_lazy("Of a program of yours, or one that Discord or Slack gave you for a channel."),
+        help_text=gettext_lazy("The address of your program, or a Discord or Slack channel webhook."),
     )
     events = forms.MultipleChoiceField(
-        label=gettext_lazy("Tell it when"),
+        label=gettext_lazy("Events"),
         choices=[(event, gettext_lazy(label)) for event, label in LABELS.items()],
         initial=EVENTS,
         widget=forms.CheckboxSelectMultiple,
@@ -91,7 +91,7 @@ def webhooks(request: HttpRequest) -> HttpResponse:
         except UserFault as fault:
             add_fault(form, fault)
         else:
-            messages.success(request, _("The webhook is made."))
+            messages.success(request, _("Webhook created."))
             return redirect("webhooks")
     deliveries = deliveries_of(request.user)[:SHOWN]
     now = timezone.now()
@@ -133,7 +133,7 @@ def webhook_test(request: HttpRequest, pk: int) -> HttpResponse:
     except UserFault as fault:
         tell_fault(request, fault)
     else:
-        messages.success(request, _("The test is on its way; its answer appears below."))
+        messages.success(request, _("Test sent. The answer appears below."))
     return redirect("webhooks")
 
 
@@ -143,7 +143,7 @@ def webhook_secret(request: HttpRequest, pk: int) -> HttpResponse:
     """Give one of the racer's webhooks another secret."""
     hook = get_object_or_404(webhooks_of(request.user), pk=pk)
     change_secret(webhook=hook, now=timezone.now())
-    messages.success(request, _("The webhook has a new secret. For a day the one before signs as well."))
+    messages.success(request, _("New secret set. The previous one stays valid for a day."))
     return redirect("webhooks")
 
 
@@ -152,5 +152,5 @@ def webhook_secret(request: HttpRequest, pk: int) -> HttpResponse:
 def webhook_remove(request: HttpRequest, pk: int) -> HttpResponse:
     """Take one of the racer's webhooks away."""
     remove_webhook(webhook=get_object_or_404(webhooks_of(request.user), pk=pk))
-    messages.success(request, _("The webhook is deleted and receives nothing more."))
+    messages.success(request, _("Webhook deleted."))
     return redirect("webhooks")

@@ -165,4 +165,4 @@ def test_an_inexact_trainer_leaves_trainings_to_others(proves, settings, caplog)
     settings.TRAINING, settings.TRAINING_PAUSED = True, False
     proves(INEXACT)
     assert trainer.train.apply().get() is False
-    assert "trains nothing: This worker does not compute" in caplog.text
+    assert "trains nothing: This worker's results differ" in caplog.text

@@ -155,9 +155,9 @@ def test_a_season_takes_one_league_race_per_stage_and_number(boss, now):
 @pytest.mark.parametrize(
     "field, value, told",
     [
-        ("promotion_percent", "100", "less than 100 per cent"),
-        ("points", "[1, 2]", "never rises"),
-        ("championship_places", "17", "cannot qualify more"),
+        ("promotion_percent", "100", "less than 100"),
+        ("points", "[1, 2]", "must not increase"),
+        ("championship_places", "17", "too few cars"),
     ],
 )
 def test_invalid_season_numbers_are_reported_on_their_field(boss, field, value, told):

@@ -72,8 +72,8 @@ class TestWhoIsTold:
         ann, bob, cat = cast
         later = now + 2 * MINUTE
         assert told(ann, later) == [
-            f"Night Race was driven again with the engine {NEW}. You had 0:10.000 (place 1) with {OLD}, and have "
-            "0:12.500 (place 3)."
+            f"Night Race was repeated with the engine {NEW}. Your result: 0:12.500 (place 3) "
+            f"(before, with {OLD}: 0:10.000 (place 1))."
         ]
         assert [one.kind for one in Notice.objects.filter(racer=cat).order_by("pk")][-1] == "retimed"
         assert not Notice.objects.filter(racer=bob, kind="retimed").exists()
@@ -96,7 +96,7 @@ class TestWhoIsTold:
         sweep_redrives(now=now)
         again, result = sorted(told(cast[0], now + MINUTE), reverse=True), "Your car in Night Race: 0:07.000."
         assert again[0].startswith(result) and again[0].endswith("2.000 s faster than before.")
-        assert again[1].endswith(f"You had 0:10.000 (place 1) with {OLD}, and have 0:09.000.")
+        assert again[1].endswith(f"Your result: 0:09.000 (before, with {OLD}: 0:10.000 (place 1)).")
 
     def test_a_racer_is_told_why_a_car_lost_its_time(self, cast, site, now):
         race = filled(a_race(now), cast[:1], now)
@@ -126,7 +126,7 @@ class TestWhoIsTold:
             end(one, laps(10_000, 10_000, 10_000), now)
         sweep_redrives(now=now)
         assert told(cast[2], now + MINUTE) == [
-            "Your car in Night Race: 0:09.000. You are in place 1 of 3. Your first result in this race."
+            "Your car in Night Race: 0:09.000. Place 1 of 3. Your first result in this race."
         ]
 
     def test_a_result_not_announced_before_is_announced_once(self, cast, site, now):

@@ -189,8 +189,8 @@ class TestStewardDecision:
         notice = Notice.objects.get(kind="disqualified")
         assert (notice.racer, notice.path) == (racer, round_.race.get_absolute_url())
         assert sentence(notice) == (
-            f"You are disqualified from {round_.race.name} (Two accounts). If you think that this is wrong, tell "
-            f"the organisers: they can put you back until {moment(round_.settled_at)}."
+            f"You are disqualified from {round_.race.name} (Two accounts). If this is a mistake, contact "
+            f"the organisers. They can reinstate you until {moment(round_.settled_at)}."
         )
         assert "disqualified" not in told(other)
 
@@ -215,7 +215,7 @@ class TestStewardDecision:
         now = round_.race.opens_at + HOUR
         disqualify(round=round_, racer=racer, by=a_racer(is_staff=True), reason="Two accounts.", now=now)
         tell_what_happened(now=now)
-        assert sentence(Notice.objects.get(kind="disqualified")).endswith("they can put you back.")
+        assert sentence(Notice.objects.get(kind="disqualified")).endswith("They can reinstate you.")
 
     def test_a_notice_after_the_window_names_no_deadline(self, month):
         round_, (racer, *_), steward = month

@@ -138,7 +138,7 @@ def test_an_ended_session_is_told_to_its_racer_and_to_who_has_lost_the_lead(now,
     timed(race, alice, clerk, now, 12_000)
     tell_what_happened(now=now)
     assert [sentence(one) for one in Notice.objects.filter(racer=alice, kind="result")] == [
-        "Your car in Hall: 0:12.000. You are in place 1 of 1."
+        "Your car in Hall: 0:12.000. Place 1 of 1."
     ]
     under_way = timed(race, bob, clerk, now, 11_000, ended=False)
     tell_what_happened(now=now)
@@ -149,9 +149,9 @@ def test_an_ended_session_is_told_to_its_racer_and_to_who_has_lost_the_lead(now,
     tell_what_happened(now=now)
     follow("notices", now=now)
     said = [sentence(one) for one in Notice.objects.filter(racer=bob, kind="result")]
-    assert said == ["Your car in Hall: 0:11.000. You are in place 1 of 2."]
+    assert said == ["Your car in Hall: 0:11.000. Place 1 of 2."]
     lost = Notice.objects.get(racer=alice, kind="lost_lead")
-    assert sentence(lost) == "bob has taken the lead of Hall from you."
+    assert sentence(lost) == "bob has taken the lead in Hall."
 
 
 def test_a_guest_in_the_lead_is_told_by_name_and_is_told_nothing(now, clerk):
@@ -161,9 +161,7 @@ def test_a_guest_in_the_lead_is_told_by_name_and_is_told_nothing(now, clerk):
     tell_what_happened(now=now)
     guest = a_guest(race, clerk, now, 11_000)
     tell_what_happened(now=now)
-    assert (
-        sentence(Notice.objects.get(racer=alice, kind="lost_lead")) == "Mia Guest has taken the lead of Hall from you."
-    )
+    assert sentence(Notice.objects.get(racer=alice, kind="lost_lead")) == "Mia Guest has taken the lead in Hall."
     assert not Notice.objects.filter(racer=guest.entry.racer_id).exists()
 
 

@@ -34,12 +34,12 @@ def test_it_names_the_score_the_place_and_what_changed(alice, now):
     race = a_race(now, name="Oval")
     drive(race, a_racer(), laps(11_000, 11_000, 11_000), now)
     drive(race, alice, laps(12_000, 13_000, 12_500), now)
-    assert said(alice, now) == ("Your car in Oval: 0:12.500. You are in place 2 of 2. Your first result in this race.")
+    assert said(alice, now) == ("Your car in Oval: 0:12.500. Place 2 of 2. Your first result in this race.")
     drive(race, alice, laps(12_000, 12_000, 12_000), now)
-    assert said(alice, now) == "Your car in Oval: 0:12.000. You are in place 2 of 2. 0.500 s faster than before."
+    assert said(alice, now) == "Your car in Oval: 0:12.000. Place 2 of 2. 0.500 s faster than before."
     drive(race, alice, laps(12_000, 12_000, 12_300), now)
     assert said(alice, now) == (
-        "Your car in Oval: 0:12.100. You are in place 2 of 2. 0.100 s slower than before: the board did not change."
+        "Your car in Oval: 0:12.100. Place 2 of 2. 0.100 s slower than before: the board did not change."
     )
 
 
@@ -55,7 +55,7 @@ def test_it_says_why_a_car_was_not_timed_in_the_readers_language(alice, now):
     failed = submit_model(race=race, racer=alice, model=a_model(alice), now=now)
     fail(failed, UserFault("non_finite_action", step=7), now)
     reason = Evaluation.objects.get(submission=failed).reason
-    assert reason and said(alice, now) == f"Your car in Oval was not timed. {reason}"
+    assert reason and said(alice, now) == f"Your car in Oval has no time. {reason}"
     with translation.override("ko"):
         assert reason not in said(alice, now)
 

@@ -160,10 +160,10 @@ class TestRacePage:
         round_ = a_round(a_season(), 1, Stage.OPEN)
         set_clock(round_.race.opens_at + HOUR)
         html = boss.get(reverse("race_cancel", args=[round_.race.slug])).content.decode()
-        assert "Nobody is promoted from this open race." in html and "gives no points" in html
+        assert "No racer is promoted from this open race." in html and "No points; not a round" in html
         data = {"action": "cancel", "_selected_action": [round_.race.pk]}
         html = boss.post(reverse("admin:races_race_changelist"), data).content.decode()
-        assert "Nobody is promoted from this open race." in html
+        assert "No racer is promoted from this open race." in html
 
 
 def test_an_impossible_action_is_explained_and_not_offered(boss, played):
@@ -243,7 +243,9 @@ def test_previewing_changes_nothing(played):
     round_, _field = played
     lines = consequences_of(lambda: close_round(round=round_, now=after(round_)), round_.season)
     assert len(lines) == 2 + 4 and not Membership.objects.exists()
-    assert consequences_of(lambda: None, round_.season) == ["No promotion, field, qualification or points change."]
+    assert consequences_of(lambda: None, round_.season) == [
+        "Promotions, finale fields, championship places and points do not change."
+    ]
 
 
 def test_staff_without_the_permission_can_do_nothing(played):

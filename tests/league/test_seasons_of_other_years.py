@@ -37,7 +37,7 @@ def finale_day(year: int, month: int) -> datetime:
 def like_2022(year: int) -> list[Recorded]:
     """The races of 2022 at the same places of another year, with a few racers each: warm-ups that begin in the middle
     of a month, open and pro races that end a second before the next begin, finales in the weeks of the next month's
-    races, a race of its own that ends in the next year."""
+    races, a single race that ends in the next year."""
     end = timedelta(seconds=1)
     races = [
         Recorded("single", "Pre-season", of(year, 1, 4, 18, 35), of(year, 2) - end, times(1, 2, 3)),

@@ -212,7 +212,7 @@ class TestWebhookPage:
         page = client.get("/settings/webhooks/").content.decode()
         assert f'action="/settings/webhooks/{hook.pk}/test/"' in page
         waiting = client.post(f"/settings/webhooks/{hook.pk}/test/", follow=True).content.decode()
-        assert "The test is on its way" in waiting and 'hx-trigger="every 2s"' in waiting
+        assert "Test sent." in waiting and 'hx-trigger="every 2s"' in waiting
         deliver_due(now=timezone.now())
         answered = client.get("/settings/webhooks/").content.decode()
         assert "webhook.test" in answered and "204" in answered and "hx-trigger" not in answered

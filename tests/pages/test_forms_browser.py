@@ -31,7 +31,7 @@ def cast(wakes, video_wakes, trainings_taken_on) -> Cast:
 
 
 class Browsing:
-    """The windows of the cast, what was sent in them, and what went wrong."""
+    """The windows of the cast, what was sent in them, and error."""
 
     def __init__(self, browser, address: str, cast: Cast) -> None:
         self.seen: dict[Form, str] = {}

@@ -260,7 +260,7 @@ def test_a_checkpoint_of_a_training_folder_may_be_chosen(world: World) -> None:
         assert response.status_code == 302, response.content.decode()
         shown.append(client.get(response.url).content.decode())
     assert "model_4.pb, the best by deepracer_checkpoints.json" in shown[0]
-    assert "model_9.pb, as you chose" in shown[1]
+    assert "model_9.pb, as chosen" in shown[1]
     assert all("files ignored" in html and "notes.md" in html for html in shown)
     assert len(set(TrainedModel.objects.filter(owner=world.newcomer).values_list("network", flat=True))) == 2
     refused = upload(client, SimpleUploadedFile(name, folder), checkpoint="<b>5</b>")

@@ -46,7 +46,7 @@ def browser() -> Iterator:
 
 
 class Audience:
-    """Everybody's windows, and what went wrong in them."""
+    """Everybody's windows, and error in them."""
 
     def __init__(self, site: LiveSite, browser, sessions: dict[str, str]) -> None:
         self.site, self.browser, self.sessions, self.wrong = site, browser, sessions, []

@@ -67,7 +67,7 @@ def test_a_racer_rises_from_promotion_to_the_hall_of_fame(clock, browser, live_s
     office.goto(f"{live_server.url}/seasons/")
     office.get_by_role("link", name="New season").click()
     office.get_by_label("Cars in a finale").fill("3")
-    office.get_by_label("Places in the championship from each finale").fill("2")
+    office.get_by_label("Championship places per finale").fill("2")
     for stage, first in (("pro", "time_trial"), ("championship", "time_trial")):  # the car sees no boxes
         office.locator(f"[name={stage}_turn_1]").select_option(first)
     office.locator("[name=pro_turn_2]").select_option("")
@@ -79,7 +79,7 @@ def test_a_racer_rises_from_promotion_to_the_hall_of_fame(clock, browser, live_s
     playwright.expect(office.locator("[data-round='2-open'] .tag")).to_have_text("changed")
     assert not Season.objects.exists(), "nothing is made before it was looked at"
     office.get_by_role("button", name="Make the season").click()
-    playwright.expect(office.get_by_text("The season is made: 37 races.")).to_be_visible()
+    playwright.expect(office.get_by_text("Season created: 37 races.")).to_be_visible()
     season = Season.objects.get()
     assert season.rounds.get(number=2, stage=Stage.OPEN).race.max_submissions == 20
     race = {

@@ -226,7 +226,7 @@ def test_a_season_is_made_only_after_a_preview(client):
     answer = client.post("/seasons/new/", short(do="make"))
     assert answer.status_code == 200 and shown(answer) and not Season.objects.exists()
     answer = client.post("/seasons/new/", again(answer) | {"open_laps": "4", "do": "make"})
-    assert answer.status_code == 200 and "has changed since you looked" in answer.content.decode()
+    assert answer.status_code == 200 and "has changed since your preview" in answer.content.decode()
     assert not Season.objects.exists()
     assert client.post("/seasons/new/", again(answer) | {"do": "make"}).status_code == 302
 

@@ -135,9 +135,9 @@ class TestSeasonForm:
     @pytest.mark.parametrize(
         ("changes", "field", "word"),
         [
-            ({"promotion_percent": "0"}, "promotion_percent", "0 % cannot"),
-            ({"promotion_percent": "100"}, "promotion_percent", "cannot be promoted"),
-            ({"points": "5, 9"}, "points", "never rises"),
+            ({"promotion_percent": "0"}, "promotion_percent", "share 0 %"),
+            ({"promotion_percent": "100"}, "promotion_percent", "share 100 %"),
+            ({"points": "5, 9"}, "points", "must not increase"),
             ({"points": "five"}, "points", "whole numbers"),
             ({"championship_places": "17"}, "championship_places", "larger finale"),
             ({"pro_minimum_laps": "9"}, "pro_minimum_laps", ""),
