@@ -79,8 +79,8 @@ register(
             "%(problem)s. Use a catalogue track (%(known)s) or an .npy file, or check the database."
         ),
         "race_not_found": _(
-            "There is no race %(name)s on this site. The closest names are: %(nearest)s. Give the address of its page, "
-            "or the last part of that."
+            "There is no race %(name)s on this site. The closest names are: %(nearest)s. Use the "
+            "address of its page, or the last part of it."
         ),
         "rules_senseless": _("Invalid rules: %(problem)s."),
     },

@@ -127,9 +127,7 @@ register(
         "report_model_gone": _(
             "There is no such model for you: it has left its garage or is not shared any more. Choose another."
         ),
-        "report_tracks": _(
-            "Name tracks for a report on chosen tracks, and for no other: the other sets name their own."
-        ),
+        "report_tracks": _("List tracks only for a report on chosen tracks. The other sets include their own tracks."),
         "report_track_gone": _("There is no track %(track)s here. Choose another one."),
         "report_too_many_tracks": _("A report drives at most %(limit)s tracks. Choose fewer."),
         "report_track_without_shape": _(
@@ -140,9 +138,9 @@ register(
             "variations."
         ),
         "report_sensors": _(
-            "The model reads %(sensors)s, which no track of this simulator serves. Train it again with other sensors."
+            "This simulator does not support the sensors %(sensors)s of the model. Train it again with other sensors."
         ),
-        "report_empty": _("The report would drive nothing. Choose tracks, a track for the variations, or both."),
+        "report_empty": _("Choose tracks, a track for the variations, or both."),
         "report_seed": _("The seed must be a whole number from 0 to %(most)s."),
         "report_direction": _("There is no such direction. Choose one of %(known)s."),
         "reports_at_once": _(

@@ -82,9 +82,9 @@ register(
         "race_needs_duel_format": _("Models against models need a format. Choose round robin or bracket."),
         "race_bot_lane_change": _("A bot changes lanes over %(least)s to %(most)s m. Choose a length between these."),
         "race_bot_change_time": _(
-            "Between two lane changes of a bot pass %(least)s to %(most)s s. Choose a time between these."
+            "The time between lane changes is %(least)s to %(most)s s. Choose a value in this range."
         ),
-        "race_bot_change_times": _("At least so long and at most less long cannot be. Choose a greater time at most."),
+        "race_bot_change_times": _("The longest time must not be shorter than the shortest."),
         "race_duel_gap": _("Cars start %(least)s to %(most)s m apart. Choose a gap between these."),
         "race_duel_cars": _("A duel has 2 to %(most)s cars. Choose a number between these."),
         "race_duel_heats": _("A tie has %(least)s to %(most)s heats. Choose a number between these."),

@@ -10,38 +10,35 @@ register(
         "home_command_line": _("Invalid command line: %(problem)s. Run the command with --help."),
         "home_file_unreadable": _("%(path)s cannot be read: %(problem)s."),
         "home_file_unwritable": _("%(path)s cannot be written: %(problem)s."),
-        "home_exists": _("%(path)s is there already, and nothing is overwritten. Name another place."),
-        "site_missing": _(
-            "No site is named. Say paddock login URL once, set PADDOCK_SITE, or give the option --site URL."
-        ),
-        "site_address": _(
-            "%(address)s is no address of a site. It must begin with https:// or http:// and name a host."
-        ),
+        "home_exists": _("%(path)s already exists and was not overwritten. Choose another path."),
+        "site_missing": _("No site given. Run paddock login URL once, set PADDOCK_SITE, or use the option --site URL."),
+        "site_address": _("%(address)s is not a site address. Use https:// or http:// and a host name."),
         "site_is_no_paddock": _(
-            "%(site)s answers, but it is no Paddock (%(problem)s). Check the address, without /api and without a page."
+            "%(site)s responds but is not a Paddock site (%(problem)s). Check the address: no /api, no page path."
         ),
         "site_elsewhere": _(
-            "%(site)s sends everything on to %(there)s. Nothing was sent there: name that address, if you trust it."
+            "%(site)s redirects to %(there)s. Nothing was sent there. Use that address if you trust it."
         ),
-        "token_missing": _("This needs your token. Say paddock login %(site)s, or set PADDOCK_TOKEN."),
+        "token_missing": _("A token is required. Run paddock login %(site)s, or set PADDOCK_TOKEN."),
         "token_refused": _(
-            "%(site)s does not know this token: it has expired, was revoked, or belongs to another site. Say "
-            "paddock login %(site)s again."
+            "%(site)s rejected this token: it has expired, was revoked, or belongs to another site. "
+            "Run paddock login %(site)s again."
         ),
-        "not_on_site": _("%(site)s has nothing at %(what)s, or does not show it to you. Check the address."),
-        "race_wanted": _("%(given)s names no race. Give the address of its page, or the last part of that."),
-        "result_wanted": _("%(given)s names no result. Give the address of its page, or its id."),
-        "result_not_there": _("There is nothing to compare with: this run is %(state)s and has no result."),
+        "not_on_site": _("%(what)s does not exist on %(site)s, or you have no access. Check the address."),
+        "race_wanted": _("%(given)s is not a race. Use the address of its page, or the last part of it."),
+        "result_wanted": _("%(given)s is not a result. Use the address of its page, or its id."),
+        "result_not_there": _("This run has no result to compare with (state: %(state)s)."),
         "engine_differs": _(
-            "The result is of the engine %(theirs)s, and this package drives with %(ours)s. Two engines are not "
-            "compared: install the package of that engine."
+            "The result is from the engine %(theirs)s; this package uses %(ours)s. Results of "
+            "different engines cannot be compared. Install the matching package."
         ),
         "track_differs": _(
-            "The track %(track)s is not the one that the run was driven on. The site's points do not fit its own "
-            "fingerprint, so nothing was driven."
+            "The track %(track)s differs from the track of the run: the site's points do not match "
+            "its fingerprint. Nothing was run."
         ),
         "rules_unknown": _(
-            "This package does not know the rules of that race (%(problem)s). Install the one of the site's version."
+            "This package does not support the rules of that race (%(problem)s). Install the package "
+            "of the site's version."
         ),
         "trace_strange": _("The trace of that run cannot be read (%(problem)s)."),
         "rule_senseless": _("Invalid rules: %(problem)s."),
@@ -56,8 +53,8 @@ register(
     "platform",
     {
         "site_unreachable": _("%(site)s cannot be reached: %(problem)s. Check your network and the address."),
-        "site_broken": _("%(site)s failed (%(problem)s). Nothing is wrong with what you sent; try again later."),
-        "wait_over": _("The run has not ended within %(seconds)s s. It goes on without you: %(url)s"),
-        "drive_failed": _("The process that drives ended without a result (%(problem)s)."),
+        "site_broken": _("Error on %(site)s (%(problem)s). Your request was fine. Try again later."),
+        "wait_over": _("The run is not finished after %(seconds)s s. It continues on the site: %(url)s"),
+        "drive_failed": _("The simulator process ended without a result (%(problem)s)."),
     },
 )

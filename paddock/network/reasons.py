@@ -8,8 +8,8 @@ register(
     "user",
     {
         "model_too_large": _(
-            "The network is larger than %(limit_mb)s MB, the most that this site takes. Store its weights as 32-bit "
-            "floats and once only, train a smaller one, or ask an operator for more."
+            "The network is larger than %(limit_mb)s MB, this site's limit. Store its weights once, "
+            "as 32-bit floats, train a smaller network, or ask an operator for more."
         ),
     },
 )
@@ -19,7 +19,7 @@ register(
     "user",
     {
         "onnx_corrupt": _(
-            "The ONNX file is damaged, incomplete or has unknown parts. Export it again; nothing may be appended to it."
+            "The ONNX file is damaged, incomplete or has unknown parts. Export it again, without appended data."
         ),
         "onnx_too_big": _(
             "The ONNX file has too many parts (%(part)s, limit %(limit)s). Export the policy network alone."
@@ -36,22 +36,22 @@ register(
             "The ONNX file defines functions, training information or sparse weights. Export a plain inference graph."
         ),
         "onnx_attribute": _(
-            "The operator %(operator)s has an attribute that is not allowed here (%(attribute)s). It stands at: "
-            "%(where)s. Export the network in evaluation mode, after policy.eval()."
+            "The operator %(operator)s has an attribute that is not allowed here (%(attribute)s). "
+            "Location: %(where)s. Export the network in evaluation mode, after policy.eval()."
         ),
         "onnx_external_data": _(
-            "The weights that the ONNX file keeps outside of itself cannot be found %(problem)s. Export it again; with "
-            "torch.onnx.export(..., external_data=False) it is one file."
+            "The external weights of the ONNX file cannot be found %(problem)s. Export it again; "
+            "torch.onnx.export(..., external_data=False) writes a single file."
         ),
         "onnx_external_missing": _(
-            "The ONNX file keeps its weights in %(file)s, which is not in the upload. Upload both files, or a zip of "
-            "both, or export it with torch.onnx.export(..., external_data=False)."
+            "The weights of the ONNX file are in %(file)s, which is missing from the upload. Upload "
+            "both files, a zip of both, or export with torch.onnx.export(..., external_data=False)."
         ),
         "onnx_tensor": _(
-            "A weight tensor contradicts itself: its shape, type and stored bytes do not fit. Export the network again."
+            "A weight tensor is inconsistent: its shape, type and stored bytes do not match. Export the network again."
         ),
         "onnx_tensor_type": _("Tensors of type %(type)s are not allowed. Export the network with 32-bit floats."),
-        "onnx_graph": _("The ONNX graph is not well formed (%(problem)s). Export it again."),
+        "onnx_graph": _("The ONNX graph is invalid (%(problem)s). Export it again."),
         "onnx_dynamic": _(
             "Every size in the network must be fixed for a batch of one. Export it with an example input of that size "
             "and without dynamic_axes (or dynamic_shapes)."

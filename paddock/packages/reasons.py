@@ -16,65 +16,54 @@ register(
             "This is not a model. Upload a model.tar.gz, or an .onnx file together with its model_metadata.json."
         ),
         "upload_parts": _(
-            "These files do not belong together. Upload one archive, or one network with its model_metadata.json (and, "
-            "of an .onnx file that keeps its weights outside, the .onnx.data file)."
+            "These files cannot be combined. Upload one archive, or one network with its "
+            "model_metadata.json (and the .onnx.data file if the .onnx file has external weights)."
         ),
         "model_missing": _(
-            "There is no network in the upload. A model's archive holds agent/model.pb, a training's folder "
-            "model/model_<iteration>.pb, a zip one .onnx file."
+            "The upload contains no network. Expected: agent/model.pb in a model archive, "
+            "model/model_<iteration>.pb in a training folder, or one .onnx file in a zip."
         ),
         "metadata_missing": _(
-            "model_metadata.json is missing. Add it: it says which actions the network chooses from and which "
-            "sensors it reads."
+            "model_metadata.json is missing. Add it: it lists the actions and sensors of the network."
         ),
         "torch_file": _(
-            "This is a file of Python objects, as PyTorch writes them (.pt, .pth): it is not opened here. Upload the "
-            "zip that model.save() of stable-baselines3 writes, or export the network with torch.onnx.export() and "
-            "upload the .onnx file; each with its model_metadata.json."
+            "PyTorch files (.pt, .pth) contain Python objects and are not accepted. Upload the zip "
+            "written by model.save() of stable-baselines3, or the .onnx file written by "
+            "torch.onnx.export(), with its model_metadata.json."
         ),
         "sb3_metadata_missing": _(
-            "This is a zip of stable-baselines3. Add model_metadata.json, beside it or in it: it says which sensors "
-            "the policy reads and what its actions mean, which the zip does not."
+            "This is a zip of stable-baselines3. Add model_metadata.json beside it or in it, with "
+            "the sensors and actions of the policy."
         ),
         "unexpected_member": _(
-            "The archive holds something other than plain files in folders: %(member)s. Pack it again with plain "
-            "files, and with names that do not lead out of it."
+            "The archive contains something other than plain files in folders: %(member)s. Pack "
+            "plain files only, with paths inside the archive."
         ),
-        "several_networks": _(
-            "The archive holds more than one network (%(members)s), so it is not clear which one shall race. Pack "
-            "one of them."
-        ),
+        "several_networks": _("The archive contains several networks (%(members)s). Pack only one."),
         "training_folder_incomplete": _(
-            "This is a training's folder, and %(missing)s is missing from it: checkpoints (.ckpt) alone cannot be "
-            "read. Pack the folder again with it, or upload the model's own archive."
+            "This training folder lacks %(missing)s. Checkpoints (.ckpt) alone cannot be read. Pack "
+            "the folder again with it, or upload the model archive."
         ),
         "checkpoint_missing": _(
-            "There is no checkpoint %(checkpoint)s in the upload. It holds: %(found)s. Choose one of these, or "
-            "leave the choice empty."
+            "The upload has no checkpoint %(checkpoint)s. Available: %(found)s. Choose one of these, "
+            "or leave the choice empty."
         ),
         "checkpoints_unreadable": _(
-            "deepracer_checkpoints.json does not say which checkpoint is the best (%(problem)s). Choose a checkpoint "
-            "by its number or as last, or leave that file out."
+            "deepracer_checkpoints.json names no best checkpoint (%(problem)s). Choose a checkpoint "
+            "by number or as last, or remove that file."
         ),
-        "duplicate_member": _(
-            "The archive holds %(member)s more than once, so it is not clear which one is meant. Pack it again."
-        ),
-        "too_many_members": _("The archive holds more than %(limit)s files. Leave out logs and traces."),
+        "duplicate_member": _("The archive contains %(member)s more than once. Pack it again with one copy."),
+        "too_many_members": _("The archive contains more than %(limit)s files. Leave out logs and traces."),
         "archive_corrupt": _("The archive is damaged or incomplete. Download or pack it again, then upload it."),
         "archive_unsupported": _(
             "The archive uses a feature that is not accepted here (encryption, more than 65,534 files, or a rare "
             "compression). Pack it as an ordinary .tar.gz or .zip."
         ),
-        "archive_overlap": _(
-            "Files in the archive lie on top of each other, as in a zip bomb. Pack it again with an ordinary tool."
-        ),
-        "expanded_size": _(
-            "The archive unpacks to far more than a car or its training needs. Pack the network and "
-            "model_metadata.json only."
-        ),
+        "archive_overlap": _("Files in the archive overlap, as in a zip bomb. Pack it again with a standard tool."),
+        "expanded_size": _("The archive is too large when unpacked. Pack the network and model_metadata.json only."),
         "sb3_at_home": _(
-            "This is a zip of stable-baselines3, which a site converts and the engine alone does not. Upload it, "
-            "download the model again as ONNX, or export it yourself."
+            "Zips of stable-baselines3 can only be converted by a site. Upload it and download the "
+            "model as ONNX, or export it yourself."
         ),
     },
 )
@@ -84,7 +73,7 @@ register(
     "user",
     {
         "metadata_too_large": _(
-            "model_metadata.json is larger than %(limit_kb)s kB. It needs the action space and the sensors only."
+            "model_metadata.json is larger than %(limit_kb)s kB. It only needs the action space and the sensors."
         ),
         "metadata_not_json": _(
             "model_metadata.json is not valid JSON (%(line)s: %(problem)s). Compare it with a file written by "
@@ -114,9 +103,7 @@ register(
         "metadata_action_range": _(
             "The continuous action space needs low and high for %(key)s, and low must be less than high."
         ),
-        "metadata_sensor": _(
-            "sensor must be a list of names such as FRONT_FACING_CAMERA; this name is not known: %(sensor)s."
-        ),
+        "metadata_sensor": _("sensor must be a list of names such as FRONT_FACING_CAMERA. Unknown name: %(sensor)s."),
         "metadata_sensor_set": _(
             "A car has exactly one camera (FRONT_FACING_CAMERA, LEFT_CAMERA, STEREO_CAMERAS or observation) "
             "and at most one lidar, each named once."
@@ -127,12 +114,12 @@ register(
         ),
         "metadata_version": _("version must be a number from 1 to 6."),
         "metadata_lidar": _(
-            "lidar_config does not make sense: %(key)s. num_sectors divides 64, num_values_per_sector is 1 to "
+            "Invalid lidar_config: %(key)s. num_sectors divides 64, num_values_per_sector is 1 to "
             "64, clipping_dist is 0.15 to 12 m."
         ),
         "metadata_lidar_sectors": _(
-            "lidar_config asks for %(sectors)s sectors, among which the 64 beams cannot be shared out evenly. "
-            "Set num_sectors to 1, 2, 4, 8, 16, 32 or 64, as the model was trained."
+            "lidar_config has %(sectors)s sectors, which do not divide the 64 beams evenly. Set "
+            "num_sectors to 1, 2, 4, 8, 16, 32 or 64, as in training."
         ),
     },
 )
@@ -142,16 +129,14 @@ register(
     "user",
     {
         "graph_unreadable": _(
-            "The file model.pb is not a frozen TensorFlow graph or is damaged. Use agent/model.pb from the "
-            "model's own archive."
+            "model.pb is damaged or not a frozen TensorFlow graph. Use agent/model.pb from the model archive."
         ),
         "graph_too_big": _(
             "The TensorFlow graph has too many parts (limit %(limit)s). Upload the frozen graph "
             "agent/model.pb, not a training graph."
         ),
         "graph_not_frozen": _(
-            "The graph has weights that are not stored in it (%(node)s). Upload the frozen graph "
-            "agent/model.pb from the model's archive."
+            "The graph lacks stored weights (%(node)s). Upload the frozen graph agent/model.pb from the model archive."
         ),
         "graph_operation": _(
             "The TensorFlow operation %(operation)s cannot be converted (%(node)s). Export the network to ONNX "
@@ -161,12 +146,12 @@ register(
             "No policy output was found in the graph. It must end in ppo_head_0/policy or sac_policy_head_0/policy."
         ),
         "graph_inputs": _(
-            "The graph reads %(found)s but model_metadata.json names the sensors %(expected)s. Upload the two "
-            "files of the same training."
+            "The graph reads %(found)s; model_metadata.json lists the sensors %(expected)s. Upload "
+            "both files from the same training."
         ),
         "graph_invalid": _(
-            "The graph contradicts itself at %(node)s: sizes or types do not fit. Use agent/model.pb from the "
-            "model's own archive."
+            "The graph is inconsistent at %(node)s: sizes or types do not match. Use agent/model.pb "
+            "from the model archive."
         ),
     },
 )
@@ -176,22 +161,22 @@ register(
     "user",
     {
         "onnx_operator": _(
-            "The operator %(operator)s is not allowed in a model's network (%(layer)s). It stands at: %(where)s. Use "
-            "plain layers: convolution, dense, pooling, activations."
+            "The operator %(operator)s is not allowed in a model's network (%(layer)s). Location: "
+            "%(where)s. Use plain layers: convolution, dense, pooling, activations."
         ),
         "onnx_inputs": _(
-            "The network's inputs are %(found)s but model_metadata.json names the sensors %(expected)s. Name each "
-            "input as its sensor: torch.onnx.export(..., input_names=[...])."
+            "The network's inputs are %(found)s; model_metadata.json lists the sensors %(expected)s. "
+            "Name each input after its sensor: torch.onnx.export(..., input_names=[...])."
         ),
         "onnx_input_type": _("The input %(sensor)s must be %(expected)s."),
         "onnx_input_shape": _(
-            "The input %(sensor)s has the shape %(found)s; it must be %(expected)s. It is the shape of the example "
-            "input that torch.onnx.export is given."
+            "The input %(sensor)s has the shape %(found)s; it must be %(expected)s. Use an example "
+            "input of this shape in torch.onnx.export."
         ),
         "onnx_output": _(
-            "The network must answer one 32-bit float tensor of shape [1, %(expected)s] to fit the action space; it "
-            "answers %(found)s. Return the logits (or the two actions) from forward(), and compare action_space with "
-            "the training."
+            "The action space needs one 32-bit float output of shape [1, %(expected)s]; the network "
+            "returns %(found)s. Return the logits (or the two actions) from forward(), and compare "
+            "action_space with the training."
         ),
         "onnx_outputs": _(
             "Several outputs of the network fit the action space (%(found)s, each of shape [1, %(expected)s]). Return "
@@ -202,15 +187,11 @@ register(
             "million are allowed. Train a smaller one."
         ),
         "network_too_wide": _("The network's intermediate results are too large for one step. Train a smaller one."),
-        "network_fails": _(
-            "The network does not run: the inference engine refused it. Export it again with a current tool."
-        ),
+        "network_fails": _("The inference engine cannot run the network. Export it again with a current tool."),
         "network_non_finite": _(
-            "The network answers NaN or infinity to an ordinary picture. Use an earlier checkpoint."
+            "The network returns NaN or infinity for an ordinary picture. Use an earlier checkpoint."
         ),
-        "non_finite_weights": _(
-            "The network has weights that are NaN or infinite, so its training broke. Use an earlier checkpoint."
-        ),
+        "non_finite_weights": _("Some weights are NaN or infinite: the training diverged. Use an earlier checkpoint."),
     },
 )
 
@@ -219,8 +200,7 @@ register(
     "user",
     {
         "export_operator": _(
-            "The network cannot be written in this format: its operator %(operator)s (%(where)s) has no like there. "
-            "Download the ONNX package, which holds every network."
+            "This format has no equivalent of the operator %(operator)s (%(where)s). Download the ONNX package instead."
         ),
     },
 )

@@ -70,15 +70,15 @@ class RaceRules:
     standing_laps: bool = rule(
         False,
         place=8,
-        label=_("Every lap from a standing start"),
-        help=_("After each lap the car is put back to the start; otherwise laps are driven without a stop."),
+        label=_("Standing start for every lap"),
+        help=_("The car returns to the start after each lap. Otherwise it drives on without stopping."),
     )
     off_track_penalty_ms: int = rule(
         2000,
         place=4,
         label=_("Off-track penalty"),
         short=_("Penalty"),
-        help=_("The car stands still for so long before it goes on."),
+        help=_("Standing time before the car continues."),
         unit="ms",
         least=0,
         most=60_000,
@@ -90,7 +90,7 @@ class RaceRules:
         5000,
         place=5,
         label=_("Collision penalty"),
-        help=_("For running into a box, a bot or another car."),
+        help=_("After hitting a box, a bot or another car."),
         unit="ms",
         least=0,
         most=60_000,
@@ -130,7 +130,7 @@ class RaceRules:
     seed: int = rule(
         0,
         label=_("Seed"),
-        help=_("Another number, other draws; the same number, the same for everybody."),
+        help=_("The same seed gives everyone the same draws."),
         least=0,
         most=2**31 - 1,
         beyond=True,
@@ -141,7 +141,7 @@ class RaceRules:
     start_m: float = rule(
         0.0,
         label=_("Start"),
-        help=_("So many metres after the finish line; laps begin and end there."),
+        help=_("Metres after the finish line where laps begin and end."),
         unit="m",
         least=0,
         most=1000,
@@ -171,7 +171,7 @@ class RaceRules:
     )
     box_distance_m: float = rule(
         2.0,
-        label=_("Metres between boxes at least"),
+        label=_("Minimum distance between boxes (m)"),
         unit="m",
         least=0.5,
         most=20.0,
@@ -204,7 +204,7 @@ class RaceRules:
     )
     bot_speed_mps: float = rule(
         1.0,
-        label=_("Their speed in m/s"),
+        label=_("Bot speed in m/s"),
         unit="m/s",
         least=BOT_SPEED_RANGE_MPS[0],
         most=BOT_SPEED_RANGE_MPS[1],
@@ -215,16 +215,16 @@ class RaceRules:
     )
     bot_lane_changes: bool = rule(
         False,
-        label=_("They change lanes"),
-        help=_("At moments drawn from the seed."),
+        label=_("Bots change lanes"),
+        help=_("At times drawn from the seed."),
         race_types=(HEAD_TO_HEAD,),
         layout=True,
         option="lane-changes",
     )
     bot_lane_change_m: float = rule(
         1.0,
-        label=_("Metres of a lane change"),
-        help=_("The shorter, the more suddenly a bot is in the other lane."),
+        label=_("Length of a lane change (m)"),
+        help=_("Shorter means a more sudden lane change."),
         unit="m",
         least=0.5,
         most=5.0,
@@ -235,8 +235,8 @@ class RaceRules:
     )
     duel_gap_m: float = rule(
         0.75,
-        label=_("Metres between cars at the start"),
-        help=_("They stand one behind the other, in both lanes by turns."),
+        label=_("Distance between cars at the start (m)"),
+        help=_("Cars start one behind the other, alternating lanes."),
         unit="m",
         least=0.5,
         most=2.0,
@@ -246,8 +246,8 @@ class RaceRules:
     )
     bot_lane_change_least_ms: int = rule(
         3000,
-        label=_("Between two lane changes at least"),
-        help=_("Each bot draws its moments between the two from the seed."),
+        label=_("Shortest time between lane changes"),
+        help=_("Each bot draws times between the two limits from the seed."),
         unit="ms",
         least=500,
         most=60_000,
@@ -259,7 +259,7 @@ class RaceRules:
     )
     bot_lane_change_most_ms: int = rule(
         5000,
-        label=_("Between two lane changes at most"),
+        label=_("Longest time between lane changes"),
         unit="ms",
         least=500,
         most=60_000,
@@ -335,14 +335,14 @@ class BoardRules:
     sensors: tuple[str, ...] = rule(
         ("FRONT_FACING_CAMERA",),
         label=_("Sensors offered"),
-        help=_("Only models that read no others can be sent."),
+        help=_("Models that need other sensors cannot enter."),
         column=True,
     )
     ranking_method: str = rule(AVERAGE, place=1, label=_("Ranked by"), choices=RANKING_METHODS, stage=True, column=True)
     minimum_laps: int = rule(
         RaceRules.laps,
         place=3,
-        label=_("Laps in a row to be classified"),
+        label=_("Consecutive laps to be classified"),
         short=_("Laps in a row"),
         help=_("The average is taken over this many consecutive complete laps."),
         least=1,
@@ -353,7 +353,7 @@ class BoardRules:
     max_submissions: int = rule(
         50,
         place=8,
-        label=_("Submissions for each racer"),
+        label=_("Submissions per racer"),
         short=_("Submissions"),
         least=1,
         most=1000,
@@ -363,8 +363,8 @@ class BoardRules:
     )
     shared_cars: bool = rule(
         False,
-        label=_("One car may race for several racers"),
-        help=_("For teams and classes. Otherwise whoever sent a car first keeps its place."),
+        label=_("Racers may share a car"),
+        help=_("For teams and classes. Otherwise the first racer to submit a car keeps its place."),
         column=True,
     )
     opponents: str = rule(

@@ -49,8 +49,8 @@ class TrainingSettings:
     reward_signature: str = PARAMS
     stop_minutes: int = rule(
         10,
-        label=_("Minutes at most"),
-        help=_("Of wall time: 1 to 1440."),
+        label=_("Time limit in minutes"),
+        help=_("Real time, 1 to 1440."),
         least=1,
         most=1440,
         column=True,
@@ -58,7 +58,7 @@ class TrainingSettings:
     stop_clean_laps: int | None = rule(
         None,
         label=_("Clean laps in a row"),
-        help=_("It ends as soon as the car has driven so many without leaving the road."),
+        help=_("Ends the training after this many consecutive laps on the road."),
         least=1,
         most=10,
         column=True,
@@ -67,7 +67,7 @@ class TrainingSettings:
         None,
         label=pgettext("of a simulation", "Steps"),
         context="of a simulation",
-        help=_("Fifteen steps are one second of driving."),
+        help=_("15 steps are one second of driving."),
         least=1,
         most=_MOST,
         column=True,
@@ -75,7 +75,7 @@ class TrainingSettings:
     trials: int = rule(
         3,
         label=_("Trials of an evaluation"),
-        help=_("After each update the car drives so many laps without exploring."),
+        help=_("Laps without exploration after each update."),
         least=1,
         most=10,
         column=True,
@@ -83,7 +83,7 @@ class TrainingSettings:
     best_metric: str = rule(
         "progress",
         label=_("Best by"),
-        help=_("What makes one of these evaluations the best; its model is kept beside the last one."),
+        help=_("Criterion for the best evaluation. Its model is kept beside the last one."),
         choices=BEST_METRICS,
         column=True,
     )
@@ -91,14 +91,14 @@ class TrainingSettings:
     alternate_direction: bool = rule(
         False,
         label=_("Alternate direction"),
-        help=_("Every second episode of a car goes the other way round."),
+        help=_("Every second episode runs in the other direction."),
         column=True,
     )
     random_light: int = _strength(_("Light"), _("How bright the camera's picture is."))
-    random_colours: int = _strength(_("Colours"), _("The greys of road, lines, field, walls, boxes and cars."))
-    random_start: int = _strength(_("Start"), _("Beside the centre line, and turned away from it."))
-    random_sensors: int = _strength(_("Sensor noise"), _("Grain in the camera's picture, and wavering distances."))
-    random_latency: int = _strength(_("Latency"), _("What the car is told it does up to 0.2 s later."))
+    random_colours: int = _strength(_("Colours"), _("Grey values of road, lines, field, walls, boxes and cars."))
+    random_start: int = _strength(_("Start"), _("Start off the centre line, at an angle."))
+    random_sensors: int = _strength(_("Sensor noise"), _("Grain in the camera picture and noise in lidar distances."))
+    random_latency: int = _strength(_("Latency"), _("Actions take effect up to 0.2 s late."))
 
 
 # Those with bounds and words of their own.

@@ -106,7 +106,7 @@ class TestWhoIsTold:
         break_down(pending(race)[0], UserFault("policy_died", step=3, how="signal 11"), now)
         sweep_redrives(now=now)
         (said,) = told(cast[0], now + MINUTE)
-        assert "You had 0:10.000 (place 1)" in said and "have no classified time. " in said and "signal 11" in said
+        assert "0:10.000 (place 1)" in said and "Your result: no classified time" in said and "signal 11" in said
 
     def test_a_racer_who_left_is_told_nothing(self, cast, site, now):
         race = filled(a_race(now), cast, now)

@@ -118,6 +118,6 @@ def test_the_order_of_results_changes_nothing(data):
 
 def test_every_rule_states_its_numbers():
     assert "10 %" in Promotion(Decimal("10.0")).sentence() and "12.5 %" in Promotion("12.5").sentence()
-    assert "best 16" in FinaleField(16).sentence() and "first 3 " in ChampionshipField(3).sentence()
+    assert "best 16" in FinaleField(16).sentence() and "best 3 of a finale" in ChampionshipField(3).sentence()
     assert "25, 18, 15" in PointsTable((25, 18, 15)).sentence()
     assert "worst 2 results" in Standings(2).sentence() and "All rounds count" in Standings().sentence()

@@ -74,7 +74,7 @@ def test_a_racer_rises_from_promotion_to_the_hall_of_fame(clock, browser, live_s
     office.get_by_role("button", name="Look at the season").click()
     playwright.expect(office.get_by_role("heading", name="37 races as they would be")).to_be_visible()
     office.locator("[data-round='2-open']").get_by_role("button", name="Change").click()
-    office.get_by_label("Submissions for each racer").fill("20")
+    office.get_by_label("Submissions per racer").fill("20")
     office.get_by_role("button", name="Change this race").click()
     playwright.expect(office.locator("[data-round='2-open'] .tag")).to_have_text("changed")
     assert not Season.objects.exists(), "nothing is made before it was looked at"

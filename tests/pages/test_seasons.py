@@ -371,7 +371,7 @@ def test_the_rules_are_generated_from_the_settings(season):
     html = Client().get("/seasons/2027/rules/").content.decode()
     for words in (
         "best 20 %",
-        "best 3 who",
+        "best 3 of a finale",
         "First 2".casefold(),
         "10, 6, 3, 1",
         "The worst result is dropped",

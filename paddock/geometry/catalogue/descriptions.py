@@ -8,8 +8,8 @@ _ = gettext_noop
 
 DESCRIPTIONS: dict[str, str] = {
     "baja-turnpike": _(
-        "Short and angular: full throttle down one long straight into a harsh hairpin, "
-        "then tight 90-degree turns all the way home."
+        "Short and angular: one long full-throttle straight into a sharp hairpin, then tight "
+        "90-degree turns to the finish."
     ),
     "baja-highway": _(
         "The turnpike extended: a second massive straight, another hairpin, a turn of increasing radius "
@@ -22,9 +22,7 @@ DESCRIPTIONS: dict[str, str] = {
         "The raceway extended: after the hairpins a long straight and a technical section of four double apexes."
     ),
     "cosmic-loop": _("One sprint straight, several 90-degree turns and two hairpins."),
-    "cosmic-circuit": _("Several 90-degree turns joined by bends: there is no true straight, so the car never rests."),
-    "straight-track": _(
-        "The one track that ends: straight on from start to finish, and each lap from the start again."
-    ),
-    "oval": _("Two straights and two wide bends: the place for a first lap."),
+    "cosmic-circuit": _("Several 90-degree turns joined by bends, without a true straight."),
+    "straight-track": _("The only open track: straight from start to finish. Each lap begins at the start."),
+    "oval": _("Two straights and two wide bends, for a first lap."),
 }

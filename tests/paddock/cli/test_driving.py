@@ -78,7 +78,7 @@ def test_a_process_that_dies_is_said(monkeypatch):
         pytest.raises(PlatformFault) as caught,
         driven(Where(OVAL, "official", RaceRules()), Speaker(True), cars=[]) as _,
     ):
-        raise AssertionError("nothing was driven")
+        raise AssertionError("Nothing was run")
     assert caught.value.code == "drive_failed" and "nothing_of_the_kind" in str(caught.value)
 
 

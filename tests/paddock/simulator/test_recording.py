@@ -77,7 +77,7 @@ def test_anything_but_a_trace_is_refused_with_a_code(data, code):
 
 
 def test_a_refusal_names_the_line():
-    with pytest.raises(UserFault, match=r"Line 3 of the trace holds fast for X"):
+    with pytest.raises(UserFault, match=r"Line 3 of the trace: X is fast"):
         read_drives(trace(row(0), row(1, x="fast")))
 
 
