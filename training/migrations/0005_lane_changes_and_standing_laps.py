@@ -13,7 +13,7 @@ class Migration(migrations.Migration):
         migrations.AddField(
             model_name='trainingjob',
             name='bot_lane_change_least_ms',
-            field=models.PositiveIntegerField(db_default=3000, default=3000, help_text="Each bot draws times between the two limits from the seed.", verbose_name='Between two lane changes at least in milliseconds'),
+            field=models.PositiveIntegerField(db_default=3000, default=3000, help_text="Each bot draws times between the two limits from the seed.", verbose_name='Shortest time between lane changes in milliseconds'),
         ),
         migrations.AddField(
             model_name='trainingjob',
@@ -23,7 +23,7 @@ class Migration(migrations.Migration):
         migrations.AddField(
             model_name='trainingjob',
             name='bot_lane_change_most_ms',
-            field=models.PositiveIntegerField(db_default=5000, default=5000, verbose_name='Between two lane changes at most in milliseconds'),
+            field=models.PositiveIntegerField(db_default=5000, default=5000, verbose_name='Longest time between lane changes in milliseconds'),
         ),
         migrations.AddField(
             model_name='trainingjob',
