@@ -21,6 +21,8 @@ from django.utils.html import format_html
 from django.utils.translation import gettext_lazy as _
 from django.utils.translation import ngettext
 
+from core.admin import ComparedChanges
+
 from .avatars.keeping import remove_picture
 from .models import Classroom, GroupMember, Racer, RacerGroup, RacerQuota, SignUpInvitation, Team, TeamMember
 from .templatetags.accounts import avatar
@@ -82,7 +84,7 @@ class FactorInline(admin.TabularInline):
 
 
 @admin.register(Racer)
-class RacerAdmin(UserAdmin):
+class RacerAdmin(ComparedChanges, UserAdmin):
     """Racers. Who has raced is deactivated, never deleted: their results are part of other racers' boards."""
 
     form = RacerForm
@@ -162,7 +164,7 @@ class RacerAdmin(UserAdmin):
 
 
 @admin.register(SignUpInvitation)
-class SignUpInvitationAdmin(admin.ModelAdmin):
+class SignUpInvitationAdmin(ComparedChanges, admin.ModelAdmin):
     """Links to sign up with. One that is used up or over stays here, with who made it; deleting it ends it."""
 
     list_display = ("__str__", "link", "uses", "used", "expires_at", "made_by", "made_at")
@@ -198,7 +200,7 @@ class MemberInline(admin.TabularInline):
 
 
 @admin.register(RacerGroup)
-class RacerGroupAdmin(admin.ModelAdmin):
+class RacerGroupAdmin(ComparedChanges, admin.ModelAdmin):
     """Groups of racers; only here are they listed for everybody."""
 
     list_display = ("name", "leader", "is_listed", "made_at")
@@ -233,7 +235,7 @@ class TeamMemberInline(admin.TabularInline):
 
 
 @admin.register(Team)
-class TeamAdmin(admin.ModelAdmin):
+class TeamAdmin(ComparedChanges, admin.ModelAdmin):
     """Teams. An admin leads every one of them on its page; here they are found."""
 
     list_display = ("name", "captain", "made_at")

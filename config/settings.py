@@ -493,8 +493,13 @@ LOGGING = {
     "version": 1,
     "disable_existing_loggers": False,
     "formatters": {"line": {"format": "%(levelname).1s %(name)s %(message)s"}},
-    "filters": {"tokens": {"()": "core.log_filter.HidesTokens"}},
-    "handlers": {"console": {"class": "logging.StreamHandler", "formatter": "line", "filters": ["tokens"]}},
+    "filters": {
+        "tokens": {"()": "core.log_filter.HidesTokens"},
+        "refusals": {"()": "core.log_filter.WithoutRefusalTraces"},
+    },
+    "handlers": {
+        "console": {"class": "logging.StreamHandler", "formatter": "line", "filters": ["tokens", "refusals"]},
+    },
     "root": {"handlers": ["console"], "level": env_choice("PADDOCK_LOG_LEVEL", "INFO", LOG_LEVELS)},
     "loggers": {"celery": {"level": "WARNING"}, "kombu": {"level": "WARNING"}},
 }

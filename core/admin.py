@@ -2,10 +2,94 @@
 
 from __future__ import annotations
 
+from copy import copy
+from datetime import datetime
 from typing import Any
 
-from django.db.models import Model
+from django.core.exceptions import FieldDoesNotExist
+from django.db.models import Field, Model
+from django.forms import ModelForm
 from django.http import HttpRequest
+
+from .forms import same_value, unknown_fields, warn_of_ignored
+
+_BUTTONS = frozenset({"_save", "_continue", "_addanother", "_saveasnew", "_popup", "_to_field"})
+
+
+class ComparedChanges:
+    """The log names the fields whose values have changed, and the page those that were sent and not taken."""
+
+    model: type[Model]
+
+    def get_object(self, request: HttpRequest, object_id: str, from_field: Any = None) -> Any:
+        """As Django's; remembers what is stored before the form writes into the row."""
+        found = super().get_object(request, object_id, from_field)  # type: ignore[misc]
+        request.stored_row = copy(found)  # type: ignore[attr-defined]
+        return found
+
+    def save_form(self, request: HttpRequest, form: ModelForm, change: bool) -> Any:
+        """As Django's; a moment that nobody moved keeps its fraction of a second, which the form does not show."""
+        row = super().save_form(request, form, change)  # type: ignore[misc]
+        stored = getattr(request, "stored_row", None)
+        for name in form.fields if change and stored is not None else ():
+            before = _value(stored, name)
+            if isinstance(before, datetime) and same_value(before, getattr(row, name)):
+                setattr(row, name, before)
+        return row
+
+    def construct_change_message(self, request: HttpRequest, form: ModelForm, formsets: Any, add: bool = False) -> Any:
+        """As Django's, of a form that knows what has changed."""
+        stored = getattr(request, "stored_row", None)
+        if not add and stored is not None:
+            form.__dict__["changed_data"] = _changed(form, stored)
+            if not getattr(request, "is_refused", False):
+                self._warn(request, form, formsets, stored)
+        return super().construct_change_message(request, form, formsets, add)  # type: ignore[misc]
+
+    def _warn(self, request: HttpRequest, form: ModelForm, formsets: Any, stored: Model) -> None:
+        beside = tuple(f"{each.prefix}-" for each in formsets or ())
+        sent = {
+            name: value
+            for name, value in request.POST.items()
+            if name not in _BUTTONS and not name.startswith(("initial-", *beside))
+        }
+        shown = {name for name in sent if str(_value(stored, name)) == sent[name]}
+        warn_of_ignored(request, unknown_fields(sent, {*form.fields, *shown}))
+
+
+def _changed(form: ModelForm, stored: Model) -> list[str]:
+    """The fields of a saved form whose values differ from those of the stored row. What is no column of the row counts
+    as the form says."""
+    now = type(stored)._base_manager.filter(pk=stored.pk).first() or form.instance
+    names = []
+    for name in form.fields:
+        column = _column(stored, name)
+        if column is not None:
+            changed = not same_value(getattr(stored, column.attname), getattr(now, column.attname))
+        elif not _is_relation(stored, name) and hasattr(stored, name):  # a rule that has no column
+            changed = not same_value(getattr(stored, name), getattr(now, name))
+        else:
+            changed = name in form.changed_data and not form.fields[name].widget.is_hidden
+        if changed:
+            names.append(name)
+    return names
+
+
+def _column(row: Model, name: str) -> Field | None:
+    try:
+        field = row._meta.get_field(name)
+    except FieldDoesNotExist:
+        return None
+    return field if isinstance(field, Field) and field.concrete and not field.many_to_many else None
+
+
+def _is_relation(row: Model, name: str) -> bool:
+    return any(field.name == name for field in row._meta.many_to_many)
+
+
+def _value(row: Model, name: str) -> object:
+    column = _column(row, name)
+    return None if column is None else getattr(row, column.attname)
 
 
 class ReadOnly:

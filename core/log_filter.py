@@ -22,3 +22,13 @@ class HidesTokens(logging.Filter):
         if _SECRETS.search(message):
             record.msg, record.args = _SECRETS.sub(r"\1…", message), ()
         return True
+
+
+class WithoutRefusalTraces(logging.Filter):
+    """A filter of log records: a refused request (4xx) is one line without a traceback."""
+
+    def filter(self, record: logging.LogRecord) -> bool:
+        """Always true: the line itself stays."""
+        if 400 <= getattr(record, "status_code", 0) < 500:
+            record.exc_info = record.exc_text = None
+        return True

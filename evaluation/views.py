@@ -17,7 +17,7 @@ from django.views.decorators.http import require_http_methods, require_POST, req
 
 from accounts.quotas import limit_of
 from accounts.who import racer_of
-from core.forms import add_fault, explain
+from core.forms import add_fault, explain, say_saved
 from paddock.errors import PlatformFault, UserFault
 from paddock.geometry.catalogue import by_slug
 from paddock.packages.kinds import EXPORTS
@@ -199,7 +199,7 @@ def model_edit(request: HttpRequest, public_id: str) -> HttpResponse:
         except UserFault as fault:
             add_fault(form, fault)
         else:
-            messages.success(request, _("Saved."))
+            say_saved(request, form)
             return redirect(mine)
     return render(
         request, "evaluation/model_edit.html", {"model": mine, "form": form}, status=422 if form.errors else 200

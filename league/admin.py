@@ -12,6 +12,8 @@ from django.http import HttpRequest
 from django.utils import timezone
 from django.utils.translation import gettext_lazy as _
 
+from core.admin import ComparedChanges
+from core.forms import same_value
 from races.errors import problem
 
 from .models import Membership, Round, Season
@@ -28,10 +30,11 @@ class RoundAdminForm(ModelForm):
 
     def clean(self) -> dict:
         data = super().clean() or self.cleaned_data
-        if self.instance.closed_at is not None and {"race", "number", "stage"}.intersection(self.changed_data):
-            raise ValidationError(_OFFICIAL)
         if data.get("race") is not None and not data.get("stage"):
             data["stage"] = usual_stage(data["race"])
+        fixed = ("race", "number", "stage") if self.instance.closed_at is not None else ()
+        if any(name in data and not same_value(data[name], getattr(self.instance, name)) for name in fixed):
+            raise ValidationError(_OFFICIAL)
         return data
 
 
@@ -90,7 +93,7 @@ class SeasonAdminForm(ModelForm):
 
 
 @admin.register(Season)
-class SeasonAdmin(admin.ModelAdmin):
+class SeasonAdmin(ComparedChanges, admin.ModelAdmin):
     """Seasons and their rounds. What official results were worked out from is not changed after the fact."""
 
     form = SeasonAdminForm
@@ -115,7 +118,7 @@ class SeasonAdmin(admin.ModelAdmin):
 
 
 @admin.register(Membership)
-class MembershipAdmin(admin.ModelAdmin):
+class MembershipAdmin(ComparedChanges, admin.ModelAdmin):
     """Who is in which division. Everybody else is in the open one."""
 
     list_display = ("racer", "division", "season", "since")

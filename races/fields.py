@@ -34,7 +34,8 @@ class SecondsField(forms.DecimalField):
         return None if seconds is None else int(seconds * 1000)
 
     def has_changed(self, initial: Any, data: Any) -> bool:
-        return super().has_changed(self.prepare_value(initial), data)
+        shown = self.prepare_value(initial)
+        return super().has_changed(None if shown is None else self.to_python(shown), data)
 
 
 class ResetsField(forms.IntegerField):

@@ -16,7 +16,7 @@ from django.utils import timezone
 from django.utils.translation import gettext_lazy as _
 
 from accounts.models import Racer, RacerGroup
-from core.forms import add_fault
+from core.forms import add_fault, differs, ignored_fields
 from paddock.errors import UserFault
 from paddock.rules.race import BY_PLACE, RANKING
 
@@ -140,6 +140,8 @@ class RaceForm(_RuleFields):  # type: ignore[misc, valid-type]
         A page shows no seconds: a moment that was not touched keeps its own.
         """
         cleaned = super().clean()
+        if "description" in cleaned:  # browsers send CR LF
+            cleaned["description"] = cleaned["description"].replace("\r\n", "\n")
         self._clean_unsent(cleaned)
         zone = _zone(cleaned.pop("time_zone", ""))
         for name in ("opens_at", "closes_at"):
@@ -194,6 +196,33 @@ class RaceForm(_RuleFields):  # type: ignore[misc, valid-type]
             for name, value in self.cleaned_data.items()
             if name in EDITABLE_FIELDS and not self.fields[name].disabled
         }
+
+    def ignored(self) -> list[str]:
+        """The names of what was sent and not taken, beside what the type of the race leaves out."""
+        kept = {name for name in ("opens_at", "closes_at") if self.fields[name].disabled and not self._moves(name)}
+        foreign = [*self._foreign(self.cleaned_data), *self._without_cars()]
+        others = [name for name in foreign if name in self.fields and self._sends(name)]
+        return list(dict.fromkeys([*(name for name in ignored_fields(self) if name not in kept), *others]))
+
+    def _without_cars(self) -> tuple[str, ...]:
+        return ("collision_penalty_ms",) if self.cleaned_data.get("race_type") == RaceType.TIME_TRIAL else ()
+
+    def _sends(self, name: str) -> bool:
+        """Whether another value of a field was sent than its page shows."""
+        field = self.fields[name]
+        if field.disabled or field.widget.value_omitted_from_data(self.data, self.files, name):
+            return False
+        sent = bool(field.widget.value_from_datadict(self.data, self.files, name))
+        return sent and differs(field, self.get_initial_for_field(field, name), self.data, name)
+
+    def _moves(self, name: str) -> bool:
+        """Whether another minute was sent for a moment that may not move."""
+        try:
+            typed = self.fields[name].to_python(self.data.get(name))
+        except ValidationError:
+            return True
+        zone, stored = _zone(self.data.get("time_zone", "")), getattr(self.race, name)
+        return typed is not None and typed.replace(tzinfo=zone) != stored.replace(second=0, microsecond=0)
 
     def show(self, fault: UserFault) -> None:
         """Show a refusal, each problem beside its field where the form has it."""

@@ -9,6 +9,7 @@ from functools import partial
 from django.core.exceptions import ValidationError
 
 from accounts.groups.selectors import may_hold_for
+from core.forms import same_value
 from paddock.rules.race import RULES, RUN_RULES
 
 from .errors import RaceRefused, problem
@@ -148,7 +149,7 @@ def _has_opened(race: Race, now: datetime) -> bool:
 def changed_fields(before: Race, after: Race) -> list[str]:
     """Names of the fields that racers know in which two states of a race differ."""
     names = (*EDITABLE_FIELDS, *FIXED_FIELDS)
-    return [name for name in names if stored_value(before, name) != stored_value(after, name)]
+    return [name for name in names if not same_value(stored_value(before, name), stored_value(after, name))]
 
 
 def stored_value(race: Race, name: str) -> object:

@@ -16,6 +16,7 @@ from django.utils.translation import gettext_lazy as _
 
 from accounts.models import Racer
 from accounts.who import racer_of
+from core.admin import ComparedChanges
 from paddock.errors import UserFault
 from paddock.geometry.npy import MAX_BYTES
 
@@ -62,7 +63,7 @@ class ImportForm(forms.ModelForm):
 
 
 @admin.register(Track)
-class TrackAdmin(admin.ModelAdmin):
+class TrackAdmin(ComparedChanges, admin.ModelAdmin):
     """See the module's docstring."""
 
     list_display = ("name", "slug", "length_m", "width_m", "direction", "is_catalogue", "owner", "created_at")

@@ -25,7 +25,7 @@ from accounts.receivers import begin_passing_session
 from accounts.tokens import TOKENS_PER_RACER, create_token, revoke_token, tokens_of
 from accounts.who import racer_of
 from core.addresses import origin_of
-from core.forms import add_fault, explain
+from core.forms import add_fault, explain, say_saved
 from paddock.errors import UserFault
 
 
@@ -60,7 +60,7 @@ def settings_page(request: HttpRequest) -> HttpResponse:
     form = ProfileForm(request.POST or None, instance=request.user)
     if request.method == "POST" and form.is_valid():
         change_profile(racer=racer_of(request), now=timezone.now(), **form.cleaned_data)
-        messages.success(request, _("Saved."))
+        say_saved(request, form)
         return redirect("settings")
     return render(request, "accounts/settings.html", {"form": form})
 

@@ -5,7 +5,6 @@ from __future__ import annotations
 from typing import Any
 
 from django import forms
-from django.contrib import messages
 from django.contrib.auth.decorators import login_required
 from django.core.paginator import Paginator
 from django.http import Http404, HttpRequest, HttpResponse
@@ -18,6 +17,7 @@ from django.views.decorators.csrf import csrf_exempt
 from django.views.decorators.http import require_http_methods, require_POST, require_safe
 
 from accounts.who import racer_of
+from core.forms import say_saved
 from league.models import NoticeKind
 from league.selectors.notices import notices_of
 from league.services.notices import choice_of, choose_notices, mark_read, stop_mails, what_stops
@@ -111,6 +111,6 @@ def notice_settings(request: HttpRequest) -> HttpResponse:
     if request.method == "POST" and form.is_valid():
         language = form.cleaned_data["language"]
         choose_notices(racer=racer_of(request), site_off=form.off("site"), mail_off=form.off("mail"), language=language)
-        messages.success(request, _("Saved."))
+        say_saved(request, form)
         return redirect("notice_settings")
     return render(request, "league/notice_settings.html", {"form": form})

@@ -12,6 +12,7 @@ from django.http import HttpRequest, HttpResponse
 from django.shortcuts import render
 from django.utils.translation import gettext as _
 
+from core.admin import ComparedChanges
 from paddock.errors import PaddockError
 
 
@@ -20,7 +21,7 @@ def sentence(fault: PaddockError) -> str:
     return fault.reason.render(fault.params, _(fault.reason.sentence))
 
 
-class WithReason(ModelAdmin):
+class WithReason(ComparedChanges, ModelAdmin):
     """Actions that ask for a reason on a page of their own, which says what will follow."""
 
     def with_reason(

@@ -13,6 +13,7 @@ from django.utils.translation import gettext as _
 from django.views.decorators.http import require_http_methods, require_POST, require_safe
 
 from accounts.who import racer_of
+from core.forms import ignored_fields, warn_of_ignored
 from evaluation.selectors import models_of
 from paddock.errors import UserFault
 from races.afterwards.statistics import figures_of
@@ -138,6 +139,7 @@ def live_plan(request: HttpRequest, slug: str) -> HttpResponse:
             form.show(fault)
         else:
             messages.success(request, _("The live event is planned."))
+            warn_of_ignored(request, ignored_fields(form))
             return redirect("live_console", slug)
     context = {"race": race, "event": event, "form": form}
     return render(request, "races/live/plan.html", context, status=422 if form.errors else 200)

@@ -14,6 +14,7 @@ from django.views.decorators.http import require_http_methods, require_POST, req
 
 from accounts.groups.selectors import groups_to_hold_for
 from accounts.who import racer_of
+from core.forms import say_saved, warn_of_ignored
 from paddock.errors import UserFault
 from races import services
 from races.audit import log_if_admin
@@ -25,6 +26,7 @@ from races.selectors.counting import cars_waiting
 from races.selectors.terms import with_accepted_terms
 from races.services.races import has_submissions
 from races.spectators import spectator_token
+from races.validation import changed_fields
 from tracks.models import Track
 
 from .common import organised_race, tell_fault
@@ -51,6 +53,7 @@ def race_new(request: HttpRequest) -> HttpResponse:
             form.show(fault)
         else:
             messages.success(request, _("The race is made."))
+            warn_of_ignored(request, form.ignored())
             return redirect("race_edit" if race.visibility == "invitation" else "race", race.slug)
     context = {"form": form, "layout": preview(form, submitted=form.is_bound)}
     return render(request, "races/form.html", context, status=422 if form.errors else 200)
@@ -73,13 +76,15 @@ def race_edit(request: HttpRequest, slug: str) -> HttpResponse:
     groups = groups_to_hold_for(race.organiser or racer_of(request))
     form = RaceForm(request.POST or None, race=race, locked=locked, now=now, groups=groups)
     if request.method == "POST" and form.is_valid():
+        before = Race.objects.get(pk=race.pk)
         try:
             services.edit_race(race=race, now=now, edition=form.cleaned_data["edition"] or None, **form.changes())
         except UserFault as fault:
             form.show(fault)
         else:
-            log_if_admin(racer_of(request), race, f"Edited: {', '.join(form.changed_data)}")
-            messages.success(request, _("Saved."))
+            if changed := changed_fields(before, race):
+                log_if_admin(racer_of(request), race, f"Edited: {', '.join(changed)}")
+            say_saved(request, form, ignored=form.ignored())
             return redirect(race)
     state = race.state_at(now)
     context = {

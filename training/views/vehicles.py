@@ -11,7 +11,7 @@ from django.utils.translation import gettext as _
 from django.views.decorators.http import require_http_methods, require_safe
 
 from accounts.who import racer_of
-from core.forms import add_fault
+from core.forms import add_fault, say_saved
 from evaluation.models import TrainedModel
 from paddock.errors import UserFault
 from training.forms.vehicle import VehicleForm
@@ -63,7 +63,7 @@ def _form(request: HttpRequest, vehicle: Vehicle | None, clone: TrainedModel | N
         except UserFault as fault:
             add_fault(form, fault, "name" if fault.code == "vehicle_name_taken" else None)
         else:
-            messages.success(request, _("Saved."))
+            say_saved(request, form)
             if clone is not None:
                 return redirect(f"{reverse('training_new')}?clone={clone.public_id}")
             return redirect("vehicles")
