@@ -21,11 +21,12 @@ BESIDE_FIELDS = frozenset({"csrfmiddlewaretoken", "once", "next", "do"})
 MOST_NAMED, LONGEST_NAME = 20, 64
 # A field of several inputs: opens_at_0, boxes-1-percent, randomised-on.
 _PART = re.compile(r"(_\d+|-\d+-[a-z]+|-on|-clear)\Z")
+LABEL = "label"
 
 
 def explain(fault: PaddockError) -> str:
-    """The fault's sentence in the reader's language, with its details filled in."""
-    params = {key: gettext(value) if value in WORDS else value for key, value in fault.params.items()}
+    """The fault's sentence in the reader's language, details filled in. The detail ``label`` is a field's label."""
+    params = {key: gettext(value) if key == LABEL or value in WORDS else value for key, value in fault.params.items()}
     return fault.reason.render(params, gettext(fault.reason.sentence))
 
 

@@ -280,4 +280,24 @@
   // --- the first error gets the focus --------------------------------------------------------------------------------
   const first = document.querySelector(".fault, .field.wrong input, .field.wrong select, .field.wrong textarea");
   if (first) first.focus();
+
+  // --- a page begins at its heading, a form's page at its first field --------------------------------------------------
+  const isShown = (field) => field.offsetParent !== null;
+  function begin() {
+    if (document.activeElement !== document.body || location.hash.length > 1) return;
+    const form = document.querySelector("form[data-purpose]");
+    const field = form && [...form.elements].find((each) => each.matches("input:not([type=hidden]), select, textarea") && !each.disabled && !each.readOnly && isShown(each));
+    const heading = document.querySelector("#main h1");
+    if (!field && heading && !heading.hasAttribute("tabindex")) heading.tabIndex = -1;
+    (field || heading || document.getElementById("main"))?.focus({ preventScroll: true });
+    // who comes from elsewhere is offered the skip link and the header first
+    const skip = document.querySelector(".skip");
+    if (field || !skip || document.referrer.startsWith(location.origin)) return;
+    document.addEventListener("keydown", (event) => {
+      if (event.key !== "Tab" || event.shiftKey || document.activeElement !== heading) return;
+      event.preventDefault();
+      skip.focus();
+    }, { once: true });
+  }
+  begin();
 })();

@@ -165,6 +165,23 @@
     });
   });
 
+  // --- SAC needs ranges: choosing it selects them, and going back to PPO brings back the table that it replaced ---------------
+  document.querySelectorAll("form:has([name='algorithm']):has([name='action_space_type'])").forEach((form) => {
+    const radio = (value) => form.querySelector(`[name='action_space_type'][value='${value}']`);
+    const [table, ranges] = [radio("discrete"), radio("continuous")];
+    let replaced = false;
+    const choose = (one) => { one.checked = true; one.dispatchEvent(new Event("change", { bubbles: true })); };
+    const follow = () => {
+      const needsRanges = form.elements.algorithm.value === "sac";
+      if (needsRanges && table.checked) { replaced = true; choose(ranges); }
+      else if (!needsRanges && replaced) { replaced = false; choose(table); }
+      table.disabled = needsRanges;
+    };
+    form.addEventListener("change", (event) => { if (event.target.name === "algorithm") follow(); });
+    addEventListener("pageshow", follow);
+    follow();
+  });
+
   // --- all hyperparameters at once: a button has the values of each algorithm ------------------------------------------
   document.querySelectorAll("[data-fill]").forEach((button) => button.addEventListener("click", (event) => {
     event.preventDefault();

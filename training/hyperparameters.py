@@ -6,6 +6,7 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 from paddock.errors import UserFault
+from paddock.errors.reasons import gettext_noop as _
 from paddock.packages.metadata import CONTINUOUS, DISCRETE
 from paddock.rules.hyperparameters import DEFAULTS, HYPERPARAMETERS, SAC
 from paddock.rules.training import RANDOMISED, SETTINGS, TrainingSettings
@@ -61,7 +62,8 @@ def check_hyperparameters(algorithm: str, given: Mapping[str, Any]) -> dict[str,
         elif one.choices:
             raise UserFault("training_loss_type")
         else:
-            raise UserFault("training_hyperparameter", name=one.name, low=f"{one.least:g}", high=f"{one.most:g}")
+            bounds = {"low": f"{one.least:g}", "high": f"{one.most:g}"}
+            raise UserFault("training_hyperparameter", name=one.name, label=str(one.label), **bounds)
     return checked
 
 
@@ -88,7 +90,7 @@ def check_settings(settings: TrainingSettings) -> None:
         except ValueError:
             bounds: dict[str, Any] = dict(zip(("low", "high"), rule.bounds, strict=True)) if name in _RANGES else {}
             if name in RANDOMISED:
-                bounds = {"name": name}
+                bounds = {"name": name, "label": str(rule.label)}
             raise UserFault(code, **bounds) from None
 
 
@@ -96,7 +98,7 @@ def check_action_space(algorithm: str, kind: str, given: Any) -> list[dict[str, 
     """The action space as ``model_metadata.json`` has it.
 
     Raises UserFault ``training_sac_continuous``, ``training_action_space``, ``training_action_count``,
-    ``training_action_value`` or ``training_action_bounds``.
+    ``training_action_value``, ``training_range_value`` or ``training_action_bounds``.
     """
     if kind not in (DISCRETE, CONTINUOUS):
         raise UserFault("training_action_space")
@@ -106,6 +108,7 @@ def check_action_space(algorithm: str, kind: str, given: Any) -> list[dict[str, 
 
 
 _LIMITS = {"steering_angle": STEERING_DEG, "speed": SPEED_MPS}
+_LABELS = {"steering_angle": _("steering angle"), "speed": _("speed")}
 
 
 def _discrete(given: Any) -> list[dict[str, float]]:
@@ -115,7 +118,7 @@ def _discrete(given: Any) -> list[dict[str, float]]:
     if not low <= len(given) <= high:
         raise UserFault("training_action_count", low=low, high=high, count=len(given))
     return [
-        {name: _action_value(f"#{number}", name, action.get(name)) for name in _LIMITS}
+        {name: _action_value(name, action.get(name), code="training_action_value", where=number) for name in _LIMITS}
         for number, action in enumerate(given)
     ]
 
@@ -124,17 +127,22 @@ def _continuous(given: Any) -> dict[str, dict[str, float]]:
     if not isinstance(given, Mapping) or not all(isinstance(given.get(name), Mapping) for name in _LIMITS):
         raise UserFault("training_action_space")
     checked = {
-        name: {end: _action_value(end, name, given[name].get(end)) for end in ("low", "high")} for name in _LIMITS
+        name: {
+            end: _action_value(name, given[name].get(end), code="training_range_value", where=end)
+            for end in ("low", "high")
+        }
+        for name in _LIMITS
     }
     for name, bounds in checked.items():
         if bounds["low"] >= bounds["high"]:
-            raise UserFault("training_action_bounds", name=name)
+            raise UserFault("training_action_bounds", name=name, label=_LABELS[name])
     return checked
 
 
-def _action_value(where: str, name: str, value: Any) -> float:
+def _action_value(name: str, value: Any, *, code: str, where: int | str) -> float:
     low, high = _LIMITS[name]
     right = isinstance(value, int | float) and not isinstance(value, bool)
     if not right or not low <= value <= high:  # not for NaN either
-        raise UserFault("training_action_value", where=where, name=name, low=f"{low:g}", high=f"{high:g}")
+        bounds = {"low": f"{low:g}".replace("-", "−"), "high": f"{high:g}"}
+        raise UserFault(code, where=where, name=name, label=_LABELS[name], **bounds)
     return float(value) + 0.0

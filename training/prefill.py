@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 from evaluation.models import TrainedModel
 from paddock.packages.inputs import lidar_settings
-from paddock.rules.hyperparameters import DEFAULTS, HYPERPARAMETERS, PPO
+from paddock.rules.hyperparameters import DEFAULTS, HYPERPARAMETERS, PPO, SAC
 from paddock.rules.training import DRIVEN_BY, ENDING, KEPT, RANDOMISED
 from races.layout_form import DRAWN, FIXED
 from tracks.models import Track
@@ -68,6 +68,8 @@ def proposals(owner: Racer, asked: Mapping[str, str]) -> dict[str, Any]:
     initial |= said
     initial = {**DEFAULTS.get(initial.get("algorithm", ""), {}), **initial}
     initial["usual_of"] = initial.get("algorithm", PPO)
+    if initial["usual_of"] == SAC:
+        initial["action_space_type"] = CONTINUOUS
     if said.keys() & set(GRANULARITIES):
         initial["actions"] = table({**INITIAL, **said})
     return initial

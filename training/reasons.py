@@ -49,27 +49,25 @@ register(
             "There is no hyperparameter “%(name)s” for this algorithm. It has: %(known)s."
         ),
         "training_hyperparameter": _(
-            "The hyperparameter “%(name)s” must be a number from %(low)s to %(high)s (batch size, epochs and episodes "
-            "are whole numbers)."
+            "%(label)s must be a number from %(low)s to %(high)s (batch size, epochs and episodes are whole numbers)."
         ),
         "training_loss_type": _("The loss is “huber” or “mean squared error”."),
-        "training_sac_continuous": _(
-            "SAC learns continuous actions only. Choose a continuous action space, or train with PPO."
-        ),
+        "training_sac_continuous": _("SAC needs ranges. Choose “ranges” as the action space, or train with PPO."),
         "training_action_space": _(
             "An action space is “discrete”, a list of actions with steering_angle and speed, or “continuous”, with low "
             "and high of both."
         ),
         "training_action_count": _("A discrete action space has %(low)s to %(high)s actions, not %(count)s."),
-        "training_action_value": _("%(where)s: %(name)s must be a number from %(low)s to %(high)s."),
-        "training_action_bounds": _("The lowest %(name)s must be less than the highest."),
+        "training_action_value": _("Action %(where)s: enter a %(label)s from %(low)s to %(high)s."),
+        "training_range_value": _("Enter a %(label)s from %(low)s to %(high)s."),
+        "training_action_bounds": _("The lowest %(label)s must be less than the highest."),
         "training_minutes": _("A training lasts a whole number of minutes from %(low)s to %(high)s."),
         "training_steps": _("The number of steps that ends the training must be a whole number of at least 1."),
         "training_clean_laps": _(
             "The number of clean laps that ends the training must be a whole number from %(low)s to %(high)s."
         ),
         "training_alternate_direction": _("Whether the direction alternates is true or false."),
-        "training_randomisation": _("The strength %(name)s must be a whole number of percent, 0 to 100."),
+        "training_randomisation": _("%(label)s must be a whole number of percent, 0 to 100."),
         "training_tracks": _("A training drives on at most %(limit)s tracks, each of them once."),
         "training_trials": _("An evaluation has %(low)s to %(high)s trials."),
         "training_best_metric": _("The best model is the best by progress, reward or lap_time."),

@@ -150,7 +150,7 @@ class TrainingForm(HyperparametersForm, LayoutForm, _Ending):  # type: ignore[mi
     opponents = forms.CharField(required=False, widget=forms.HiddenInput)
     algorithm = forms.ChoiceField(label=_("Algorithm"), choices=Algorithm.choices, widget=forms.RadioSelect)
     action_space_type = forms.ChoiceField(
-        label=_("Kind"),
+        label=_("Action space"),
         choices=[(DISCRETE, _("a table of actions")), (CONTINUOUS, _("ranges (continuous)"))],
         widget=forms.RadioSelect,
     )
@@ -346,9 +346,10 @@ class TrainingForm(HyperparametersForm, LayoutForm, _Ending):  # type: ignore[mi
         """The field that a refusal is about, None for the training as a whole."""
         if fault.code.startswith("reward_"):
             return "reward_code"
-        if fault.code in ("training_action_value", "training_action_bounds"):
+        if fault.code in ("training_action_value", "training_range_value", "training_action_bounds"):
             short = "speed" if named_in(fault) == "speed" else "steering"
-            return "actions" if self.cleaned_data.get("action_space_type") == DISCRETE else f"{short}_high"
+            end = "low" if fault.params.get("where") == "low" else "high"
+            return "actions" if self.cleaned_data.get("action_space_type") == DISCRETE else f"{short}_{end}"
         if fault.code in ("training_hyperparameter", "training_randomisation"):
             return named_in(fault)
         if fault.code in LAYOUT_CODES:
