@@ -72,10 +72,10 @@ def sentence(kind: str, by: int) -> str:
         ChangeKind.SLOWER: _("%(by)s s slower than before: the board did not change."),
         ChangeKind.CLASSIFIED: _("Classified here for the first time."),
         ChangeKind.LOST: _("An earlier car of yours is classified: the board did not change."),
-        ChangeKind.TIE_WON: _("As fast as before, and better by the best lap or by fewer resets."),
+        ChangeKind.TIE_WON: _("Same time as before, better by best lap or fewer resets."),
         ChangeKind.SAME: _("No better than before: the board did not change."),
         ChangeKind.FARTHER: _("%(by)s %% of a lap farther than before."),
-        ChangeKind.LESS_FAR: _("%(by)s %% of a lap less far than before: the board did not change."),
+        ChangeKind.LESS_FAR: _("%(by)s %% of a lap short of before: the board did not change."),
     }
     timed = kind in (ChangeKind.FASTER, ChangeKind.SLOWER)
     return said.get(kind, "") % {"by": f"{by // 1000}.{by % 1000:03}" if timed else by}

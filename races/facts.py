@@ -98,12 +98,12 @@ def fault_rules(race: Race) -> list[str]:
         else []
     )
     if not resets:
-        return [*standing, _("There are no resets: the first fault ends the run.")]
+        return [*standing, _("No resets: the first fault ends the run.")]
     rules = [
         *standing,
         _(
-            "A car that is off track or drives backwards is put back on the nearer lane and stands still for "
-            "%(seconds)s s. The clock goes on."
+            "A car that is off track or drives backwards restarts on the nearer lane after "
+            "%(seconds)s s. The clock keeps running."
         )
         % {"seconds": f"{race.off_track_penalty_ms / 1000:g}"},
     ]
@@ -149,7 +149,7 @@ def score_words(entry: Entry) -> str:
     if entry.seed is None:
         return clock(entry.score_ms)
     if entry.race.duel_format == DuelFormat.BRACKET:
-        return ngettext("%(count)s tie won", "%(count)s ties won", entry.points) % {"count": entry.points}
+        return ngettext("%(count)s duel won", "%(count)s duels won", entry.points) % {"count": entry.points}
     return ngettext("%(count)s point", "%(count)s points", entry.points) % {"count": entry.points}
 
 
@@ -189,24 +189,24 @@ def behind(place: Place, rival: Rival) -> str:
     if not place.is_drawn:
         return "–" if rival.gap is None else gap(rival.gap)
     if rival.gap is None:
-        return _("ties equal") if place.counts_ties else _("points equal")
+        return _("duels won equal") if place.counts_ties else _("points equal")
     if place.counts_ties:
-        return ngettext("%(count)s tie", "%(count)s ties", rival.gap) % {"count": rival.gap}
+        return ngettext("%(count)s duel", "%(count)s duels", rival.gap) % {"count": rival.gap}
     return ngettext("%(count)s point", "%(count)s points", rival.gap) % {"count": rival.gap}
 
 
 def _box_rules(race: Race) -> list[str]:
     if race.boxes:
         where = ngettext(
-            "%(count)s box stands on the track, in the place that the map shows, for every car alike.",
-            "%(count)s boxes stand on the track, in the places that the map shows, for every car alike.",
+            "%(count)s box on the track, as shown on the map, the same for every car.",
+            "%(count)s boxes on the track, as shown on the map, the same for every car.",
             len(race.boxes),
         ) % {"count": len(race.boxes)}
     else:
         where = ngettext(
-            "%(count)s box stands on the track, in a place drawn from the seed: the same in every lap for every car.",
-            "%(count)s boxes stand on the track, in places drawn from the seed at least %(distance)s m apart: the same "
-            "in every lap for every car.",
+            "%(count)s box on the track, placed by the seed, the same in every lap for every car.",
+            "%(count)s boxes on the track, placed by the seed at least %(distance)s m apart, the "
+            "same in every lap for every car.",
             race.random_boxes,
         ) % {"count": race.random_boxes, "distance": f"{race.box_distance_m:g}"}
     return [where, _("A box is 40 cm wide, 30 cm long and 25 cm high, and stands in the middle of its lane.")]
@@ -226,15 +226,15 @@ def _bot_rules(race: Race) -> list[str]:
         if race.bot_lane_change_m != RaceRules.bot_lane_change_m:
             lanes += " " + _("A change takes %(metres)s m.") % {"metres": f"{race.bot_lane_change_m:g}"}
     else:
-        lanes = _("Bots keep to their lanes.")
+        lanes = _("Bots stay in their lanes.")
     return [bots, lanes]
 
 
 def _duel_rules(race: Race) -> list[str]:
     return [
         _(
-            "While the race is open each car drives the track alone: that is its qualifying. When it has closed, cars "
-            "meet on the track, %(cars)s at once, started apart from each other, and each is timed for itself."
+            "While the race is open, each car qualifies alone. After closing, %(cars)s cars at a "
+            "time drive together, with gaps at the start, and each is timed separately."
         )
         % {"cars": race.duel_cars},
         *(
@@ -251,11 +251,11 @@ def _crash_rule(race: Race) -> str:
     values = {"seconds": f"{race.collision_penalty_ms / 1000:g}", "times": RaceRules.mercy_resets}
     if race.boxes or race.random_boxes:
         rule = _(
-            "A car that runs into a box stands still for %(seconds)s s and goes on before it in the other lane; reset "
-            "number %(times)s at the same box puts it behind the box. It is never put back before a box that it has "
-            "passed."
+            "A car that hits a box waits %(seconds)s s and restarts before the box in the other "
+            "lane. After reset %(times)s at the same box it restarts behind the box. It never "
+            "restarts before a box it has passed."
         )
     else:
-        rule = _("Of two cars that touch, the one behind is at fault: it stands still for %(seconds)s s where it is.")
-    clock = _("The clock goes on.")  # not inside the f-string, where gettext does not look
+        rule = _("When two cars touch, the one behind is at fault and waits %(seconds)s s on the spot.")
+    clock = _("The clock keeps running.")  # not inside the f-string, where gettext does not look
     return f"{rule % values} {clock}"

@@ -51,7 +51,7 @@ class RaceForm(_RuleFields):  # type: ignore[misc, valid-type]
         label=_("Description"), required=False, max_length=2000, widget=forms.Textarea(attrs={"rows": 3})
     )
     prize = forms.CharField(
-        label=_("Prize"), required=False, max_length=200, help_text=_("In a line, for the card of the race.")
+        label=_("Prize"), required=False, max_length=200, help_text=_("One line, for the race card.")
     )
     sponsor = forms.CharField(label=_("Sponsor"), required=False, max_length=64)
     terms = forms.CharField(
@@ -59,7 +59,7 @@ class RaceForm(_RuleFields):  # type: ignore[misc, valid-type]
         required=False,
         max_length=MOST_TERMS,
         widget=forms.Textarea(attrs={"rows": 4}),
-        help_text=_("Whoever joins accepts them first. Once you change them, everybody accepts them anew."),
+        help_text=_("Racers must accept them before joining. After a change, everyone must accept them again."),
     )
     physical = forms.BooleanField(
         label=_("Real cars, timed at the track"),
@@ -88,10 +88,10 @@ class RaceForm(_RuleFields):  # type: ignore[misc, valid-type]
     opens_at = MomentField(label=_("Opens"))
     closes_at = MomentField(label=_("Closes"))
     visibility = forms.ChoiceField(
-        label=_("Who may join"),
+        label=_("Open to"),
         choices=[
             (Visibility.PUBLIC, _("everybody")),
-            (Visibility.INVITATION, _("who has the invitation link; nobody else sees the race")),
+            (Visibility.INVITATION, _("racers with the invitation link; hidden from others")),
         ],
         widget=forms.RadioSelect,
     )

@@ -39,8 +39,8 @@ class LayoutForm(_RuleFields):  # type: ignore[misc, valid-type]
         label=_("Track"), queryset=Track.objects.none(), to_field_name="slug", empty_label=_("Choose a track")
     )
     box_choice = forms.ChoiceField(
-        label=_("Places of the boxes"),
-        choices=[(FIXED, _("where I put them")), (DRAWN, _("drawn from the seed"))],
+        label=_("Box positions"),
+        choices=[(FIXED, _("in the positions I choose")), (DRAWN, _("drawn from the seed"))],
         widget=forms.RadioSelect,
         required=False,
     )
@@ -118,7 +118,7 @@ def preview(form: LayoutForm, *, submitted: bool) -> Preview:
             problems = error.error_dict
     own = {name: form.errors[name].as_data()[0] for name in LAYOUT if form.is_bound and name in form.errors}
     if not own and not submitted and _waits_for_boxes(form, problems):
-        hint = _("No boxes yet. Place 1 to %(most)s on the track, or have their places drawn from the seed.")
+        hint = _("No boxes yet. Place 1 to %(most)s on the track, or let the seed place them.")
         return Preview(race, [], (), hint % {"most": MAX_BOXES})
     sentences = _sentences(own or problems)
     if not sentences:

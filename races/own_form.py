@@ -62,8 +62,8 @@ class AsInForm(CarForm):
     """A run as in a race: all else is the race's."""
 
     submit_if_better = forms.BooleanField(
-        label=_("Submit the car if the run is better than my best there"),
-        help_text=_("Once, with the end of the run. The race times it again, and it counts as a submission."),
+        label=_("Submit the car if the run beats my best result there"),
+        help_text=_("Submitted once after the run. The race times it again, and it counts as a submission."),
         required=False,
     )
 
@@ -96,7 +96,7 @@ class OwnForm(CarForm, _RuleFields):  # type: ignore[misc, valid-type]
         for number, name in enumerate(RIVALS, 1):
             label = _("Rival %(number)s") % {"number": number}
             self.fields[name] = forms.CharField(label=label, required=False, max_length=12, widget=forms.Select)
-            self.fields[name].widget.choices = [("", _("nobody")), *cars]
+            self.fields[name].widget.choices = [("", _("none")), *cars]
         self.fields[NEEDED].required = False
         self.fields[NEEDED].widget.attrs["placeholder"] = str(RULES[NEEDED].default)
 

@@ -45,6 +45,6 @@ def _own(racers: Collection[int] | None) -> QuerySet[OwnEvaluation]:
     return own if racers is None else own.filter(owner__in=racers)
 
 
-RACES = Quota(4, "races", "RACES_PER_RACER", _("Races held at a time"), _races)
-OWN_RUNS_AT_ONCE = Quota(9, "own_runs_at_once", "OWN_RUNS_AT_ONCE", _("Own runs under way"), _own_at_once)
-OWN_RUNS_A_DAY = Quota(10, "own_runs_a_day", "OWN_RUNS_A_DAY", _("Own runs in 24 hours"), _own_a_day)
+RACES = Quota(4, "races", "RACES_PER_RACER", _("Simultaneous races"), _races)
+OWN_RUNS_AT_ONCE = Quota(9, "own_runs_at_once", "OWN_RUNS_AT_ONCE", _("Test runs in progress"), _own_at_once)
+OWN_RUNS_A_DAY = Quota(10, "own_runs_a_day", "OWN_RUNS_A_DAY", _("Test runs in 24 hours"), _own_a_day)

@@ -178,9 +178,9 @@ class Average(RankingRule):
         laps = laps_needed(race)
         return ngettext(
             # not the words of the best lap's rule: gettext knows a sentence and its plural by the singular alone
-            "Ranked by the lowest time of one complete lap. A car that finishes no lap is not classified.",
-            "Ranked by the lowest average of %(laps)s consecutive complete laps, rounded down to the millisecond. "
-            "A car that does not finish %(laps)s laps in a row is not classified.",
+            ("Ranked by the lowest time of one complete lap. Cars without a complete lap are not classified."),
+            "Ranked by the lowest average of %(laps)s consecutive complete laps, rounded down to the "
+            "millisecond. Cars without %(laps)s consecutive laps are not classified.",
             laps,
         ) % {"laps": laps}
 
@@ -195,8 +195,8 @@ class Best(RankingRule):
     def rule(self, race: Race) -> str:
         laps = laps_needed(race)
         return ngettext(
-            "Ranked by the fastest complete lap. A car that finishes no lap is not classified.",
-            "Ranked by the fastest complete lap. A car that does not finish %(laps)s laps in a row is not classified.",
+            "Ranked by the fastest complete lap. Cars without a complete lap are not classified.",
+            ("Ranked by the fastest complete lap. Cars without %(laps)s consecutive laps are not classified."),
             laps,
         ) % {"laps": laps}
 
@@ -213,8 +213,8 @@ class Total(RankingRule):
 
     def rule(self, race: Race) -> str:
         return ngettext(
-            "Ranked by the time of the one lap. A car that does not finish it is not classified.",
-            "Ranked by the total time of all %(laps)s laps. A car that does not finish all of them is not classified.",
+            "Ranked by the time of the one lap. Cars without a complete lap are not classified.",
+            ("Ranked by the total time of all %(laps)s laps. Cars that do not finish all laps are not classified."),
             race.laps,
         ) % {"laps": race.laps}
 
@@ -243,9 +243,9 @@ class Points(RankingRule):
             duels = _bracket_rule(race) % {"limit": settings.DUELS_IN_BRACKET}
         else:
             duels = _(
-                "When the race has closed, the best %(limit)s classified cars meet in a round robin, %(cars)s in a "
-                "heat: every pair from both starting orders. Each heat gives a point for every car left behind. Ranked "
-                "by points, then by the average lap in all heats."
+                "After closing, the best %(limit)s classified cars meet in a round robin, %(cars)s cars "
+                "in a heat. Each pair races twice, swapping start positions. One point per car beaten in "
+                "a heat. Ranked by points, then by the average lap in all heats."
             ) % {"limit": settings.DUELS_IN_ROUND_ROBIN, "cars": race.duel_cars}
         return f"{qualifying} {duels}"
 
@@ -253,22 +253,22 @@ class Points(RankingRule):
 def _bracket_rule(race: Race) -> str:
     if race.duel_heats == 1:
         return _(
-            "When the race has closed, the best %(limit)s classified cars meet in a knock-out bracket, seeded by "
-            "qualifying. A tie is one heat, the better qualifier in front. Ranked by ties won, of which a bye is one, "
-            "then by the average lap in all heats."
+            "After closing, the best %(limit)s classified cars meet in a knock-out bracket, seeded "
+            "by qualifying. Each duel is one heat with the better qualifier in front. Ranked by "
+            "duels won (a bye counts), then by the average lap in all heats."
         )
     if race.duel_heats == 3:
         return _(
-            "When the race has closed, the best %(limit)s classified cars meet in a knock-out bracket, seeded by "
-            "qualifying. A tie is the best of three heats: one from each starting order, and where both have won one a "
-            "third, in which who did better in the two stands in front. Ranked by ties won, of which a bye is one, "
-            "then by the average lap in all heats."
+            "After closing, the best %(limit)s classified cars meet in a knock-out bracket, seeded "
+            "by qualifying. Each duel is best of three heats: two with swapped start positions and, "
+            "at one win each, a third with the better car in front. Ranked by duels won (a bye "
+            "counts), then by the average lap in all heats."
         )
     return _(
-        "When the race has closed, the best %(limit)s classified cars meet in a knock-out bracket, seeded by "
-        "qualifying. A tie is two heats, one from each starting order: more points win it, then more laps, "
-        "then less time for them, then the better qualifier. Ranked by ties won, of which a bye is one, then "
-        "by the average lap in all heats."
+        "After closing, the best %(limit)s classified cars meet in a knock-out bracket, seeded "
+        "by qualifying. Each duel has two heats with swapped start positions. More points win, "
+        "then more laps, then less time, then the better qualifier. Ranked by duels won (a bye "
+        "counts), then by the average lap in all heats."
     )
 
 
@@ -301,12 +301,12 @@ def drawn_rank(points: int, lap_ms: int | None, seed: int) -> tuple[int, int]:
 def order_rule(race: Race) -> str:
     """How ties are broken in ``race`` and where unclassified cars stand, in the reader's language."""
     rule = _(
-        "Equal scores: the faster best lap stands first, then fewer resets, then the earlier submission. "
-        "Cars that are not classified stand below all others, the one that drove farther first."
+        "Ties: faster best lap, then fewer resets, then the earlier submission. Cars that are "
+        "not classified come last, by distance."
     )
     if race.opponents != "models":
         return rule
-    duels = _("At equal points and average laps the better qualifier stands first; who was not drawn stands below.")
+    duels = _("At equal points and average laps, the better qualifier is ahead. Cars without duels come last.")
     return f"{duels} {_('Qualifying: %(rule)s') % {'rule': rule}}"
 
 

@@ -18,8 +18,8 @@ register(
     "user",
     {
         # a race that is made or changed
-        "race_field": _("%(field)s cannot be so: %(problem)s"),
-        "race_field_fixed": _("%(field)s never changes once a race is made. Make another race instead."),
+        "race_field": _("Invalid %(field)s: %(problem)s"),
+        "race_field_fixed": _("%(field)s cannot be changed after creation. Create a new race instead."),
         "race_closes_before_opening": _(
             "The race closes before it opens. Choose a closing time after the opening time."
         ),
@@ -27,13 +27,9 @@ register(
         "race_already_over": _("The closing time has passed. Choose a later one."),
         "race_too_long": _("A race lasts at most %(days)s days. Choose an earlier closing time."),
         "race_too_far_ahead": _("The race opens more than %(days)s days from now. Choose an earlier time."),
-        "race_minimum_laps": _(
-            "The car drives %(laps)s laps, so at most %(laps)s consecutive laps can be asked of it."
-        ),
-        "race_total_needs_all_laps": _(
-            "For the total time every lap counts: ask for %(laps)s complete laps, as many as are driven."
-        ),
-        "race_sensors": _("A race offers one or more of these sensors, each once and a camera among them: %(known)s."),
+        "race_minimum_laps": _("The car drives %(laps)s laps. Require at most %(laps)s consecutive laps."),
+        "race_total_needs_all_laps": _("Total time counts every lap. Require all %(laps)s laps."),
+        "race_sensors": _("Choose one or more different sensors, including a camera: %(known)s."),
         "race_group_is_private": _(
             "This group is not listed: hold its race by invitation, so that nobody else sees it. Members need no link."
         ),
@@ -43,51 +39,47 @@ register(
         "race_needs_team": _("This race is for teams. Found one or join one first."),
         "race_team_has_entry": _("A team has one car in this race, and %(racer)s drives for yours."),
         "race_needs_division": _("A league race belongs to a division. Choose open or pro."),
-        "race_league_is_public": _("A league race is public. Only community races can be by invitation."),
+        "race_league_is_public": _("League races are public. Only community races can be by invitation."),
         "race_track_without_shape": _(
-            "The shape of %(track)s is unknown: it is only the name of a track in an imported season. Choose a track "
-            "that has a map."
+            "%(track)s has no map: it is only a name from an imported season. Choose a track with a map."
         ),
         "race_community_has_no_division": _("Divisions belong to league races. Leave the division empty."),
         # what stands and drives on the track
         "race_needs_boxes": _(
-            "Object avoidance needs boxes: give 1 to %(most)s fixed places, or how many places are drawn from the seed."
+            "Object avoidance needs boxes: choose 1 to %(most)s fixed positions, or a number of "
+            "boxes placed by the seed."
         ),
-        "race_has_no_boxes": _("Boxes belong to object avoidance. Leave them out, or choose that type of race."),
-        "race_boxes_fixed_or_random": _(
-            "Boxes stand in fixed places or in places drawn from the seed, not both. Leave one of the two empty."
-        ),
-        "race_too_many_boxes": _("A race has at most %(most)s boxes. Take some away."),
+        "race_has_no_boxes": _("Boxes belong to object avoidance. Remove them, or choose that race type."),
+        "race_boxes_fixed_or_random": _("Boxes are either fixed or placed by the seed. Leave one of the two empty."),
+        "race_too_many_boxes": _("A race has at most %(most)s boxes. Remove some."),
         "race_boxes_shape": _(
             "Boxes are a list of places, each with a fraction (a number, the share of the lap driven there) and a "
             "lane (%(lanes)s)."
         ),
         "race_box_place": _(
-            "Box %(number)s stands outside %(least)s to %(most)s of the lap, where cars start or finish. Move it."
+            "Box %(number)s is in the start or finish area. Place boxes between %(least)s and %(most)s of the lap."
         ),
         "race_box_percent": _(
-            "Write where box %(number)s stands as a percentage of the lap, for example 25, and choose its lane."
+            "Enter the position of box %(number)s as a percentage of the lap, such as 25, and choose its lane."
         ),
-        "race_box_distance": _(
-            "Drawn boxes stand at least %(least)s to %(most)s m apart. Choose a distance between these."
-        ),
+        "race_box_distance": _("Enter a minimum distance between boxes of %(least)s to %(most)s m."),
         "race_needs_opponents": _("A head-to-head race is driven against bots or against models. Choose one."),
         "race_has_no_opponents": _(
-            "Opponents, bots and duels belong to head-to-head races. Leave them out, or choose that type of race."
+            "Opponents, bots and duels belong to head-to-head races. Remove them, or choose that race type."
         ),
-        "race_bot_count": _("A race against bots has 1 to %(most)s of them. Say how many."),
-        "race_bot_speed": _("Bots drive %(least)s to %(most)s m/s. Choose a speed between these."),
-        "race_bots_have_no_duels": _("Duels are driven by models against models. Leave the format of duels empty."),
-        "race_duels_have_no_bots": _("Models race against models without bots. Set the number of bots to 0."),
+        "race_bot_count": _("Enter the number of bots, 1 to %(most)s."),
+        "race_bot_speed": _("Enter a bot speed of %(least)s to %(most)s m/s."),
+        "race_bots_have_no_duels": _("Duels need models as opponents. Leave the duel format empty."),
+        "race_duels_have_no_bots": _("Races against models have no bots. Set the number of bots to 0."),
         "race_needs_duel_format": _("Models against models need a format. Choose round robin or bracket."),
-        "race_bot_lane_change": _("A bot changes lanes over %(least)s to %(most)s m. Choose a length between these."),
+        "race_bot_lane_change": _("Enter a lane change length of %(least)s to %(most)s m."),
         "race_bot_change_time": _(
             "The time between lane changes is %(least)s to %(most)s s. Choose a value in this range."
         ),
         "race_bot_change_times": _("The longest time must not be shorter than the shortest."),
-        "race_duel_gap": _("Cars start %(least)s to %(most)s m apart. Choose a gap between these."),
-        "race_duel_cars": _("A duel has 2 to %(most)s cars. Choose a number between these."),
-        "race_duel_heats": _("A tie has %(least)s to %(most)s heats. Choose a number between these."),
+        "race_duel_gap": _("Enter a start gap of %(least)s to %(most)s m."),
+        "race_duel_cars": _("Enter 2 to %(most)s cars per duel."),
+        "race_duel_heats": _("A duel has %(least)s to %(most)s heats. Choose a number in this range."),
         # real cars
         "race_physical_alone": _(
             "Real cars are timed one by one. Choose a time trial or object avoidance for a race of real cars."
@@ -164,56 +156,46 @@ register(
         "csv_session_known": _(
             "The session %(session)s was timed here and its laps are others. Correct them on the page of the laps."
         ),
-        "race_limit": _(
-            "You already hold %(limit)s races that are not over. Wait until one closes, or cancel one of them."
-        ),
-        "race_has_opened": _("The race has opened, so its opening time no longer changes."),
+        "race_limit": _("You already have %(limit)s unfinished races. Wait until one closes, or cancel one."),
+        "race_has_opened": _("The race has opened. Its opening time can no longer be changed."),
         "race_is_over": _("The race is over: only its name and its description can be changed."),
-        "race_has_submissions": _(
-            "Cars have already been submitted under these rules, so they no longer change. Make another race instead."
-        ),
-        "cancel_needs_a_reason": _("Say why the race is cancelled: everybody who entered will read it."),
-        "race_league_admins": _("Only admins hold races of the league. Leave the division out for a race of your own."),
+        "race_has_submissions": _("Cars have been submitted under these rules. Create a new race to use other rules."),
+        "cancel_needs_a_reason": _("Enter a reason for cancelling. Every entrant will see it."),
+        "race_league_admins": _("Only admins can create league races. Leave the division empty for a community race."),
         "race_not_yours": _("Only the organiser of this race and admins can do this."),
         # getting in and out
         "race_not_open_yet": _("The race opens at %(opens)s. Submit a car from then on."),
         "race_changed_meanwhile": _(
-            "Somebody else has changed the race since you opened it. Nothing was saved: open it again and change what "
-            "stands there now."
+            "The race has been edited by someone else since you opened it. Not saved. Reload the page and try again."
         ),
-        "race_recorded": _("The race was driven elsewhere and stands here as a record. Nobody can enter it any more."),
-        "race_closed": _("The race closed at %(closes)s. Its entries and cars do not change any more."),
+        "race_recorded": _("This is an imported race. It takes no entries."),
+        "race_closed": _("The race closed at %(closes)s. Entries and cars can no longer be changed."),
         "race_cancelled": _("The race was cancelled: %(reason)s"),
         "race_needs_invitation": _("This race is by invitation. Open the link that its organiser gave you."),
         "race_terms": _(
-            "This race has terms, in version %(version)s. Read them on the page of its rules and accept them, then "
-            "join."
+            "This race has terms (version %(version)s). Read and accept them on its rules page, then join."
         ),
-        "invitation_unknown": _(
-            "This invitation link is not valid any more. Ask the organiser of the race for the present one."
-        ),
+        "invitation_unknown": _("This invitation link is no longer valid. Ask the organiser for the current one."),
         "entry_missing": _("You have not entered this race."),
         "entry_withdrawn": _("You have withdrawn from this race. Enter it again first."),
-        "entry_removed": _("The organiser has removed you from this race. Ask them if you take it for a mistake."),
+        "entry_removed": _("The organiser has removed you from this race. Contact them if this is a mistake."),
         # submitting
         "sensors_not_offered": _(
             "The model reads %(needed)s, which this race does not offer. It offers %(offered)s: choose a model that "
             "was trained with these."
         ),
-        "car_already_submitted": _(
-            "You have already sent this very car to this race. The same car gives the same result, so that one stands."
-        ),
+        "car_already_submitted": _("You have already submitted this car. The same car gives the same result."),
         "car_of_another": _(
-            "%(racer)s has sent this very car to this race before, and in this race a car has one place: whoever sent "
-            "it first keeps it. Train it on, or send another. If the car is yours, tell the organiser."
+            "%(racer)s submitted this car first, and each car has one place in this race. Train it "
+            "further, or submit another car. If the car is yours, contact the organiser."
         ),
         "submission_running": _("Your last car is still being timed. Wait for its result, or stop it."),
-        "submissions_used_up": _("You have used all %(limit)s submissions that this race allows."),
+        "submissions_used_up": _("You have used all %(limit)s submissions in this race."),
         "race_engine_gone": _(
-            "This race was driven with the engine %(engine)s, and is over; a run that the site's %(site)s drives now "
-            "could not be held against its results."
+            "This race is over and used the engine %(engine)s. A new run with %(site)s could not be "
+            "compared with its results."
         ),
-        "submission_not_failed": _("Only a run that failed or was stopped can be repeated; this one stands."),
+        "submission_not_failed": _("Only failed or stopped runs can be repeated."),
     },
 )
 
@@ -221,43 +203,35 @@ register(
     "Own runs",
     "user",
     {
-        "own_model_gone": _(
-            "This model is neither in your garage nor shared with you (any more). Choose another one, or upload it."
-        ),
-        "own_rival_gone": _(
-            "Rival %(number)s is neither in your garage nor shared with you (any more). Choose another car, or none."
-        ),
-        "own_race_gone": _("You do not see this race (any more). Choose another one, or a track and rules."),
+        "own_model_gone": _("This model is not in your garage or shared with you. Choose another, or upload it."),
+        "own_rival_gone": _("Rival %(number)s is not in your garage or shared with you. Choose another car, or none."),
+        "own_race_gone": _("You have no access to this race. Choose another, or a track and rules."),
         "own_as_in_race": _(
-            "As in a race means by its rules, on its track and alone. Leave out the race, or track, rivals and rules."
+            "With a race, its track and rules apply and the car drives alone. Remove the race, or "
+            "the track, rivals and rules."
         ),
-        "own_without_race": _(
-            "A car is sent to the race whose rules it drove by. Choose the race, or do not have it submitted."
-        ),
-        "own_needs_track": _("Choose a track, or a race to drive as in."),
+        "own_without_race": _("Automatic submission needs a race. Choose the race, or turn it off."),
+        "own_needs_track": _("Choose a track, or a race for its rules."),
         "own_needs_rivals": _("Choose one to three cars to race against, or bots."),
-        "own_start": _(
-            "The start is not on the lap, which is %(length_m)s m long. Choose a place from 0 m to less than that."
-        ),
+        "own_start": _("The start must be from 0 m to less than the lap length of %(length_m)s m."),
         "own_runs_at_once": _(
-            "%(limit)s runs of your own wait or drive, as many as may at a time. Wait until one is done, or stop one."
+            "You have reached the limit of %(limit)s test runs at a time. Wait for one, or stop one."
         ),
         "own_runs_a_day": _(
-            "You have had %(limit)s runs of your own within 24 hours, as many as a racer may. Come back later, or ask "
+            "You have reached the limit of %(limit)s test runs in 24 hours. Try again later, or ask "
             "an operator for more."
         ),
         "own_only": _(
-            "This run is not one of your own: it was driven in a race or by somebody else. Only runs that you asked "
-            "for yourself can be driven again and deleted."
+            "Only your test runs can be repeated or deleted. This run belongs to a race or to another racer."
         ),
-        "own_under_way": _("The run waits or drives. Stop it first, then delete it."),
-        "own_race_changed": _("The race has other rules now than those that this run was driven by. Drive it again."),
+        "own_under_way": _("The run is queued or running. Stop it first, then delete it."),
+        "own_race_changed": _("The rules of the race have changed since this run. Run it again."),
         "own_other_engine": _(
-            "The results of this race are of the engine %(engine)s, and this run is of %(site)s: they cannot be held "
-            "against each other."
+            "This race uses the engine %(engine)s and this run %(site)s. Results of different "
+            "engines cannot be compared."
         ),
-        "own_not_classified": _("It was not sent: with these laps it would not be classified. Train the car on."),
-        "own_not_better": _("It was not sent: it is no better than what you have in this race."),
+        "own_not_classified": _("Not submitted: these laps would not be classified. Train the car further."),
+        "own_not_better": _("Not submitted: no better than your result in this race."),
     },
 )
 
@@ -277,13 +251,11 @@ register(
     "Duels",
     "user",
     {
-        "race_has_no_duels": _("This race has no duels. Only a head-to-head race against other racers' cars has."),
-        "race_bracket_of_pairs": _("In a bracket two cars meet at a time. Choose 2 cars in a duel, or a round robin."),
+        "race_has_no_duels": _("This race has no duels. Duels need a head-to-head race against other racers' cars."),
+        "race_bracket_of_pairs": _("A bracket has duels of two cars. Choose 2 cars per duel, or a round robin."),
         "duels_before_closing": _("The duels are drawn once the race has closed, at %(closes)s."),
-        "duels_wait_for_qualifying": _(
-            "Cars that were sent in time (%(count)s) are still being timed. The duels are drawn when they are done."
-        ),
-        "duels_drawn": _("The duels are drawn, so the qualifying does not change any more."),
+        "duels_wait_for_qualifying": _("%(count)s cars are still running. The duels are drawn when they finish."),
+        "duels_drawn": _("The duels have been drawn. Qualifying is closed."),
     },
 )
 

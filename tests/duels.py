@@ -83,7 +83,7 @@ def end(
     """Let a heat be driven to its end.
 
     ``winners``: seeds in the order at the end (the better seed first unless said); ``times``: milliseconds of the laps
-    of a seed; ``retired``: seeds that were taken off the track.
+    of a seed; ``retired``: seeds that were removed from the track.
     """
     starting = list(duel.cars.filter(forfeited=False).order_by("grid").values_list("entry__seed", flat=True))
     number = {seed: index for index, seed in enumerate(starting)}

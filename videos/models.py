@@ -56,7 +56,7 @@ class Video(Job):
     asked_by = models.ForeignKey(
         settings.AUTH_USER_MODEL, models.SET_NULL, null=True, blank=True, related_name="+", verbose_name=_("asked by")
     )
-    asked_at = models.DateTimeField(_("asked for"), default=timezone.now)
+    asked_at = models.DateTimeField(_("requested at"), default=timezone.now)
     asks = models.PositiveSmallIntegerField(_("times asked for"), default=1)
     watched_at = models.DateTimeField(_("last watched"), null=True, blank=True)
 

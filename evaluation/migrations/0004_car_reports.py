@@ -59,7 +59,7 @@ class Migration(migrations.Migration):
                 ("engine", models.CharField(blank=True, max_length=32, verbose_name="engine")),
                 ("grade", models.CharField(blank=True, max_length=1, verbose_name="grade")),
                 ("runs_sha256", models.CharField(blank=True, max_length=64, verbose_name="sha-256 of the runs")),
-                ("asked_at", models.DateTimeField(default=django.utils.timezone.now, verbose_name="asked for")),
+                ("asked_at", models.DateTimeField(default=django.utils.timezone.now, verbose_name="requested at")),
                 ("started_at", models.DateTimeField(blank=True, null=True, verbose_name="started")),
                 ("ended_at", models.DateTimeField(blank=True, null=True, verbose_name="ended")),
                 ("deleted_at", models.DateTimeField(blank=True, null=True, verbose_name="deleted")),

@@ -62,7 +62,7 @@ class CarReport(models.Model):
     engine = models.CharField(_("engine"), max_length=32, blank=True)
     grade = models.CharField(_("grade"), max_length=1, blank=True)
     runs_sha256 = models.CharField(_("sha-256 of the runs"), max_length=64, blank=True)
-    asked_at = models.DateTimeField(_("asked for"), default=timezone.now)
+    asked_at = models.DateTimeField(_("requested at"), default=timezone.now)
     started_at = models.DateTimeField(_("started"), null=True, blank=True)
     ended_at = models.DateTimeField(_("ended"), null=True, blank=True)
     deleted_at = models.DateTimeField(_("deleted"), null=True, blank=True)

@@ -129,7 +129,7 @@ def invited(request: HttpRequest, token: str) -> HttpResponse:
         except UserFault as fault:
             messages.error(request, explain(fault))
             return redirect(request.path)
-        messages.success(request, _("You are in. Send a car."))
+        messages.success(request, _("You have joined. Submit a car."))
         return redirect(race)
     context = {"race": race, "state": race.state_at(now), "ranking_rule": rule_for(race).rule(race)}
     return render(request, "races/invitation.html", context)

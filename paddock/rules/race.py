@@ -390,10 +390,10 @@ class BoardRules:
     )
     duel_heats: int = rule(
         2,
-        label=_("Heats of a tie in a bracket"),
+        label=_("Heats per duel in a bracket"),
         help=_(
-            "1: the better qualifier in front. 2: one from each starting order. 3: best of three, the third only where "
-            "both have won one."
+            "1: the better qualifier in front. 2: with swapped start positions. 3: best of three, "
+            "the third heat only at one win each."
         ),
         least=1,
         most=3,

@@ -32,7 +32,7 @@ class DuelCompetitorInline(ReadOnly, admin.TabularInline):
     readonly_fields = fields
     ordering = ("grid",)
 
-    @admin.display(description=gettext_lazy("their time"))
+    @admin.display(description=gettext_lazy("bot time"))
     def time(self, car: DuelCompetitor) -> str:
         return seconds(car.time_ms or None)
 

@@ -66,7 +66,7 @@ class RaceAdminForm(_Inside):  # type: ignore[misc, valid-type]
         super().__init__(*args, **kwargs)
         if "slug" in self.fields:
             self.fields["slug"].required = False
-            self.fields["slug"].help_text = _("Leave empty to make it from the name. It never changes afterwards.")
+            self.fields["slug"].help_text = _("Empty: made from the name. Cannot be changed later.")
         for name in _OF_REAL_CARS:
             if name in self.fields:
                 self.fields[name].required = False
@@ -165,7 +165,7 @@ class RaceAdmin(WithReason):
             gettext_lazy("Ranking"),
             {
                 "fields": tuple(name for name in RULES if name not in (*RUN_RULES, *LAYOUT, "sensors")),
-                "description": gettext_lazy("Fixed, like the next section, once the first car is submitted."),
+                "description": gettext_lazy("Fixed, like the next section, after the first submission."),
             },
         ),
         (
@@ -178,7 +178,7 @@ class RaceAdmin(WithReason):
             gettext_lazy("Object avoidance"),
             {
                 "fields": ("boxes", "random_boxes", "box_distance_m"),
-                "description": gettext_lazy("Boxes in fixed places, or how many are drawn from the seed."),
+                "description": gettext_lazy("Boxes in fixed places, or a number of boxes placed by the seed."),
             },
         ),
         (
@@ -186,7 +186,7 @@ class RaceAdmin(WithReason):
             {"fields": tuple(name for name in LAYOUT if RULES[name].race_types == (RaceType.HEAD_TO_HEAD,))},
         ),
         (gettext_lazy("Real cars"), {"fields": (*PHYSICAL_FIELDS, "beside")}),
-        (gettext_lazy("Who sees it"), {"fields": ("visibility", "invitation_link")}),
+        (gettext_lazy("Visibility"), {"fields": ("visibility", "invitation_link")}),
         (gettext_lazy("State"), {"fields": ("state", "cancel_reason", "board", "created_at")}),
     )
 
@@ -267,14 +267,14 @@ class RaceAdmin(WithReason):
             action="cancel",
             title=_("Cancel races"),
             consequence=_(
-                "Cars that wait or drive in these races are stopped. Entries and results stay to be read. Everybody "
-                "reads the reason. This cannot be undone."
+                "Queued and running cars in these races are stopped. Entries and results stay visible, "
+                "and everyone sees the reason. This cannot be undone."
             ),
             note="Cancelled",
             done=lambda count: ngettext("%d race was cancelled.", "%d races were cancelled.", count) % count,
         )
 
-    @admin.action(description=gettext_lazy("Clone to the next month"), permissions=["add"])
+    @admin.action(description=gettext_lazy("Copy to the next month"), permissions=["add"])
     def clone(self, request: HttpRequest, queryset: QuerySet[Race]) -> None:
         def clone_one(race: Race) -> None:
             made = clone_race(race=race, now=timezone.now())

@@ -69,7 +69,7 @@ class EntryAdmin(ReadOnly, WithReason):
     def rank(self, entry: Entry) -> str:
         return str(rank_of(entry) or "-")
 
-    @admin.display(description=gettext_lazy("left"))
+    @admin.display(description=gettext_lazy("has left"))
     def left(self, entry: Entry) -> str:
         if entry.removed_at:
             return _("removed")
@@ -84,8 +84,8 @@ class EntryAdmin(ReadOnly, WithReason):
             action="remove",
             title=_("Remove racers from races"),
             consequence=_(
-                "These racers leave the board, their cars that wait or drive are stopped, and they cannot enter again. "
-                "What they drove is kept, and they can be restored."
+                "These racers are removed from the board, their queued and running cars are stopped, and "
+                "they cannot enter again. Their runs are kept, and you can restore them."
             ),
             note="Removed",
             done=lambda count: ngettext("%d racer was removed.", "%d racers were removed.", count) % count,

@@ -83,10 +83,10 @@ class SubmissionSerializer(serializers.Serializer):
         source="submission.evaluation.reason_code", allow_blank=True, help_text="When it failed or was stopped."
     )
     is_void = serializers.BooleanField(
-        source="submission.is_void", help_text="Ended without a verdict on the car, which may be sent again."
+        source="submission.is_void", help_text="Ended without a result. The car can be submitted again."
     )
     refunded = serializers.BooleanField(
-        source="submission.refunded", help_text="Does not count among the submissions that the race allows."
+        source="submission.refunded", help_text="Does not count against the submission limit."
     )
     is_best = serializers.BooleanField(help_text="The one that stands on the board.")
     classified = serializers.BooleanField(source="standing.classified", default=None, allow_null=True)

@@ -49,7 +49,7 @@ class RefusedCar(models.Model):
     )
     at = models.DateTimeField(_("last tried"))
     same_file = models.BooleanField(
-        _("to the byte"), help_text=_("The very network that is in the race, not another that answers the same.")
+        _("byte-identical"), help_text=_("The same network as in the race, not just one with the same outputs.")
     )
 
     class Meta:

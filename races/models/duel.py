@@ -108,7 +108,7 @@ class DuelCompetitor(models.Model):
     place = models.PositiveSmallIntegerField(_("place"), null=True, blank=True)
     points = models.PositiveSmallIntegerField(_("points"), null=True, blank=True)
     laps = models.PositiveSmallIntegerField(_("complete laps"), default=0)
-    time_ms = models.PositiveIntegerField(_("their time"), default=0)
+    time_ms = models.PositiveIntegerField(_("bot time"), default=0)
     retired_code = models.CharField(_("reason for retiring"), max_length=40, blank=True)
 
     class Meta:

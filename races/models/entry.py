@@ -31,10 +31,10 @@ class Entry(models.Model):
     is_baseline = models.BooleanField(_("house car, outside the ranking"), default=False)
 
     submission_count = models.PositiveSmallIntegerField(
-        _("submissions"), default=0, help_text=_("Those that count: refunded ones are taken off again.")
+        _("submissions"), default=0, help_text=_("Counted submissions, without refunded ones.")
     )
     last_number = models.PositiveSmallIntegerField(
-        _("last submission number"), default=0, help_text=_("Only grows: a refunded submission keeps its number.")
+        _("last submission number"), default=0, help_text=_("Refunded submissions keep their number.")
     )
     best = models.ForeignKey(
         "races.Submission", models.SET_NULL, null=True, blank=True, related_name="+", verbose_name=_("best submission")
@@ -70,8 +70,8 @@ class Entry(models.Model):
     resets = models.PositiveIntegerField(_("resets"), default=0)
     sectors = models.JSONField(_("best lap's sectors"), default=list, blank=True)
     achieved_at = models.DateTimeField(_("submitted"), null=True, blank=True)
-    rank_score = models.BigIntegerField(_("ranked by, first"), default=NO_RESULT)
-    rank_lap = models.PositiveIntegerField(_("ranked by, second"), default=LAST)
+    rank_score = models.BigIntegerField(_("ranking key 1"), default=NO_RESULT)
+    rank_lap = models.PositiveIntegerField(_("ranking key 2"), default=LAST)
     car_of = models.ForeignKey(
         "self",
         models.SET_NULL,
@@ -79,8 +79,8 @@ class Entry(models.Model):
         blank=True,
         editable=False,
         related_name="+",
-        verbose_name=_("car of"),
-        help_text=_("Without a result of its own, because its car is that of this entry, which sent it before."),
+        verbose_name=_("first entry with this car"),
+        help_text=_("No result: this entry submitted the same car first."),
     )
 
     is_live = models.BooleanField(
@@ -93,17 +93,17 @@ class Entry(models.Model):
 
     # In a race of duels, from the draw on; what stands above is then how the car qualified.
     seed = models.PositiveSmallIntegerField(
-        _("seed"), null=True, blank=True, help_text=_("The place in qualifying when the duels were drawn.")
+        _("seed"), null=True, blank=True, help_text=_("Qualifying place at the time of the draw.")
     )
     points = models.PositiveSmallIntegerField(_("points"), default=0)
     duels = models.PositiveSmallIntegerField(_("duels"), default=0)
     duel_lap_ms = models.PositiveIntegerField(_("average lap in duels"), null=True, blank=True)
 
     # The fastest of the racer's classified submissions (of all while none is), for the green marks of a board.
-    own_lap_ms = models.PositiveIntegerField(_("own fastest lap"), null=True, blank=True)
-    own_sector_1_ms = models.PositiveIntegerField(_("own fastest sector 1"), null=True, blank=True)
-    own_sector_2_ms = models.PositiveIntegerField(_("own fastest sector 2"), null=True, blank=True)
-    own_sector_3_ms = models.PositiveIntegerField(_("own fastest sector 3"), null=True, blank=True)
+    own_lap_ms = models.PositiveIntegerField(_("personal best lap"), null=True, blank=True)
+    own_sector_1_ms = models.PositiveIntegerField(_("personal best sector 1"), null=True, blank=True)
+    own_sector_2_ms = models.PositiveIntegerField(_("personal best sector 2"), null=True, blank=True)
+    own_sector_3_ms = models.PositiveIntegerField(_("personal best sector 3"), null=True, blank=True)
 
     class Meta:
         verbose_name = _("entry")

@@ -41,7 +41,7 @@ class OwnEvaluation(with_columns({name: RULES[name] for name in RANKED})):  # ty
         verbose_name=_("evaluation"),
     )
     race = models.ForeignKey(
-        Race, models.SET_NULL, null=True, blank=True, related_name="own_evaluations", verbose_name=_("as in the race")
+        Race, models.SET_NULL, null=True, blank=True, related_name="own_evaluations", verbose_name=_("rules from race")
     )
     submit_if_better = models.BooleanField(_("submit if better"), default=False)
     submission = models.OneToOneField(
@@ -52,14 +52,14 @@ class OwnEvaluation(with_columns({name: RULES[name] for name in RANKED})):  # ty
         related_name="own_evaluation",
         verbose_name=_("submission"),
     )
-    submit_reason_code = models.CharField(_("not submitted because"), max_length=40, blank=True)
+    submit_reason_code = models.CharField(_("reason for not submitting"), max_length=40, blank=True)
     submit_reason_params = models.JSONField(_("details"), default=dict, blank=True)
-    asked_at = models.DateTimeField(_("asked for"), default=timezone.now)
+    asked_at = models.DateTimeField(_("requested at"), default=timezone.now)
     deleted_at = models.DateTimeField(_("deleted"), null=True, blank=True)
 
     class Meta:
-        verbose_name = _("own run")
-        verbose_name_plural = _("own runs")
+        verbose_name = _("test run")
+        verbose_name_plural = _("test runs")
         ordering = ["-asked_at", "-pk"]
         indexes = [models.Index(fields=["owner", "-asked_at", "-id"], name="own_of_a_racer")]
         constraints = [

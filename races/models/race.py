@@ -73,7 +73,7 @@ class Race(ChecksTogether, with_rules(RULES, inside_a_race)):  # type: ignore[mi
         max_length=MOST_TERMS,
         default="",
         db_default="",
-        help_text=_("Whoever joins accepts them first. Once you change them, everybody accepts them anew."),
+        help_text=_("Racers must accept them before joining. After a change, everyone must accept them again."),
     )
     terms_version = models.PositiveSmallIntegerField(
         _("version of the terms"), default=0, db_default=0, editable=False, help_text=_("0: none to accept.")
@@ -143,7 +143,7 @@ class Race(ChecksTogether, with_rules(RULES, inside_a_race)):  # type: ignore[mi
         null=True,
         blank=True,
         editable=False,
-        help_text=_("Driven elsewhere: its results came as a record, without submissions."),
+        help_text=_("Imported race: results without submissions."),
     )
 
     # The fastest that a classified car of anybody ranked has driven, for the purple marks of a board. Written with the
@@ -156,11 +156,11 @@ class Race(ChecksTogether, with_rules(RULES, inside_a_race)):  # type: ignore[mi
     # A race has one engine: that of its counted results. The first of them says which; see races.services.redrives.
     engine = models.CharField(_("engine"), max_length=32, blank=True, editable=False)
     next_engine = models.CharField(
-        _("driven again with"),
+        _("being repeated with"),
         max_length=32,
         blank=True,
         editable=False,
-        help_text=_("The engine that all counted runs are being driven again with; empty when none are."),
+        help_text=_("New engine during a repetition of all counted runs; otherwise empty."),
     )
 
     class Meta:

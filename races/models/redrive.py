@@ -13,8 +13,8 @@ from .submission import Submission
 class RedriveState(models.TextChoices):
     """PENDING until its race takes all of them together (TAKEN), or this one has become of no use (DROPPED)."""
 
-    PENDING = "pending", _("under way")
-    TAKEN = "taken", _("taken")
+    PENDING = "pending", _("in progress")
+    TAKEN = "taken", _("applied")
     DROPPED = "dropped", _("dropped")
 
 
@@ -44,8 +44,8 @@ class Redrive(models.Model):
     state = models.CharField(_("state"), max_length=8, choices=RedriveState.choices, default=RedriveState.PENDING)
 
     class Meta:
-        verbose_name = _("run driven again")
-        verbose_name_plural = _("runs driven again")
+        verbose_name = _("repeated run")
+        verbose_name_plural = _("repeated runs")
         indexes = [models.Index(fields=["submission", "state"], name="redrive_of_submission")]
         constraints = [
             models.UniqueConstraint(

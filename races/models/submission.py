@@ -24,10 +24,10 @@ class Submission(models.Model):
     network = models.ForeignKey("evaluation.Network", models.PROTECT, related_name="+", verbose_name=_("network"))
     submitted_at = models.DateTimeField(_("submitted"), default=timezone.now)
     is_void = models.BooleanField(
-        _("void"), default=False, help_text=_("Ended without a verdict on the car, which may be sent again.")
+        _("void"), default=False, help_text=_("Ended without a result. The car can be submitted again.")
     )
     refunded = models.BooleanField(
-        _("refunded"), default=False, help_text=_("Does not count among the submissions that the race allows.")
+        _("refunded"), default=False, help_text=_("Does not count against the submission limit.")
     )
     is_live = models.BooleanField(
         _("driven live"),
@@ -43,8 +43,8 @@ class Submission(models.Model):
         blank=True,
         editable=False,
         related_name="+",
-        verbose_name=_("car of"),
-        help_text=_("Who sent this very car to the race before: it does not count for anybody else."),
+        verbose_name=_("first entry with this car"),
+        help_text=_("First entry with this car. It does not count for others."),
     )
 
     class Meta:

@@ -17,7 +17,7 @@ class RaceTerms(models.Model):
     race = models.ForeignKey(Race, models.CASCADE, related_name="terms_written", verbose_name=_("race"), db_index=False)
     version = models.PositiveSmallIntegerField(_("version"))
     text = models.TextField(_("terms"), max_length=MOST_TERMS)
-    written_at = models.DateTimeField(_("written"), default=timezone.now)
+    written_at = models.DateTimeField(_("written at"), default=timezone.now)
 
     class Meta:
         verbose_name = _("version of a race's terms")

@@ -45,8 +45,8 @@ ICONS = {
 END_REASONS = {
     "laps_done": gettext_noop("all laps driven"),
     "time_up": gettext_noop("the time limit was reached"),
-    "resets_used": gettext_noop("no resets were left"),
-    "retired": gettext_noop("taken off the track"),
+    "resets_used": gettext_noop("no resets left"),
+    "retired": gettext_noop("removed from the track"),
 }
 LAP_STATUS = {
     "Lap complete": gettext_noop("complete"),
@@ -113,7 +113,7 @@ def type_icon(race_type: str) -> SafeString:
 def race_map(race: Race, *, numbered: bool = False) -> SafeString:
     """The map of a race: its track in the direction driven, with its boxes."""
     if not race.track.has_shape:
-        return format_html('<p class="muted">{}</p>', _("No map: the shape of this track is not known here."))
+        return format_html('<p class="muted">{}</p>', _("No map available for this track."))
     return _map(race.track.geometry, race.direction, race.track.name, box_marks(race, numbered=numbered), False)
 
 
@@ -285,5 +285,5 @@ def overall_percent(progress: dict) -> int:
 @register.filter
 def sector_word(colour: str | None) -> str:
     """What a sector's colour means, for who does not see it."""
-    words = {"purple": _("fastest of all"), "green": _("own best"), "yellow": _("slower")}
+    words = {"purple": _("fastest of all"), "green": _("personal best"), "yellow": _("slower")}
     return words.get(colour or "", "")

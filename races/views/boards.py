@@ -68,7 +68,7 @@ def board_badge(request: HttpRequest, slug: str) -> HttpResponse:
     race = visible_race(request, slug)
     alias = request.GET.get("racer", "")
     value = _rank_words(race, alias) if alias else _leader_words(race)
-    image = badge(named(race.name), value or _("nobody classified"), good=bool(value))
+    image = badge(named(race.name), value or _("no racer classified"), good=bool(value))
     return _cached(HttpResponse(image, content_type="image/svg+xml"), race)
 
 

@@ -40,7 +40,7 @@ def race_draw(request: HttpRequest, slug: str) -> HttpResponse:
     except UserFault as fault:
         tell_fault(request, fault)
     else:
-        messages.success(request, _("The duels are drawn. They are driven one after the other."))
+        messages.success(request, _("Duels drawn. They run one after the other."))
     return redirect("race_duels", race.slug)
 
 

@@ -52,7 +52,7 @@ def race_new(request: HttpRequest) -> HttpResponse:
         except UserFault as fault:
             form.show(fault)
         else:
-            messages.success(request, _("The race is made."))
+            messages.success(request, _("Race created."))
             warn_of_ignored(request, form.ignored())
             return redirect("race_edit" if race.visibility == "invitation" else "race", race.slug)
     context = {"form": form, "layout": preview(form, submitted=form.is_bound)}
@@ -113,7 +113,7 @@ def race_cancel(request: HttpRequest, slug: str) -> HttpResponse:
             tell_fault(request, fault)
         else:
             log_if_admin(racer_of(request), race, f"Cancelled: {form.cleaned_data['reason']}")
-            messages.success(request, _("The race is cancelled."))
+            messages.success(request, _("Race cancelled."))
         return redirect(race)
     return render(request, "races/cancel.html", {"race": race, "form": form}, status=422 if form.errors else 200)
 
@@ -131,7 +131,7 @@ def race_close(request: HttpRequest, slug: str) -> HttpResponse:
             tell_fault(request, fault)
         else:
             log_if_admin(racer_of(request), race, "Closed before its time")
-            messages.success(request, _("The race is closed."))
+            messages.success(request, _("Race closed."))
         return redirect(race)
     context = {"race": race, "is_open": race.state_at(now) == RaceState.OPEN, "waiting": cars_waiting(race)}
     return render(request, "races/close.html", context)
@@ -143,7 +143,7 @@ def invitation_reset(request: HttpRequest, slug: str) -> HttpResponse:
     """Make the old invitation link worthless and give the race a new one."""
     race = organised_race(request, slug)
     services.reset_invitation(race=race)
-    messages.success(request, _("The link is new; the old one no longer works. Who has joined stays."))
+    messages.success(request, _("New link created. The old one no longer works. Racers who have joined stay."))
     return redirect("race_edit", race.slug)
 
 

@@ -123,7 +123,7 @@ def own_delete(request: HttpRequest, public_id: str) -> HttpResponse:
         except UserFault as fault:
             tell_fault(request, fault)
             return redirect(evaluation)
-        messages.success(request, _("The run is deleted."))
+        messages.success(request, _("Run deleted."))
         return redirect("own_runs")
     return render(request, "races/own/delete.html", {"own": own, "evaluation": evaluation})
 

@@ -37,7 +37,7 @@ def enter(request: HttpRequest, slug: str) -> HttpResponse:
     except UserFault as fault:
         tell_fault(request, fault)
     else:
-        messages.success(request, _("You are in. Send a car."))
+        messages.success(request, _("You have joined. Submit a car."))
     return redirect(race)
 
 
@@ -91,7 +91,7 @@ def withdraw_page(request: HttpRequest, slug: str) -> HttpResponse:
         except UserFault as fault:
             tell_fault(request, fault)
         else:
-            messages.success(request, _("You have withdrawn. Enter again and everything you drove is back."))
+            messages.success(request, _("You have withdrawn. Enter again to restore your results."))
         # a race by invitation is not seen any more by who has left it
         return redirect(race if can_see_race(request.user, race) else "races")
     return render(request, "races/withdraw.html", {"race": race})
@@ -135,5 +135,5 @@ def _join(request: HttpRequest, race: Race, token: str, terms: int | None) -> Ht
     except UserFault as fault:
         tell_fault(request, fault)
         return redirect(request.path)
-    messages.success(request, _("You are in. Send a car."))
+    messages.success(request, _("You have joined. Submit a car."))
     return redirect(race)

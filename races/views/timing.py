@@ -80,7 +80,7 @@ _WORDS = {
     "needsNetwork": gettext_lazy("A sensor needs a network. Time by hand meanwhile."),
     "who": gettext_lazy("Choose a racer, or write a guest's name."),
     "change": gettext_lazy("Change to the racer chosen above"),
-    "running": gettext_lazy("under way"),
+    "running": gettext_lazy("in progress"),
 }
 
 

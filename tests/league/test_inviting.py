@@ -191,7 +191,7 @@ def test_the_pages(alice, bob, charlie):
     assert sent["Location"].startswith("/accounts/login/?next=/races/invited/")
     assert guest.get(f"/races/invited/{link_token(two)}/").status_code == 404
     guest.force_login(bob, backend="django.contrib.auth.backends.ModelBackend")
-    assert "You are in." in guest.post(link, follow=True).content.decode()
+    assert "You have joined." in guest.post(link, follow=True).content.decode()
     assert "accepted" in organiser.get(address).content.decode()
     stop = f"/invitations/stop/{inviting.stop_token('kim@example.org')}/"
     assert "No more invitations?" in Client(enforce_csrf_checks=True).get(stop).content.decode()

@@ -1,4 +1,4 @@
-"""What the league makes of a race that is driven again with another engine: who is told, and when it is official."""
+"""What the league makes of a race that is being repeated with another engine: who is told, and when it is official."""
 
 from __future__ import annotations
 

@@ -110,7 +110,7 @@ def test_boxes_placed_by_an_organiser_appear_on_the_map(page: playwright.Page) -
     boxes = page.locator("fieldset", has=page.get_by_role("group", name="Boxes", exact=True)).last
     playwright.expect(boxes).to_be_hidden()
     page.get_by_label("object avoidance").check()
-    page.get_by_label("where I put them").check()
+    page.get_by_label("in the positions I choose").check()
     playwright.expect(page.get_by_label("How many boxes")).to_be_hidden()
 
     # a row for each box, and the map follows

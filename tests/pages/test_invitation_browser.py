@@ -42,7 +42,7 @@ def test_everybody_who_opens_the_link_joins(race: Race, live_server) -> None:
         page = visitor(browser, live_server.url, a_racer("insider")).new_page()
         page.goto(link)
         page.get_by_role("button", name="Join the race").click()
-        page.get_by_text("You are in.").wait_for()
+        page.get_by_text("You have joined.").wait_for()
         assert page.url.endswith(race.get_absolute_url()) and joined(race) == {"insider"}
 
         page = visitor(browser, live_server.url).new_page()
@@ -51,7 +51,7 @@ def test_everybody_who_opens_the_link_joins(race: Race, live_server) -> None:
         page.get_by_label("Alias or e-mail address").fill("member")
         page.get_by_label("Password").fill(PASSWORD)
         page.get_by_role("main").get_by_role("button", name="Log in").click()
-        page.get_by_text("You are in.").wait_for()
+        page.get_by_text("You have joined.").wait_for()
         assert joined(race) == {"insider", "member"}
 
         page = visitor(browser, live_server.url).new_page()
@@ -62,7 +62,7 @@ def test_everybody_who_opens_the_link_joins(race: Race, live_server) -> None:
         page.get_by_label("Password", exact=True).fill(PASSWORD)
         page.get_by_label("Password (again)").fill(PASSWORD)
         page.get_by_role("main").get_by_role("button", name="Sign up").click()
-        page.get_by_text("You are in.").wait_for()
+        page.get_by_text("You have joined.").wait_for()
         assert joined(race) == {"insider", "member", "fresh"}
 
 

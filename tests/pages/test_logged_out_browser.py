@@ -31,6 +31,6 @@ def test_a_racer_logs_in_once_more_and_enters_the_race(live_server) -> None:
         page.get_by_label("Password").fill(PASSWORD)
         page.get_by_role("main").get_by_role("button", name="Log in").click()
         page.locator("form[action$='/enter/'] button").click()
-        page.get_by_text("You are in.").wait_for()
+        page.get_by_text("You have joined.").wait_for()
         assert page.url == live_server.url + race.get_absolute_url()
     assert Entry.objects.get().racer == racer

@@ -1,4 +1,4 @@
-"""What pages, the API and the operators' commands say while a race is driven again with another engine."""
+"""What pages, the API and the operators' commands say while a race is being repeated with another engine."""
 
 from __future__ import annotations
 
@@ -61,7 +61,7 @@ def doctor() -> str:
 
 def test_the_race_page_shows_progress_and_viewing_changes_nothing(race):
     html = page(race.get_absolute_url())
-    assert f"driven again with the engine {NEW}" in html and "1 of 2 runs done" in html
+    assert f"being repeated with the engine {NEW}" in html and "1 of 2 runs done" in html
     assert "0:10.000" in html and "0:12.000" not in html
     switch(race)
     html = page(race.get_absolute_url())
@@ -70,7 +70,7 @@ def test_the_race_page_shows_progress_and_viewing_changes_nothing(race):
 
 def test_the_rules_and_the_api_name_the_engine(race):
     rules = page(f"{race.get_absolute_url()}rules/")
-    assert f"{OLD} (being driven again with {NEW})" in rules
+    assert f"{OLD} (being being repeated with {NEW})" in rules
     found = Client().get(f"/api/v1/races/{race.slug}/").json()
     assert (found["engine"], found["next_engine"]) == (OLD, NEW)
     switch(race)
@@ -103,7 +103,7 @@ def test_a_run_of_the_old_engine_links_to_the_one_that_counts(race):
 def test_the_doctor_shows_redrives_and_what_blocks_them(race):
     html = page("/workers/", a_racer("boss", is_staff=True, is_superuser=True))
     assert "driven-again" in html and "1 of 2" in html and f"{OLD} → {NEW}" in html
-    assert f"driven again with {NEW}: 1 of 2 runs done" in doctor()
+    assert f"being repeated with {NEW}: 1 of 2 runs done" in doctor()
     failing = pending(race)[1]
     break_down(failing, PlatformFault("internal_error"), timezone.now())
     assert f"{failing.evaluation} has failed {settings.EVALUATION_MAX_ATTEMPTS} times" in doctor()

@@ -61,12 +61,12 @@ def test_rivals_drive_along_and_only_among_cars(world: World) -> None:
 @pytest.mark.parametrize(
     ("said", "words"),
     [
-        ({"model": "nobody"}, "neither in your garage nor shared"),
+        ({"model": "nobody"}, "not in your garage or shared"),
         ({**HEAD, "opponents": "models", "rival_1": "nobody"}, "Rival 1 is neither"),
         ({**HEAD, "opponents": "models"}, "Choose one to three cars"),
         ({**AVOID, "boxes-1-percent": "1", "boxes-1-lane": "inner"}, "Box 1 stands outside"),
         ({**AVOID, "box_choice": "drawn", "random_boxes": "10", "box_distance_m": "20"}, "boxes"),
-        ({"start_m": "999"}, "The start is not on the lap"),
+        ({"start_m": "999"}, "The start must be from 0 m"),
         ({"laps": "21"}, "less than or equal to 20"),
         ({"minimum_laps": "3"}, "at most 2 consecutive laps"),
     ],
@@ -80,10 +80,10 @@ def test_a_refusal_stands_beside_its_field_and_nothing_is_driven(world: World, s
 def test_the_quota_shows_before_it_bites(world: World) -> None:
     RacerQuota.objects.create(racer=world.alice, name="own_runs_at_once", limit=1)
     page = world.client("alice").get("/runs/new/").content.decode()
-    assert "Own runs under way</dt><dd>0 / 1" in page
+    assert "Test runs in progress</dt><dd>0 / 1" in page
     send(world)
     page = world.client("alice").get("/runs/new/").content.decode()
-    assert 'Own runs under way</dt><dd class="bad">1 / 1' in page
+    assert 'Test runs in progress</dt><dd class="bad">1 / 1' in page
     answer = send(world)
     assert "own_runs_at_once" in answer.content.decode() and OwnEvaluation.objects.count() == 1
 
@@ -209,7 +209,7 @@ def test_a_run_is_driven_again_and_deleted_by_who_asked_for_it_alone(world: Worl
     again = client.post(f"{at}again/")
     assert again.status_code == 302 and OwnEvaluation.objects.count() == 2
     assert client.get(f"{at}delete/").status_code == 200
-    assert "The run is deleted." in client.post(f"{at}delete/", follow=True).content.decode()
+    assert "Run deleted." in client.post(f"{at}delete/", follow=True).content.decode()
     assert client.get(at).status_code == 404
 
 

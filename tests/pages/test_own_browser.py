@@ -83,7 +83,7 @@ def test_a_car_is_driven_from_the_page_of_a_track(browser, live_server, alice, w
         page.get_by_role("button", name="Stop").press("Enter")
         page.get_by_role("link", name="Delete").press("Enter")
         page.get_by_role("button", name="Delete").press("Enter")
-        page.get_by_text("The run is deleted.").wait_for()
+        page.get_by_text("Run deleted.").wait_for()
         assert list(OwnEvaluation.objects.filter(deleted_at=None)) == [own]
 
 

@@ -217,7 +217,10 @@ def test_an_invalid_race_form_shows_errors_beside_the_fields(world: World, chang
 def test_a_race_with_submissions_can_be_renamed_but_keeps_its_rules(world: World) -> None:
     client = world.client("alice")
     page = client.get("/races/open-race/edit/").content.decode()
-    assert re.search(r'name="off_track_penalty_ms"[^>]*disabled', page) and "so they no longer change" in page
+    assert (
+        re.search(r'name="off_track_penalty_ms"[^>]*disabled', page)
+        and "Cars have been submitted under these rules" in page
+    )
     forged = form(timezone.now().astimezone(UTC), name="New name", off_track_penalty_ms="1", laps="9")
     response = client.post("/races/open-race/edit/", forged)
     assert response.status_code == 302, response.context["form"].errors

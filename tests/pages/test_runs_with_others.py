@@ -150,7 +150,7 @@ def test_a_duel_lists_cars_in_finishing_order_and_replays_all(world: World, boss
     html = boss.get(shown.get_absolute_url()).content.decode()
     rows = html[html.index("<h2>Cars</h2>") : html.index("<h2>Laps</h2>")]
     assert rows.index(">charlie</a>") < rows.index(">alice</a>") < rows.index(">bob</a>")
-    assert "taken off the track" in rows
+    assert "removed from the track" in rows
     replay = boss.get(f"{shown.get_absolute_url()}replay.json").json()
     assert [rival["number"] for rival in replay["rivals"]] == [1, 2]
     assert all(len(rival["x"]) == len(rival["t"]) for rival in replay["rivals"])

@@ -455,7 +455,7 @@ class TestFeeds:
         set_clock(now)
         race = a_race(now, name='<b>"Night" & day')
         address = f"{race.get_absolute_url()}badge.svg"
-        assert "nobody classified" in Client().get(address).content.decode()
+        assert "no racer classified" in Client().get(address).content.decode()
         entries = board(race, racers(3))
         answer = Client().get(address)
         assert answer["Content-Type"] == "image/svg+xml" and answer["Cache-Control"] == "public, max-age=60"
@@ -463,7 +463,7 @@ class TestFeeds:
         assert f"{entries[0].racer.alias} 0:30.000" in "".join(image.itertext())
         third = Client().get(address, {"racer": entries[2].racer.alias.upper()}).content.decode()
         assert "place 3, 0:32.000" in third
-        assert "nobody classified" in Client().get(address, {"racer": "nobody"}).content.decode()
+        assert "no racer classified" in Client().get(address, {"racer": "nobody"}).content.decode()
 
     def test_a_private_race_has_no_feed_for_strangers(self, set_clock):
         now = datetime(2027, 1, 15, tzinfo=UTC)

@@ -235,7 +235,7 @@ def test_a_steward_removes_and_restores_a_racer(boss, now):
 def test_an_admin_requeues_a_failed_run(boss, now):
     race, racer = a_race(now), a_racer()
     submission = submit_model(race=race, racer=racer, model=a_model(racer), now=now)
-    assert "Only a run that failed" in act(boss, "submission", "repeat", submission).content.decode()
+    assert "Only failed or stopped runs" in act(boss, "submission", "repeat", submission).content.decode()
     fail(submission, PlatformFault("internal_error"), now)
     act(boss, "submission", "repeat", submission)
     assert Submission.objects.filter(evaluation__state="queued").count() == 1

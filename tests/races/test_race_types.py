@@ -211,15 +211,15 @@ def test_the_board_shows_the_crashes_of_the_counting_run(alice, bob, now):
     ("options", "facts", "rule"),
     [
         ({}, [], None),
-        (BOXES, ["2 boxes"], "2 boxes stand on the track, in the places that the map shows"),
-        (DRAWN, ["4 boxes", "drawn from the seed"], "in places drawn from the seed at least 2 m apart"),
+        (BOXES, ["2 boxes"], "2 boxes on the track, as shown on the map"),
+        (DRAWN, ["4 boxes", "drawn from the seed"], "placed by the seed at least 2 m apart"),
         (
             BOTS | {"bot_lane_changes": True},
             ["3 bots at 1 m/s", "changing lanes"],
             "Bots change lanes every 3 to 5 s",
         ),
-        (MODELS, ["car against car", "round robin"], "each car drives the track alone"),
-        (MODELS | {"duel_cars": 4}, ["4 cars at once", "round robin"], "4 at once"),
+        (MODELS, ["car against car", "round robin"], "each car qualifies alone"),
+        (MODELS | {"duel_cars": 4}, ["4 cars at once", "round robin"], "4 cars at a time"),
     ],
 )
 @override_settings(LANGUAGE_CODE="en")

@@ -308,7 +308,7 @@ def test_an_invitation_ends_with_the_race(alice, bob, now):
 def test_the_token_of_a_public_race_does_not_invite(alice, bob, now):
     race = make(alice, now)
     for token in (race.invitation, "", "nonsense"):
-        with pytest.raises(UserFault, match="not valid any more"):
+        with pytest.raises(UserFault, match="no longer valid"):
             accept_invitation(token=token, racer=bob, now=now)
 
 

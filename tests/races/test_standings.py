@@ -114,7 +114,7 @@ def test_a_better_submission_replaces_the_standing_as_a_whole(alice, now):
     better = drive(race, alice, laps(9_000, 9_000, 9_000, resets=1), now + timedelta(hours=1))
     entry = Entry.objects.get(race=race)
     assert (entry.best, entry.best_lap_ms, entry.resets) == (better, 9_000, 1)
-    assert entry.own_lap_ms == 8_000, "the racer's own fastest lap is of all submissions"
+    assert entry.own_lap_ms == 8_000, "the racer's personal best lap is of all submissions"
 
 
 def test_a_classified_car_is_never_replaced_by_an_unclassified_one(alice, now):

@@ -52,7 +52,7 @@ def track_map(track: Track, direction: str = "", lines: Iterable[Trajectory] = (
     """The track's map as inline SVG, driven in ``direction`` (default: the file's own), with driven ``lines``."""
     direction, title = direction or track.direction, title or track.name
     if not track.has_shape:
-        return format_html('<p class="muted">{}</p>', _("No map: the shape of this track is not known here."))
+        return format_html('<p class="muted">{}</p>', _("No map available for this track."))
     if lines:
         drawing = draw_svg(track.geometry.in_direction(direction), lines=tuple(lines), title=title)
     else:

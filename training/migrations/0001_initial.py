@@ -94,7 +94,7 @@ class Migration(migrations.Migration):
                 ('sb3_zip', models.FileField(blank=True, upload_to='training/', verbose_name='stable-baselines3 model')),
                 ('log', models.TextField(blank=True, verbose_name='log')),
                 ('printed', models.TextField(blank=True, verbose_name='newest lines that the reward function printed')),
-                ('submit_reason_code', models.CharField(blank=True, max_length=40, verbose_name='not submitted because')),
+                ('submit_reason_code', models.CharField(blank=True, max_length=40, verbose_name="reason for not submitting")),
                 ('submit_reason_params', models.JSONField(blank=True, default=dict, verbose_name='details')),
                 ('ended_because', models.CharField(blank=True, choices=[('time', 'its minutes were used up'), ('steps', 'it had driven its steps'), ('clean_laps', 'it lapped cleanly'), ('stopped', 'it was stopped'), ('failed', 'it failed')], max_length=10, verbose_name='why it ended')),
                 ('created_at', models.DateTimeField(default=django.utils.timezone.now, verbose_name="created")),
@@ -154,7 +154,7 @@ class Migration(migrations.Migration):
                 ('seconds', models.FloatField(verbose_name='seconds so far')),
                 ('file', models.FileField(upload_to='training/', verbose_name='state')),
                 ('networks', models.FileField(blank=True, upload_to='training/', verbose_name='networks')),
-                ('created_at', models.DateTimeField(default=django.utils.timezone.now, verbose_name='written')),
+                ('created_at', models.DateTimeField(default=django.utils.timezone.now, verbose_name="written at")),
                 ('job', models.ForeignKey(on_delete=django.db.models.deletion.CASCADE, related_name='checkpoints', to='training.trainingjob', verbose_name='training job')),
             ],
             options={

@@ -164,14 +164,14 @@ class TrainingJob(with_columns(_RULES), Job):  # type: ignore[misc]
         null=True,
         blank=True,
         related_name="+",
-        verbose_name=_("own run"),
+        verbose_name=_("test run"),
         db_index=False,
     )
     evaluate_reason_code = models.CharField(
         _("not evaluated because"), max_length=40, blank=True, default="", db_default=""
     )
     evaluate_reason_params = models.JSONField(_("details"), default=dict, blank=True, db_default={})
-    submit_reason_code = models.CharField(_("not submitted because"), max_length=40, blank=True)
+    submit_reason_code = models.CharField(_("reason for not submitting"), max_length=40, blank=True)
     submit_reason_params = models.JSONField(_("details"), default=dict, blank=True)
     ended_because = models.CharField(_("why it ended"), max_length=10, choices=EndReason.choices, blank=True)
     created_at = models.DateTimeField(_("created"), default=timezone.now)

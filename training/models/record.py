@@ -65,7 +65,7 @@ class Checkpoint(models.Model):
     seconds = models.FloatField(_("seconds so far"))
     file = models.FileField(_("state"), upload_to="training/")
     networks = models.FileField(_("networks"), upload_to="training/", blank=True)
-    created_at = models.DateTimeField(_("written"), default=timezone.now)
+    created_at = models.DateTimeField(_("written at"), default=timezone.now)
 
     class Meta:
         verbose_name = _("checkpoint")

@@ -37,7 +37,7 @@ class Migration(migrations.Migration):
                 ('language', models.CharField(max_length=8, verbose_name='language')),
                 ('state', models.CharField(choices=[('waiting', 'waiting'), ('drawing', 'being drawn'), ('ready', 'ready'), ('failed', 'failed')], default='waiting', max_length=8, verbose_name='state')),
                 ('progress', models.PositiveSmallIntegerField(default=0, help_text='Per cent.', verbose_name='progress')),
-                ('asked_at', models.DateTimeField(default=django.utils.timezone.now, verbose_name='asked for')),
+                ('asked_at', models.DateTimeField(default=django.utils.timezone.now, verbose_name="requested at")),
                 ('asks', models.PositiveSmallIntegerField(default=1, verbose_name='times asked for')),
                 ('watched_at', models.DateTimeField(blank=True, null=True, verbose_name='last watched')),
                 ('fingerprint', models.CharField(blank=True, max_length=64, verbose_name='fingerprint')),
