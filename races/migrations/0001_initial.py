@@ -452,7 +452,7 @@ class Migration(migrations.Migration):
         ),
         migrations.AddConstraint(
             model_name='redrive',
-            constraint=models.CheckConstraint(condition=models.Q(models.Q(('replaced__isnull', False), ('state', "applied")), models.Q(models.Q(('state', "applied"), _negated=True), ('replaced', None)), _connector='OR'), name='redrive_taken_replaces'),
+            constraint=models.CheckConstraint(condition=models.Q(models.Q(('replaced__isnull', False), ('state', 'taken')), models.Q(models.Q(('state', 'taken'), _negated=True), ('replaced', None)), _connector='OR'), name='redrive_taken_replaces'),
         ),
         migrations.AddConstraint(
             model_name='redrive',

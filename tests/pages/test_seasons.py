@@ -371,8 +371,8 @@ def test_the_rules_are_generated_from_the_settings(season):
     html = Client().get("/seasons/2027/rules/").content.decode()
     for words in (
         "best 20 %",
-        "best 3 of a finale",
-        "First 2".casefold(),
+        "best 3 racers",
+        "best 2 of a finale",
         "10, 6, 3, 1",
         "The worst result is dropped",
         "A mug",
