@@ -19,6 +19,7 @@ from races.spectators import is_spectator
 from races.spoilers import COOKIE, HEADER, PARAMETER
 
 from .moving import ASKS, KNOWS, tag_of
+from .reader_zone import zone_of
 
 # What the database does not tell changes too: a race opens, "in 5 minutes" becomes "in 4". So a page lives this long
 LIVES_S = 1.0
@@ -116,9 +117,9 @@ def _number(request: HttpRequest) -> int | None:
 
 def _key(request: HttpRequest) -> tuple:
     htmx = tuple(request.META.get(name, "") for name in _HTMX)
-    theme = request.COOKIES.get("theme", "")
+    theme, zone = request.COOKIES.get("theme", ""), str(zone_of(request) or "")
     language = getattr(request, "LANGUAGE_CODE", "")
-    return request.get_full_path(), request.scheme, request.META.get("HTTP_HOST", ""), language, theme, htmx
+    return request.get_full_path(), request.scheme, request.META.get("HTTP_HOST", ""), language, theme, zone, htmx
 
 
 def _given(request: HttpRequest, page: _Page) -> HttpResponse:

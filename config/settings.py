@@ -103,6 +103,7 @@ MIDDLEWARE = [
     "csp.middleware.CSPMiddleware",
     "django.contrib.sessions.middleware.SessionMiddleware",
     "django.middleware.locale.LocaleMiddleware",
+    "config.reader_zone.ReaderZone",
     "config.moving.ChangedPages",
     "config.guests.SharedPages",
     "django.middleware.common.CommonMiddleware",

@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 from collections.abc import Iterable, Mapping
 from datetime import datetime
+from typing import Any
 
 from django import forms
 from django.contrib import messages
@@ -13,6 +14,8 @@ from django.utils.datastructures import MultiValueDict
 from django.utils.translation import gettext, gettext_noop
 
 from paddock.errors import PaddockError
+
+from .times import for_the_reader
 
 # Details of faults that are words of ours (paddock.geometry.checks); any other text in a detail is somebody's own.
 WORDS = frozenset({gettext_noop("centre line"), gettext_noop("inner border"), gettext_noop("outer border")})
@@ -26,7 +29,10 @@ LABEL = "label"
 
 def explain(fault: PaddockError) -> str:
     """The fault's sentence in the reader's language, details filled in. The detail ``label`` is a field's label."""
-    params = {key: gettext(value) if key == LABEL or value in WORDS else value for key, value in fault.params.items()}
+    params: dict[str, Any] = {
+        key: gettext(value) if key == LABEL or value in WORDS else for_the_reader(value)
+        for key, value in fault.params.items()
+    }
     return fault.reason.render(params, gettext(fault.reason.sentence))
 
 

@@ -19,6 +19,7 @@ from django.utils.translation import gettext_lazy
 from accounts.models import Racer
 from accounts.who import racer_of
 from core.admin import ReadOnly
+from core.times import written
 from paddock.errors import PaddockError
 from races.admin.actions import sentence
 
@@ -62,9 +63,7 @@ class RoundAdmin(ReadOnly, admin.ModelAdmin):
     def settled(self, round_: Round) -> str:
         if round_.closed_at is None:
             return _("held back") if round_.held_at else "-"
-        return (
-            _("under review") if round_.is_under_review(timezone.now()) else f"{round_.settled_at:%Y-%m-%d %H:%M} UTC"
-        )
+        return _("under review") if round_.is_under_review(timezone.now()) else written(round_.settled_at)
 
     @admin.action(description=gettext_lazy("Publish: make the results official"), permissions=["steward"])
     def publish(self, request: HttpRequest, queryset: QuerySet[Round]) -> HttpResponse | None:

@@ -6,7 +6,7 @@ from django.utils.translation import gettext as _
 from django.utils.translation import gettext_noop
 
 from core.jobs.models import reason_sentence
-from core.times import clock
+from core.times import clock, for_the_reader
 from races.change import sentence as change_sentence
 from races.names import named
 
@@ -45,7 +45,8 @@ APPEAL_UNTIL = gettext_noop("If this is a mistake, contact the organisers. They 
 def sentence(notice: Notice) -> str:
     """What the notice says. Parameters that are missing from an old one stand as dashes."""
     names = {key: named(notice.params[key]) for key in _NAMES if isinstance(notice.params.get(key), str)}
-    params = _NoticeParams({**notice.params, **names})
+    told = {key: for_the_reader(value) for key, value in notice.params.items()}
+    params = _NoticeParams({**told, **names})
     if notice.kind == NoticeKind.RESULT and len(notice.params) > 1:
         return _result(params)
     said = _(SENTENCES[NoticeKind(notice.kind)])

@@ -11,9 +11,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from datetime import datetime
 from typing import Any, TypeGuard
-from zoneinfo import ZoneInfo
 
-from django.utils import timezone
 from django.utils.datastructures import MultiValueDict
 
 from paddock.rules.race import LAYOUT
@@ -29,26 +27,12 @@ _NOT_OF_THE_RACE = ("csrfmiddlewaretoken", "season", "round", "do")
 
 
 class RoundForm(RaceForm):
-    """A race of a planned season: all that a community race's form has but who may join, in the season's time zone."""
+    """A race of a planned season: all that a community race's form has but who may join."""
 
     # a form leaves a field of its base out by naming it None
     visibility = None  # type: ignore[assignment]
     description = None  # type: ignore[assignment]
     edition = None  # type: ignore[assignment]
-    time_zone = None  # type: ignore[assignment]
-
-    def __init__(self, *args: Any, zone: ZoneInfo, **kwargs: Any) -> None:
-        with timezone.override(zone):
-            super().__init__(*args, **kwargs)
-        self.zone = zone
-        for name in ("opens_at", "closes_at"):  # as typed: pages convert what has a zone to the site's
-            self.initial[name] = self.initial[name].astimezone(zone).replace(tzinfo=None)
-            self.fields[name].widget.attrs.pop("data-utc", None)
-
-    def full_clean(self) -> None:
-        """Moments are read as the wall clock of the season's zone."""
-        with timezone.override(self.zone):
-            super().full_clean()
 
 
 @dataclass(frozen=True)
@@ -58,9 +42,9 @@ class RoundChange:
     data: Mapping[str, list[str]]
     fields: tuple[str, ...]
 
-    def form(self, zone: ZoneInfo, now: datetime, race: Race | None = None) -> RoundForm:
+    def form(self, now: datetime, race: Race | None = None) -> RoundForm:
         """The form as it was sent."""
-        return RoundForm(MultiValueDict(dict(self.data)), race=race, zone=zone, now=now)
+        return RoundForm(MultiValueDict(dict(self.data)), race=race, now=now)
 
 
 def read_changes(text: str) -> dict[str, RoundChange]:
@@ -83,11 +67,11 @@ def write_changes(changes: Mapping[str, RoundChange]) -> str:
     return json.dumps(told) if told else ""
 
 
-def values_of(changes: Mapping[str, RoundChange], zone: ZoneInfo, now: datetime) -> dict[str, dict[str, Any]]:
+def values_of(changes: Mapping[str, RoundChange], now: datetime) -> dict[str, dict[str, Any]]:
     """The fields that single races have instead of their pattern, by key. What the form refuses is left out."""
     values = {}
     for key, one in changes.items():
-        form = one.form(zone, now)
+        form = one.form(now)
         if form.is_valid():
             said = form.changes()
             values[key] = {name: said[name] for name in one.fields if name in said}

@@ -163,7 +163,7 @@ class SeasonForm(forms.Form):
             turning=Turning(data["turning"]),
             stages={stage: stage_plan(stage, data) for stage in STAGES},
             settings={name: data[name] for name in (*self.OF_A_SEASON, "prizes")},
-            changes=values_of(changes, zone, now),
+            changes=values_of(changes, now),
             **{name: data[name] for name in times},
         )
 

@@ -26,6 +26,10 @@
     return `${is.year}-${is.month}-${is.day} ${is.hour}:${is.minute} ${is.timeZoneName}`;
   };
   const zone = Intl.DateTimeFormat().resolvedOptions().timeZone;
+  if (zone && !document.cookie.split("; ").includes(`zone=${zone}`)) { // the server writes and reads times in it
+    const secure = location.protocol === "https:" ? "; Secure" : "";
+    document.cookie = `zone=${zone}; Path=/; Max-Age=31536000; SameSite=Lax${secure}`;
+  }
   function showTime(element) {
     const moment = new Date(element.dateTime);
     if (Number.isNaN(moment.valueOf())) return;

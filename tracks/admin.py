@@ -17,6 +17,7 @@ from django.utils.translation import gettext_lazy as _
 from accounts.models import Racer
 from accounts.who import racer_of
 from core.admin import ComparedChanges
+from core.forms import explain
 from paddock.errors import UserFault
 from paddock.geometry.npy import MAX_BYTES
 
@@ -58,7 +59,7 @@ class ImportForm(forms.ModelForm):
             field = {"track_name": "name", "track_slug": "slug"}.get(fault.code, "file")
             self.add_error(
                 field,
-                forms.ValidationError(fault.reason.render(fault.params, gettext(fault.reason.sentence)), fault.code),
+                forms.ValidationError(explain(fault), fault.code),
             )
 
 

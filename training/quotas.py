@@ -8,11 +8,11 @@ from datetime import datetime
 
 from django.conf import settings
 from django.db.models import Count, QuerySet, Sum
-from django.utils import timezone
 from django.utils.translation import gettext_lazy as _
 
 from accounts.quotas import Quota
 from accounts.storage import Shelf
+from core.times import start_of_month
 from evaluation.models import StoredFile
 from evaluation.quotas import sizes_of_files
 from paddock.errors.reasons import platform_codes
@@ -30,7 +30,7 @@ def _minutes(racers: Collection[int] | None, now: datetime) -> Mapping[int, floa
     """Minutes of the trainers since the month began (in the site's time zone): what ended counts as long as it held
     one, what waits or runs for as long as it may. What failed through our fault counts for nothing; what was
     deleted counts on."""
-    month = timezone.localtime(now).replace(day=1, hour=0, minute=0, second=0, microsecond=0)
+    month = start_of_month(now)
     jobs = (
         _jobs(racers)
         .filter(created_at__gte=month)

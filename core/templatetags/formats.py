@@ -99,13 +99,10 @@ def plain(number: float) -> str:
 
 @register.simple_tag
 def moment(when: datetime | None) -> SafeString | str:
-    """A moment in the site's time zone; the page's script turns it into the reader's."""
+    """A moment in the reader's time zone; on a first visit the page's script turns the site's into it."""
     if when is None:
         return "–"
-    local = timezone.localtime(when)
-    return format_html(
-        '<time datetime="{}" data-local>{}</time>', when.isoformat(), local.strftime("%Y-%m-%d %H:%M %Z")
-    )
+    return format_html('<time datetime="{}" data-local>{}</time>', when.isoformat(), times.written(when))
 
 
 def time_left(left: timedelta) -> str:
@@ -146,10 +143,7 @@ def ago(when: datetime | None) -> SafeString | str:
             break
     else:
         text = _("just now")
-    local = timezone.localtime(when)
-    return format_html(
-        '<time datetime="{}" title="{}">{}</time>', when.isoformat(), local.strftime("%Y-%m-%d %H:%M %Z"), text
-    )
+    return format_html('<time datetime="{}" title="{}">{}</time>', when.isoformat(), times.written(when), text)
 
 
 @register.filter

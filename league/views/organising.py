@@ -131,7 +131,7 @@ def _show_round(request: HttpRequest, data: QueryDict, key: str) -> HttpResponse
         round_ = None
     if round_ is None:
         return _show_plan(request, data)
-    form = RoundForm(race=round_.unsaved(), zone=plan.zone, now=now)
+    form = RoundForm(race=round_.unsaved(), now=now)
     return _render_round(request, data, round_, form, submitted=False)
 
 
@@ -150,7 +150,7 @@ def _change(request: HttpRequest, do: str) -> HttpResponse:
     except UserFault:
         pattern = None
     if do == "keep" and pattern is not None:
-        form = RoundForm(request.POST, race=pattern.unsaved(), zone=plan.zone, now=now)
+        form = RoundForm(request.POST, race=pattern.unsaved(), now=now)
         if form.is_valid():
             for sentence in layout_of(form, submitted=True).problems:
                 form.add_error(None, sentence)

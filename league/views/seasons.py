@@ -15,6 +15,7 @@ from django.utils.translation import gettext as _
 from django.views.decorators.http import require_safe
 
 from accounts.regions import all_regions
+from core.times import site_day
 from league.calendars import season_calendar, zone_names
 from league.drawing import ChartPoint, progress_chart
 from league.exports import standings_csv, standings_data, standings_feed
@@ -50,7 +51,11 @@ def seasons(request: HttpRequest) -> HttpResponse:
     """All seasons, the running one first in sight."""
     now = timezone.now()
     listed = list(seasons_listed())
-    context = {"seasons": listed, "today": timezone.localdate(now), "current": current_season(now)}
+    context = {
+        "seasons": listed,
+        "today": site_day(now),
+        "current": current_season(now),
+    }
     return render(request, "league/seasons.html", context)
 
 
@@ -178,7 +183,8 @@ def calendar(request: HttpRequest, slug: str) -> HttpResponse:
     shown = _season(slug)
     name = request.GET.get("zone", "")
     known = zone_names()
-    name = name if name in known else timezone.get_default_timezone_name()
+    name = name if name in known else timezone.get_current_timezone_name()
+    name = name if name in known else "UTC"  # such as "Etc/GMT-9", which is no place
     now = timezone.now()
     months = months_of(shown)
     races = sorted(
@@ -242,7 +248,11 @@ def season_racer(request: HttpRequest, slug: str, alias: str) -> HttpResponse:
 @require_safe
 def hall(request: HttpRequest) -> HttpResponse:
     """The winners of every season."""
-    return render(request, "league/hall.html", {"halls": hall_of_fame(), "today": timezone.localdate()})
+    return render(
+        request,
+        "league/hall.html",
+        {"halls": hall_of_fame(), "today": site_day(timezone.now())},
+    )
 
 
 def _season(slug: str) -> Season:
@@ -258,7 +268,7 @@ def _context(request: HttpRequest, season: Season, tab: str) -> dict[str, Any]:
 
 
 def _state(season: Season, now: Any) -> RaceState:
-    today = timezone.localtime(now).date()
+    today = site_day(now)
     if today < season.starts_on:
         return RaceState.UPCOMING
     return RaceState.OPEN if today <= season.ends_on else RaceState.CLOSED

@@ -10,15 +10,15 @@ from django.contrib.admin import ModelAdmin, helpers
 from django.db.models import QuerySet
 from django.http import HttpRequest, HttpResponse
 from django.shortcuts import render
-from django.utils.translation import gettext as _
 
 from core.admin import ComparedChanges
+from core.forms import explain
 from paddock.errors import PaddockError
 
 
 def sentence(fault: PaddockError) -> str:
     """The fault in the reader's language."""
-    return fault.reason.render(fault.params, _(fault.reason.sentence))
+    return explain(fault)
 
 
 class WithReason(ComparedChanges, ModelAdmin):

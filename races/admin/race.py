@@ -17,6 +17,7 @@ from django.utils.html import format_html
 from django.utils.translation import gettext as _
 from django.utils.translation import gettext_lazy, ngettext
 
+from core.times import written
 from paddock.errors import PaddockError
 from paddock.rules.race import LAYOUT, RULES, RUN_RULES
 
@@ -34,7 +35,6 @@ from ..services import (
     recompute_race,
     reset_invitation,
 )
-from ..services.gates import moment
 from ..services.races import edition_of, free_slug, has_submissions
 from ..services.terms import keep_terms, one_form
 from ..validation import EDITABLE_FIELDS, LAID_OUT_BY, PHYSICAL_FIELDS, RULE_FIELDS, TEXT_FIELDS, check_times
@@ -280,7 +280,7 @@ class RaceAdmin(WithReason):
             made = clone_race(race=race, now=timezone.now())
             self.log_addition(request, made, f"Cloned from {race.slug}")
             address = reverse("admin:races_race_change", args=[made.pk])
-            told = format_html(_('<a href="{}">{}</a> opens at {}.'), address, made, moment(made.opens_at))
+            told = format_html(_('<a href="{}">{}</a> opens at {}.'), address, made, written(made.opens_at))
             self.message_user(request, told)
 
         self.each(request, queryset, clone_one, "Cloned to the next month")

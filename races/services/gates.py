@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from datetime import UTC, datetime
+from datetime import datetime
 
+from core import times
 from paddock.errors import UserFault
 
 from ..models import Race, RaceState
@@ -32,4 +33,4 @@ def require_not_over(race: Race, now: datetime) -> None:
 
 def moment(time: datetime) -> str:
     """A time for a reason's sentence, its zone named."""
-    return f"{time.astimezone(UTC):%Y-%m-%d %H:%M} UTC"
+    return times.stored(time)

@@ -6,8 +6,8 @@ from datetime import datetime
 from typing import Any
 
 from django.db import transaction
-from django.utils import timezone
 
+from core.times import start_of_month
 from evaluation.models import Evaluation, State, TrainedModel
 from evaluation.services import delete_model
 from paddock.errors import UserFault
@@ -70,7 +70,7 @@ def models_of(job: TrainingJob) -> list[TrainedModel]:
 
 def forget_deleted(*, now: datetime) -> int:
     """Remove the rows of deleted trainings whose minutes count no more. How many."""
-    month = timezone.localtime(now).replace(day=1, hour=0, minute=0, second=0, microsecond=0)
+    month = start_of_month(now)
     return TrainingJob.objects.filter(deleted_at__isnull=False, created_at__lt=month).delete()[0]
 
 

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING
 from django.core.exceptions import ValidationError
 from django.db import transaction
 from django.utils.dateparse import parse_datetime
-from django.utils.timezone import is_naive, make_aware
+from django.utils.timezone import get_default_timezone, is_naive, make_aware
 from django.utils.translation import gettext as _
 
 from core.forms import explain
@@ -261,4 +261,4 @@ def _moment(text: str) -> datetime:
         found = None
     if found is None:
         raise UserFault("csv_moment", value=text[:40])
-    return make_aware(found) if is_naive(found) else found
+    return make_aware(found, get_default_timezone()) if is_naive(found) else found
