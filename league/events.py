@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from core.events import EventKind, register
+from core.events.visibility import OWN
 from races.events import RACE
 
 _WHO = ("racer", "race", "subject")
@@ -16,6 +17,17 @@ QUALIFIED = register(
 # subject: the number of the stewards' decision
 DISQUALIFIED = register(EventKind("racer.disqualified", "stewards have disqualified a racer", RACE, _WHO, ("reason",)))
 RESTORED = register(EventKind("racer.restored", "stewards have put a racer back", RACE, _WHO, ("reason",)))
+# subject: the address of the new season
+SEASON_DRAFTED = register(
+    EventKind(
+        "season.drafted",
+        "the season that follows another one is drafted",
+        OWN,
+        ("subject",),
+        ("opens", "before", "left_out"),
+        once="drafted season",
+    )
+)
 # subject: its day
 CUP_OVER = register(
     EventKind("cup.over", "a cup of the day has its winners", RACE, ("race", "subject"), ("cars",), once="day")

@@ -31,7 +31,12 @@ SENTENCES = {
     NoticeKind.CUP: gettext_noop("The cup of %(day)s is over: you are in place %(place)s of division %(division)s."),
     NoticeKind.FOLLOWED: gettext_noop("%(racer)s leads %(race)s with %(score)s."),
     NoticeKind.TEAM: gettext_noop("The team %(team)s asks you to join."),
+    NoticeKind.SEASON: gettext_noop(
+        "%(season)s is drafted. It continues %(before)s from %(opens)s. You can edit, replace or delete it before then."
+    ),
 }
+# Added to the notice of a drafted season.
+LEFT_OUT = gettext_noop("Races that could not be copied: %(left_out)s.")
 # What else a racer who is followed has done, by ``params["what"]``.
 FOLLOWED_WON = {
     "race": gettext_noop("%(racer)s has won %(race)s."),
@@ -56,10 +61,12 @@ def sentence(notice: Notice) -> str:
         return _retimed(said, params)
     if notice.kind == NoticeKind.DISQUALIFIED and "until" in notice.params:
         said = f"{said} {_(APPEAL_UNTIL if notice.params['until'] else APPEAL)}"
+    if notice.kind == NoticeKind.SEASON and "left_out" in notice.params:
+        said = f"{said} {_(LEFT_OUT)}"
     return said % params
 
 
-_NAMES = ("race", "season", "month")
+_NAMES = ("race", "season", "month", "before")
 
 
 def _result(said: _NoticeParams) -> str:

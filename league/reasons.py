@@ -34,6 +34,10 @@ register(
         ),
         "season_is_official": _("Official results depend on %(fields)s. Revoke the official rounds first."),
         "season_exists": _("The address %(season)s is already taken. Choose another."),
+        "season_address_reserved": _("The address %(season)s belongs to a page of this site. Choose another."),
+        "season_copy_months": _("Copy a season by 1 to %(most)s months."),
+        "season_has_opened": _("%(race)s has opened and cannot be deleted. Cancel it instead."),
+        "season_has_entries": _("%(race)s has entries and cannot be deleted. Cancel it instead."),
         # the rounds of a season
         "rounds_overlap": _("%(race)s and %(other)s overlap. A division has one race at a time. Change the times."),
         "round_of_another_division": _("This stage needs a race of the %(division)s. Change the race or the stage."),

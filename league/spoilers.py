@@ -20,7 +20,10 @@ from races.spoilers import spoilers_of_racer
 from .models import Cup, Notice, NoticeKind, Round, Season
 
 # What tells nothing of results.
-_HARMLESS = (NoticeKind.OPENS, NoticeKind.CLOSES, NoticeKind.MESSAGE, NoticeKind.CANCELLED, NoticeKind.TEAM)
+_HARMLESS = (
+    *(NoticeKind.OPENS, NoticeKind.CLOSES, NoticeKind.MESSAGE, NoticeKind.CANCELLED, NoticeKind.TEAM),
+    NoticeKind.SEASON,
+)
 
 
 def _of_season(request: HttpRequest, named: Mapping[str, Any]) -> Iterable[int]:

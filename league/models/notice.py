@@ -30,6 +30,7 @@ class NoticeKind(models.TextChoices):
     CUP = "cup", _("a cup of the day is over")
     FOLLOWED = "followed", _("a racer you follow leads or wins")
     TEAM = "team", _("a team asks you to join")
+    SEASON = "season", _("the next season is drafted (for admins)")
 
 
 # A result comes seconds after sending a car, and others race all day: whoever wants that by mail turns it on.

@@ -16,7 +16,8 @@ from .season import Round, Season
 class Membership(models.Model):
     """A racer's division in a season. Who has none is in the open division, where everybody starts.
 
-    ``promoted_in``: the open race that promoted them; None when an admin put them there.
+    ``promoted_in``: the open race that promoted them; None when an admin put them there, and when it is ``carried``
+    over from the season before.
     """
 
     season = models.ForeignKey(Season, models.CASCADE, related_name="memberships", verbose_name=_("season"))
@@ -33,6 +34,7 @@ class Membership(models.Model):
         verbose_name=_("promoted in"),
     )
     place = models.PositiveIntegerField(_("place in that race"), null=True, blank=True, editable=False)
+    carried = models.BooleanField(_("from the season before"), default=False, db_default=False, editable=False)
 
     class Meta:
         verbose_name = _("division of a racer")

@@ -98,6 +98,30 @@ class Season(models.Model):
         help_text=_("Results can be corrected for this long after a round has closed."),
     )
     prizes = models.TextField(_("prizes"), blank=True, max_length=4000)
+    zone = models.CharField(
+        _("time zone"),
+        max_length=64,
+        blank=True,
+        default="",
+        db_default="",
+        editable=False,
+        help_text=_("Its races open and close by the clock of this zone; empty: the zone of the site."),
+    )
+    continues = models.BooleanField(
+        _("continues by itself"),
+        default=True,
+        db_default=True,
+        help_text=_("The season that follows is drafted 60 days ahead: the same races a year later."),
+    )
+    follows = models.OneToOneField(
+        "self",
+        models.SET_NULL,
+        null=True,
+        blank=True,
+        editable=False,
+        related_name="successor",
+        verbose_name=_("continues the season"),
+    )
 
     class Meta:
         verbose_name = _("season")
@@ -132,7 +156,9 @@ class Season(models.Model):
     def clean(self) -> None:
         """Refuse numbers that make no season, each on its field. Raises ValidationError of reason codes."""
         problems: dict[str, ValidationError] = {}
-        if self.slug in RESERVED_SLUGS:
+        if self.slug and self.slug.lower() in RESERVED_SLUGS:
+            problems["slug"] = problem("season_address_reserved", season=self.slug)
+        elif self.slug and Season.objects.filter(slug__iexact=self.slug).exclude(pk=self.pk).exists():
             problems["slug"] = problem("season_exists", season=self.slug)
         percent = self.promotion_percent
         if isinstance(percent, int | float | Decimal) and not _is_share(percent):

@@ -17,14 +17,16 @@ from races.events import RACE_CLOSED, RACE_CLOSING, RACE_OFFICIAL, RACE_OPENED, 
 from races.models import Race, RaceKind
 
 from .closing import cars_on_the_way
+from .succession import continue_seasons
 
 REACH = timedelta(days=3)
 A_DAY = timedelta(days=1)
 
 
 def tick(*, now: datetime) -> int:
-    """Write down which races have opened, close within a day or have closed, and whose results are official without
-    anybody saying so. Returns how many events are new."""
+    """Draft the seasons that follow, and write down which races have opened, close within a day or have closed, and
+    whose results are official without anybody saying so. Returns how many events are new."""
+    drafted = continue_seasons(now=now)
     races = Race.objects.filter(cancelled_at=None, imported_at=None).order_by("closes_at", "pk")
     opened = races.filter(opens_at__gt=now - REACH, opens_at__lte=now)
     # a race that lasts no longer than a day has only just told that it opens
@@ -33,7 +35,7 @@ def tick(*, now: datetime) -> int:
     new = record_all(_timed(RACE_OPENED, opened, "opens_at"))
     new += record_all(_timed(RACE_CLOSING, closing, "closes_at"))
     new += record_all(_timed(RACE_CLOSED, closed, "closes_at"))
-    return new + record_all(_settled(closed, now))
+    return len(drafted) + new + record_all(_settled(closed, now))
 
 
 def _timed(kind: EventKind, races: Iterable[Race], when: str) -> Iterator[Event]:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from datetime import datetime
 
-from races.models import Entry, RaceState
+from races.models import Division, Entry, RaceState
 from races.services.entries import give_field, take_out
 
 from ..models import Membership, Round, Season, Stage
@@ -26,7 +26,8 @@ def give_round_its_field(round_: Round, *, now: datetime) -> None:
 
 
 def give_fields(season: Season, *, now: datetime) -> None:
-    """Enter the fields of a season's races that are not over, and see that nobody but pros is in its pro races."""
+    """Enter the fields of a season's races that are not over, and see that nobody but pros is in its pro races. The
+    season that follows gets the same pros, and so on."""
     ahead = season.rounds.filter(race__closes_at__gt=now, race__cancelled_at=None, race__imported_at=None)
     for round_ in ahead.filter(stage__in=[Stage.PRO, *WITH_FIELD]).select_related("race"):
         round_.season = season
@@ -36,6 +37,24 @@ def give_fields(season: Season, *, now: datetime) -> None:
             give_round_its_field(round_, now=now)
         else:
             _only_pros(round_, now)
+    _carry_divisions(season, now)
+
+
+def _carry_divisions(season: Season, now: datetime) -> None:
+    """Who is a pro in a season is one in the season that follows, unless that has put them into a division already."""
+    following = Season.objects.select_for_update(of=("self",)).filter(follows=season).first()
+    if following is None:
+        return
+    pros = Membership.objects.filter(season=season, division=Division.PRO)
+    own = Membership.objects.filter(season=following)
+    gone, _rows = own.filter(carried=True).exclude(racer__in=pros.values("racer")).delete()
+    new = [
+        Membership(season=following, racer_id=racer, division=Division.PRO, since=since, carried=True)
+        for racer, since in pros.exclude(racer__in=own.values("racer")).values_list("racer", "since")
+    ]
+    Membership.objects.bulk_create(new, batch_size=1000)
+    if gone or new:
+        give_fields(following, now=now)
 
 
 def _only_pros(round_: Round, now: datetime) -> None:

@@ -92,7 +92,7 @@ def _make_season(read: ReadSeason, settings: dict[str, Any]) -> Season:
     last = max(race.row.closes_at for race in read.races).date()
     last = max(last, first + timedelta(days=1))
     try:
-        return create_season(slug=slug, name=read.label, starts_on=first, ends_on=last, **settings)
+        return create_season(slug=slug, name=read.label, starts_on=first, ends_on=last, continues=False, **settings)
     except ValidationError as refused:
         raise RaceRefused(refused) from None
 

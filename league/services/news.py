@@ -24,11 +24,11 @@ from races.selectors.results import place_of, result_of
 from races.selectors.visibility import can_see_evaluation
 from races.services.gates import moment
 
-from ..events import CUP_OVER, DISQUALIFIED, IN_FINALE, PROMOTED, QUALIFIED, RESTORED
-from ..models import CupPlace, Lead, NoticeKind, Round, StewardDecision
+from ..events import CUP_OVER, DISQUALIFIED, IN_FINALE, PROMOTED, QUALIFIED, RESTORED, SEASON_DRAFTED
+from ..models import CupPlace, Lead, NoticeKind, Round, Season, StewardDecision
 from ..selectors.outcomes import holds
 from .followers import tell_of_cup, tell_of_lead, tell_of_win
-from .telling import Told, concerned, entered, tell
+from .telling import Told, admins_with, concerned, entered, tell
 
 REACH = timedelta(days=3)
 OUTCOME_REACH = timedelta(days=30)
@@ -245,6 +245,19 @@ def _asked(event: Event, now: datetime) -> int:
     return tell(Told(NoticeKind.TEAM, about, [asked.racer_id], asked.team.get_absolute_url(), params), now)
 
 
+def _drafted(event: Event, now: datetime) -> int:
+    """Admins who may change seasons read that the next one is drafted, if it still stands and has not begun."""
+    season = Season.objects.filter(slug=event.subject).first()
+    opens = datetime.fromisoformat(event.data["opens"])
+    if season is None or (not _is_recent(event, now) and opens <= now):
+        return 0
+    params = {"season": season.name, "before": event.data["before"], "opens": moment(opens)}
+    if event.data["left_out"]:
+        params["left_out"] = event.data["left_out"]
+    readers = admins_with("league.change_season")
+    return tell(Told(NoticeKind.SEASON, str(season.pk), readers, season.get_absolute_url(), params), now)
+
+
 def _is_recent(event: Event, now: datetime) -> bool:
     return event.at > now - REACH
 
@@ -278,6 +291,7 @@ _TELLING: dict[EventKind, Callable[[Event, datetime], int]] = {
     TEAM_INVITED: _asked,
     DISQUALIFIED: _decided,
     RESTORED: _decided,
+    SEASON_DRAFTED: _drafted,
 }
 _BY_NAME = {kind.name: telling for kind, telling in _TELLING.items()}
 

@@ -19,6 +19,7 @@ from races.services.gates import moment
 
 from ..models import Membership, Round, Season, Stage, StageRules
 from ..models.season import DIVISION_OF, WITH_FIELD
+from ..selectors.addresses import cancelled_at, free_season_slug
 from .fields import give_round_its_field
 
 
@@ -26,8 +27,11 @@ from .fields import give_round_its_field
 def create_season(*, slug: str, name: str, starts_on: date, ends_on: date, **settings: Any) -> Season:
     """Make a season that lasts from ``starts_on`` to ``ends_on``, both included.
 
-    ``settings``: any other field of a season. Raises ValidationError by field, with reason codes for contradictions.
+    ``settings``: any other field of a season. A season at this address all of whose races are cancelled moves to
+    another one. Raises ValidationError by field, with reason codes for contradictions.
     """
+    for cancelled in cancelled_at(slug):
+        Season.objects.filter(pk=cancelled.pk).update(slug=free_season_slug(f"{cancelled.slug}-cancelled"))
     season = Season(slug=slug, name=name, starts_on=starts_on, ends_on=ends_on, **settings)
     season.full_clean()
     season.save(force_insert=True)
@@ -126,7 +130,7 @@ def put_in_division(*, season: Season, racer: Racer, division: str, now: datetim
         return membership
     membership = membership or Membership(season=season, racer=racer)
     membership.division, membership.since = division, now
-    membership.promoted_in = membership.place = None
+    membership.promoted_in, membership.place, membership.carried = None, None, False
     membership.full_clean()
     membership.save()
     return membership

@@ -100,6 +100,12 @@ def entered(race: Race) -> list[int]:
     return sorted(inside.values_list("racer", flat=True))
 
 
+def admins_with(permission: str) -> list[int]:
+    """Admins who have a permission, such as ``league.change_season``."""
+    admins = Racer.objects.filter(is_staff=True, is_active=True).order_by("pk")
+    return [admin.pk for admin in admins if admin.has_perm(permission)]
+
+
 def verified_addresses(racers: Iterable[int]) -> dict[int, str]:
     """The confirmed address of each racer who has one: nobody else's mailbox is written to."""
     found = EmailAddress.objects.filter(user__in=list(racers), verified=True).order_by("primary", "pk")

@@ -257,6 +257,7 @@ def _make_season(plan: SeasonPlan, rounds: Sequence[RoundPlan]) -> Season:
         name=plan.name,
         starts_on=min(one.race["opens_at"] for one in rounds).astimezone(plan.zone).date(),
         ends_on=(last - timedelta(seconds=1)).date(),
+        zone=plan.zone.key,
         **plan.settings,
     )
     for stage, one in plan.stages.items():

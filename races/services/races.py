@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import hashlib
 from collections.abc import Iterable
-from datetime import datetime, timedelta
+from datetime import datetime, timedelta, tzinfo
 from functools import partial
 from typing import TYPE_CHECKING, Any
 
@@ -189,9 +189,9 @@ def clone_race(*, race: Race, now: datetime, months: int = 1) -> Race:
     return _create(clone, now)
 
 
-def add_months(time: datetime, months: int) -> datetime:
-    """The same wall-clock time of the site's time zone in another month; the day is cut to that month's length."""
-    zone = timezone.get_default_timezone()
+def add_months(time: datetime, months: int, zone: tzinfo | None = None) -> datetime:
+    """The same wall-clock time of ``zone`` (the site's) in another month; the day is cut to that month's length."""
+    zone = zone or timezone.get_default_timezone()
     local = time.astimezone(zone)
     index = local.year * 12 + local.month - 1 + months
     year, month = index // 12, index % 12 + 1
