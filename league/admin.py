@@ -4,23 +4,25 @@ from __future__ import annotations
 
 from typing import Any
 
-from django.contrib import admin
+from django.contrib import admin, messages
 from django.core.exceptions import ValidationError
 from django.db import transaction
 from django.forms import BaseInlineFormSet, CharField, HiddenInput, ModelForm
-from django.http import HttpRequest
+from django.http import HttpRequest, HttpResponse
+from django.shortcuts import redirect
 from django.utils import timezone
 from django.utils.translation import gettext_lazy as _
 
 from core.admin import ComparedChanges
-from core.forms import same_value
+from core.forms import explain, same_value
+from paddock.errors import UserFault
 from races.errors import problem
 
 from .models import Membership, Round, Season
 from .models.season import usual_stage
 from .services import put_in_division
 from .services.fields import give_fields
-from .services.seasons import FIXED_ONCE_OFFICIAL, edition_of
+from .services.seasons import FIXED_ONCE_OFFICIAL, delete_season, edition_of
 
 _OFFICIAL = _("The results of this round are official. Revoke them first, under Rounds.")
 
@@ -112,9 +114,22 @@ class SeasonAdmin(ComparedChanges, admin.ModelAdmin):
     def round_count(self, season: Season) -> int:
         return season.rounds.count()
 
-    def has_delete_permission(self, request: HttpRequest, obj: Season | None = None) -> bool:
-        """Only a season without rounds."""
-        return super().has_delete_permission(request, obj) and (obj is None or not obj.rounds.exists())
+    def delete_view(self, request: HttpRequest, object_id: str, extra_context: dict | None = None) -> HttpResponse:
+        """The page of the site that says what can be deleted, and why not."""
+        season = self.get_object(request, object_id)
+        if season is None or not self.has_delete_permission(request, season):
+            return super().delete_view(request, object_id, extra_context)
+        if request.method != "POST":
+            return redirect("season_delete", season.slug)
+        try:
+            with transaction.atomic():
+                self.log_deletions(request, Season.objects.filter(pk=season.pk))
+                delete_season(season=season, now=timezone.now())
+        except UserFault as fault:
+            self.message_user(request, explain(fault), messages.ERROR)
+            return redirect("season_delete", season.slug)
+        self.message_user(request, _("%(season)s is deleted.") % {"season": season.name})
+        return redirect("admin:league_season_changelist")
 
 
 @admin.register(Membership)

@@ -26,6 +26,7 @@ from .calendars import zone_names
 from .models import Season, StageRules
 from .models.season import RESERVED_SLUGS
 from .round_form import RoundChange, read_changes, values_of
+from .selectors.addresses import season_at
 from .services.template import MonthPlan, SeasonPlan, Turning
 from .stage_fields import BOTS, BOXES, DUELS, STAGES, TURNS, named, stage_fields, stage_plan
 
@@ -105,6 +106,9 @@ class SeasonForm(forms.Form):
     )
     changes = forms.CharField(required=False, widget=forms.HiddenInput)
     seen = forms.CharField(required=False, widget=forms.HiddenInput)
+    replaces = forms.ModelChoiceField(
+        Season.objects.all(), required=False, to_field_name="slug", widget=forms.HiddenInput
+    )
 
     OF_A_SEASON = ("promotion_percent", "finale_size", "championship_places", "points", "drop_worst", "steward_hours")
 
@@ -133,8 +137,10 @@ class SeasonForm(forms.Form):
             self._check(StageRules(stage=stage), {name: named(stage, name) for name in STAGE}, cleaned)
         if not any(cleaned.get(f"open_{month}") for month in range(1, MONTHS_AT_MOST + 1)):
             self.add_error(None, problem("season_without_races"))
-        slug = cleaned.get("slug")
-        if slug and (slug in RESERVED_SLUGS or Season.objects.filter(slug=slug).exists()):
+        slug = cleaned.get("slug") or ""
+        if slug.lower() in RESERVED_SLUGS:
+            self.add_error("slug", problem("season_address_reserved", season=slug))
+        elif slug and season_at(slug) not in (None, cleaned.get("replaces")):
             self.add_error("slug", problem("season_exists", season=slug))
         return cleaned
 
@@ -164,6 +170,7 @@ class SeasonForm(forms.Form):
             stages={stage: stage_plan(stage, data) for stage in STAGES},
             settings={name: data[name] for name in (*self.OF_A_SEASON, "prizes")},
             changes=values_of(changes, now),
+            replaces=data["replaces"],
             **{name: data[name] for name in times},
         )
 
@@ -192,12 +199,27 @@ class SeasonForm(forms.Form):
         for error in itertools.chain(*errors.error_dict.values()) if hasattr(errors, "error_dict") else [errors]:
             self.add_error(None, error)
 
-    def month_rows(self) -> Iterator[tuple[str, Any, Any, Any]]:
+    def hidden_problems(self) -> list[str]:
+        """What is wrong with fields that the page does not show."""
+        return [str(error) for field in self.hidden_fields() for error in field.errors]
+
+    def dropped(self) -> list[tuple[str, Track]]:
+        """Of a valid form the months without an open race whose pro race is therefore left out, with its track."""
+        places = range(1, MONTHS_AT_MOST + 1)
+        months = {place: MONTHS[(self._first_month() + place - 2) % 12 + 1] for place in places}
+        data = self.cleaned_data
+        return [
+            (months[place], self.tracks[data[f"pro_{place}"]])
+            for place in places
+            if data[f"pro_{place}"] and not data[f"open_{place}"]
+        ]
+
+    def month_rows(self) -> Iterator[tuple[str, list[Any]]]:
         """Name of the month and its three fields."""
         first = self._first_month()
         for place in range(1, MONTHS_AT_MOST + 1):
             month = MONTHS[(first + place - 2) % 12 + 1]
-            yield month, self[f"open_{place}"], self[f"pro_{place}"], self[f"direction_{place}"]
+            yield month, [self[f"open_{place}"], self[f"pro_{place}"], self[f"direction_{place}"]]
 
     def stage_groups(self) -> Iterator[dict[str, Any]]:
         """Each stage with its fields: ``turns``, ``boxes``, ``bots``, ``duels``, ``sensors`` and ``rules``; ``wrong``:

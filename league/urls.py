@@ -2,7 +2,7 @@
 
 from django.urls import path, re_path
 
-from .views import cups, following, home, inviting, notices, organising, racers, seasons, webhooks
+from .views import cups, following, home, inviting, notices, organising, racers, season_actions, seasons, webhooks
 
 urlpatterns = [
     path("", home.home, name="home"),
@@ -17,6 +17,9 @@ urlpatterns = [
     path("seasons/new/", organising.season_new, name="season_new"),
     path("seasons/now/", seasons.season_now, name="season_now"),
     path("seasons/<slug:slug>/", seasons.season, name="season"),
+    path("seasons/<slug:slug>/copy/", season_actions.season_copy, name="season_copy"),
+    path("seasons/<slug:slug>/continues/", season_actions.season_continues, name="season_continues"),
+    path("seasons/<slug:slug>/delete/", season_actions.season_delete, name="season_delete"),
     path("seasons/<slug:slug>/standings/", seasons.standings, name="season_standings"),
     re_path(
         r"^seasons/(?P<slug>[-\w]+)/standings\.(?P<form>json|csv|atom)$", seasons.standings_file, name="standings_file"

@@ -84,6 +84,7 @@ register(
         "race_physical_alone": _(
             "Real cars are timed one by one. Choose a time trial or object avoidance for a race of real cars."
         ),
+        "race_address_reserved": _("The address %(slug)s belongs to a page of this site. Choose another one."),
         "race_beside": _(
             "Beside a race of real cars stands a simulated race on the same track that is public or yours. Choose one."
         ),

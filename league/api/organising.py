@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from django.contrib.admin.models import ADDITION, CHANGE
+from django.contrib.admin.models import ADDITION, CHANGE, DELETION
 from django.http import Http404
 from django.shortcuts import get_object_or_404
 from django.utils import timezone
@@ -17,10 +17,12 @@ from rest_framework.views import APIView
 from accounts.scopes import ORGANISE
 from accounts.who import racer_of
 from core.bodies import Body, read_as
-from league.models import Season, Stage
+from league.models import Round, Season, Stage
 from league.selectors import months_of
 from league.selectors.overview import month_races, seasons_listed
 from league.services import create_season, edit_season, schedule_round, set_stage_rules
+from league.services.seasons import delete_round, delete_season
+from league.services.succession import MOST_MONTHS, copy_season
 from paddock.rules.race import STAGE
 from races.api.races import NewRaceSerializer
 from races.audit import log
@@ -46,6 +48,9 @@ class SeasonChangeSerializer(Body):
     drop_worst = serializers.IntegerField(min_value=0, max_value=1000, required=False)
     steward_hours = serializers.IntegerField(min_value=0, max_value=24 * 60, required=False)
     prizes = serializers.CharField(allow_blank=True, max_length=4000, required=False)
+    continues = serializers.BooleanField(
+        required=False, help_text="Whether the season that follows is drafted 60 days ahead."
+    )
     edition = serializers.CharField(
         max_length=64,
         required=False,
@@ -61,6 +66,20 @@ class NewSeasonSerializer(SeasonChangeSerializer):
     starts_on = serializers.DateField()
     ends_on = serializers.DateField(help_text="The last day.")
     edition = None  # type: ignore[assignment]  # so a field of the base is left out
+
+
+class SeasonCopySerializer(Body):
+    """When the copy of a season is, and what it is called."""
+
+    months = serializers.IntegerField(
+        min_value=1,
+        max_value=MOST_MONTHS,
+        required=False,
+        allow_null=True,
+        help_text="Calendar months later; left out: a year, or more where the seasons would overlap.",
+    )
+    name = serializers.CharField(max_length=64, required=False, help_text="Left out: with the later year.")
+    slug = serializers.SlugField(max_length=50, required=False, help_text="Left out: with the later year.")
 
 
 class StageChangeSerializer(with_rules(Body, STAGE, asked=True)):  # type: ignore[misc]
@@ -127,6 +146,66 @@ class SeasonWrite(APIView):
         season = edit_season(season=season, **read_as(SeasonChangeSerializer, request.data))
         log(racer_of(request), season, CHANGE, "Changed through the API")
         return Response(SeasonDetailSerializer(season_shown(slug)).data)
+
+
+    @extend_schema(
+        operation_id="delete_season",
+        summary="Delete a season and its races, for admins",
+        description="As long as no race of it has opened or has entries.",
+        responses={204: None},
+        tags=["seasons"],
+    )
+    def delete(self, request: Request, slug: str) -> Response:
+        season = season_shown(slug)
+        require(request, "league.delete_season")
+        log(racer_of(request), season, DELETION, "Deleted through the API")
+        delete_season(season=season, now=timezone.now())
+        return Response(status=status.HTTP_204_NO_CONTENT)
+
+
+class SeasonCopyView(APIView):
+    """The same season again."""
+
+    token_scope = ORGANISE
+    permission_classes = [IsAuthenticated]
+
+    @extend_schema(
+        operation_id="copy_season",
+        summary="Copy a season to later months, for admins",
+        description="Settings, rules and races, without entries. The first copy that begins after the season continues "
+        "it: its divisions are carried over. Races that would be over are left out.",
+        request=SeasonCopySerializer,
+        responses={201: SeasonDetailSerializer},
+        tags=["seasons"],
+    )
+    def post(self, request: Request, slug: str) -> Response:
+        season = season_shown(slug)
+        require(request, "league.add_season")
+        copied = copy_season(season=season, now=timezone.now(), **read_as(SeasonCopySerializer, request.data))
+        log(racer_of(request), copied.season, ADDITION, f"Copied from {slug} through the API")
+        shown = season_shown(copied.season.slug)
+        return Response(SeasonDetailSerializer(shown).data, status=status.HTTP_201_CREATED)
+
+
+class RoundView(APIView):
+    """One round of a season, by its race."""
+
+    token_scope = ORGANISE
+    permission_classes = [IsAuthenticated]
+
+    @extend_schema(
+        operation_id="delete_round",
+        summary="Delete a round and its race, for admins",
+        description="As long as the race has neither opened nor entries.",
+        responses={204: None},
+        tags=["seasons"],
+    )
+    def delete(self, request: Request, slug: str, race: str) -> Response:
+        round_ = get_object_or_404(Round.objects.select_related("season", "race"), season__slug=slug, race__slug=race)
+        require(request, "league.change_season", "races.delete_race")
+        log(racer_of(request), round_.season, CHANGE, f"Deleted the race {race} through the API")
+        delete_round(round=round_, now=timezone.now())
+        return Response(status=status.HTTP_204_NO_CONTENT)
 
 
 class StageRulesView(APIView):

@@ -50,6 +50,10 @@ class SeasonDetailSerializer(SeasonSerializer):
     drop_worst = serializers.IntegerField()
     steward_hours = serializers.IntegerField()
     prizes = serializers.CharField(allow_blank=True)
+    continues = serializers.BooleanField(help_text="Whether the season that follows is drafted 60 days ahead.")
+    follows = serializers.CharField(
+        source="follows.slug", default=None, allow_null=True, help_text="The season that this one continues."
+    )
     rules = serializers.SerializerMethodField(help_text="In plain sentences, in the reader's language.")
     stage_rules = StageRulesSerializer(source="stage_rules.all", many=True)
     divisions = serializers.SerializerMethodField(help_text="Those that standings are kept for.")

@@ -117,14 +117,22 @@ def cut_of(round_: Round) -> OutcomeCut | None:
 
 
 def rules_of(season: Season) -> list[str]:
-    """The rules of a season in sentences of the reader's language, in the order of a racer's way through it."""
-    return [
-        Promotion(season.promotion_percent).sentence(),
-        FinaleField(season.finale_size).sentence(),
-        ChampionshipField(season.championship_places).sentence(),
-        PointsTable(tuple(season.points)).sentence(),
-        Standings(season.drop_worst).sentence(),
+    """The rules of a season in sentences of the reader's language, in the order of a racer's way through it: those of
+    the stages that it has, all of them before its first round."""
+    stages = stages_of(season) or set(Stage)
+    sentences = [
+        (Promotion(season.promotion_percent).sentence(), {Stage.OPEN}),
+        (FinaleField(season.finale_size).sentence(), {Stage.FINALE}),
+        (ChampionshipField(season.championship_places).sentence(), {Stage.FINALE, Stage.CHAMPIONSHIP}),
+        (PointsTable(tuple(season.points)).sentence(), set(WITH_POINTS)),
+        (Standings(season.drop_worst).sentence(), set(WITH_POINTS)),
     ]
+    return [sentence for sentence, needed in sentences if needed & stages]
+
+
+def stages_of(season: Season) -> set[str]:
+    """The stages that the rounds of a season have: one query."""
+    return set(season.rounds.order_by().values_list("stage", flat=True).distinct())
 
 
 def _held_divisions(round_: Round, racers: list[int]) -> set[int]:

@@ -7,7 +7,8 @@ from dataclasses import dataclass, field
 from datetime import datetime
 from typing import Any
 
-from django.db.models import Count, Q, QuerySet
+from django.db.models import Count, Exists, OuterRef, Q, QuerySet
+from django.utils import timezone
 
 from accounts.groups.selectors import groups_visible_to
 from accounts.models import Racer, RacerGroup
@@ -121,13 +122,18 @@ def seasons_listed() -> QuerySet[Season]:
 
 
 def current_season(now: datetime) -> Season | None:
-    """The season of this day: of several the latest begun; between seasons the next one, after all the last one."""
-    today = now.date()
-    running = Season.objects.filter(starts_on__lte=today, ends_on__gte=today).order_by("-starts_on", "-pk").first()
+    """The season of this day; between seasons the next one, after all of them the last one.
+
+    Of several that run, one with an open race comes first, then one with a race still to come, then the latest begun.
+    """
+    today = timezone.localdate(now)
+    left = Round.objects.filter(season=OuterRef("pk"), race__cancelled_at=None, race__closes_at__gt=now)
+    seasons = Season.objects.annotate(is_on=Exists(left.filter(race__opens_at__lte=now)), goes_on=Exists(left))
+    running = seasons.filter(starts_on__lte=today, ends_on__gte=today)
     return (
-        running
-        or Season.objects.filter(starts_on__gt=today).order_by("starts_on", "pk").first()
-        or Season.objects.order_by("-ends_on", "-pk").first()
+        running.order_by("-is_on", "-goes_on", "-starts_on", "-pk").first()
+        or seasons.filter(starts_on__gt=today).order_by("-goes_on", "starts_on", "pk").first()
+        or seasons.order_by("-ends_on", "-pk").first()
     )
 
 

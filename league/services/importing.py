@@ -23,7 +23,7 @@ from paddock.errors import UserFault
 from races.errors import RaceRefused
 from races.models import DuelFormat, Entry, Opponents, Race, RaceKind, RaceType
 from races.ranking import LAST, NOT_CLASSIFIED, drawn_rank
-from races.services.races import RESERVED_SLUGS as RACE_PAGES
+from races.models.race import RESERVED_SLUGS as RACE_PAGES
 from races.services.standings import recompute_fastest
 from tracks.models import Direction, Track
 from tracks.services import free_slug as free_track_slug
@@ -31,7 +31,8 @@ from tracks.services import free_slug as free_track_slug
 from ..history import ReadRace, ReadSeason, ResultRow, read_folder
 from ..history.form import NO_SCORE
 from ..models import RecordedRace, RecordedResult, RecordedSeason, Round, Season
-from ..models.season import DIVISION_OF, RESERVED_SLUGS, Stage
+from ..models.season import DIVISION_OF, Stage
+from ..selectors.addresses import season_at
 from .bulk import insert_rows
 from .closing import close_round
 from .seasons import create_season
@@ -86,7 +87,7 @@ def _import_season(read: ReadSeason, now: datetime, settings: dict[str, Any]) ->
 
 def _make_season(read: ReadSeason, settings: dict[str, Any]) -> Season:
     slug = slugify(read.label)[:50] or "season"
-    if slug in RESERVED_SLUGS or Season.objects.filter(slug=slug).exists():
+    if season_at(slug) is not None:
         raise UserFault("import_season_exists", season=slug)
     first = min(race.row.opens_at for race in read.races).date()
     last = max(race.row.closes_at for race in read.races).date()

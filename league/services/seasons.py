@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import hashlib
+from collections.abc import Iterable
 from datetime import date, datetime
 from typing import Any
 
@@ -20,6 +21,7 @@ from races.services.gates import moment
 from ..models import Membership, Round, Season, Stage, StageRules
 from ..models.season import DIVISION_OF, WITH_FIELD
 from ..selectors.addresses import cancelled_at, free_season_slug
+from ..selectors.deletable import why_kept
 from .fields import give_round_its_field
 
 
@@ -36,6 +38,38 @@ def create_season(*, slug: str, name: str, starts_on: date, ends_on: date, **set
     season.full_clean()
     season.save(force_insert=True)
     return season
+
+
+@transaction.atomic
+def delete_season(*, season: Season, now: datetime) -> None:
+    """Delete a season with its races, none of which has opened or has entries.
+
+    The season that it continues stops there: no other draft is made. Raises UserFault("season_has_opened" |
+    "season_has_entries").
+    """
+    season = Season.objects.select_for_update().get(pk=season.pk)
+    races = _unopened(season.rounds.values_list("race", flat=True), now)
+    Season.objects.filter(successor=season).update(continues=False)
+    season.delete()
+    Race.objects.filter(pk__in=races).delete()
+
+
+@transaction.atomic
+def delete_round(*, round: Round, now: datetime) -> None:
+    """Delete a round with its race, which has neither opened nor entries. Raises as :func:`delete_season`."""
+    Season.objects.select_for_update().get(pk=round.season_id)
+    races = _unopened([round.race_id], now)
+    Round.objects.filter(pk=round.pk).delete()
+    Race.objects.filter(pk__in=races).delete()
+
+
+def _unopened(races: Iterable[int], now: datetime) -> list[int]:
+    """Lock these races, so that nobody enters one of them meanwhile. Raises UserFault for the first that must stay."""
+    locked = list(Race.objects.select_for_update(of=("self",)).filter(pk__in=list(races)).order_by("opens_at", "pk"))
+    for race in locked:
+        if (fault := why_kept(race, now)) is not None:
+            raise fault
+    return [race.pk for race in locked]
 
 
 # What the standings of official rounds were worked out from.

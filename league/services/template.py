@@ -23,7 +23,8 @@ from tracks.models import Direction, Track
 
 from ..models import Season, Stage
 from ..models.season import DIVISION_OF
-from .seasons import create_season, schedule_round, set_stage_rules
+from .fields import give_fields
+from .seasons import create_season, delete_season, edit_season, schedule_round, set_stage_rules
 
 WORDS = {Stage.OPEN: "open", Stage.PRO: "pro", Stage.FINALE: "finale", Stage.CHAMPIONSHIP: "championship"}
 # What a finale takes over from its pro race where nothing else is said.
@@ -129,7 +130,8 @@ class SeasonPlan:
     An open and a pro race last from the first of their month to the first of the next. A month's finale opens on day
     ``finale_day`` (1 to 28) of the next month at ``finale_hour`` (0 to 23) for ``finale_hours``; the championship opens
     ``championship_days`` after the last finale closed, for ``championship_hours``, on the last month's pro track.
-    ``settings``: fields of a season; ``changes``: fields that single races have instead, by the key of their round.
+    ``settings``: fields of a season; ``changes``: fields that single races have instead, by the key of their round;
+    ``replaces``: the season that is deleted for it, which must not have begun.
     """
 
     slug: str
@@ -146,6 +148,7 @@ class SeasonPlan:
     stages: Mapping[str, StagePlan] = field(default_factory=dict)
     settings: Mapping[str, Any] = field(default_factory=dict)
     changes: Mapping[str, Mapping[str, Any]] = field(default_factory=dict)
+    replaces: Season | None = None
 
     def at(self, month: int, day: int = 1, hour: int = 0) -> datetime:
         """A wall-clock time of the year; month 13 is January of the next."""
@@ -221,10 +224,10 @@ def schedule_season(*, plan: SeasonPlan, now: datetime) -> tuple[Season, int]:
     """Make the season and all its races at once, or nothing; returns it and how many races there are.
 
     Months that are over at ``now`` are left out. Raises RaceRefused, ValidationError, and UserFault
-    "season_without_races" if no month is left.
+    "season_without_races" if no month is left, or as :func:`league.services.seasons.delete_season`.
     """
     rounds = plan.rounds(now)
-    season = _make_season(plan, rounds)
+    season = _make_season(plan, rounds, now)
     for one in rounds:
         _schedule(season, one, now)
     return season, len(rounds)
@@ -238,7 +241,7 @@ def preview_season(*, plan: SeasonPlan, now: datetime) -> list[Previewed]:
     rounds = plan.rounds(now)
     shown = []
     with transaction.atomic():
-        season = _make_season(plan, rounds)
+        season = _make_season(plan, rounds, now)
         for one in rounds:
             try:
                 with transaction.atomic():
@@ -250,7 +253,11 @@ def preview_season(*, plan: SeasonPlan, now: datetime) -> list[Previewed]:
     return shown
 
 
-def _make_season(plan: SeasonPlan, rounds: Sequence[RoundPlan]) -> Season:
+def _make_season(plan: SeasonPlan, rounds: Sequence[RoundPlan], now: datetime) -> Season:
+    before = None
+    if plan.replaces is not None:
+        before = plan.replaces.follows
+        delete_season(season=plan.replaces, now=now)
     last = max(one.race["closes_at"] for one in rounds).astimezone(plan.zone)
     season = create_season(
         slug=plan.slug,
@@ -258,11 +265,15 @@ def _make_season(plan: SeasonPlan, rounds: Sequence[RoundPlan]) -> Season:
         starts_on=min(one.race["opens_at"] for one in rounds).astimezone(plan.zone).date(),
         ends_on=(last - timedelta(seconds=1)).date(),
         zone=plan.zone.key,
+        follows=before,
         **plan.settings,
     )
     for stage, one in plan.stages.items():
         if one.rules:
             set_stage_rules(season=season, stage=stage, **one.rules)
+    if before is not None:
+        edit_season(season=before, continues=True)
+        give_fields(before, now=now)
     return season
 
 

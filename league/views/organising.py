@@ -38,7 +38,8 @@ def season_new(request: HttpRequest) -> HttpResponse:
     if not request.user.has_perm("league.add_season"):
         raise PermissionDenied
     if request.method != "POST":
-        return render(request, "league/season_form.html", {"form": SeasonForm(now=timezone.now())})
+        form = SeasonForm(now=timezone.now(), initial={"replaces": request.GET.get("replaces", "")[:50]})
+        return render(request, "league/season_form.html", {"form": form})
     do, _colon, key = request.POST.get("do", "").partition(":")
     if "round" in request.POST:
         return _change(request, do)

@@ -12,7 +12,7 @@ from accounts.who import racer_of
 from evaluation.selectors import shared_models
 from league.selectors.cups import trophies_of
 from league.selectors.honours import honours_of
-from league.selectors.racers import racer_shown
+from league.selectors.racers import racer_shown, racing_since
 from races.selectors import organised_by, racer_history
 from races.selectors.rivalry import head_to_head, rivals_of
 
@@ -36,6 +36,7 @@ def racer(request: HttpRequest, alias: str) -> HttpResponse:
     history = racer_history(shown, request.user)
     context = {
         "racer": shown,
+        "since": racing_since(shown),
         "history": history,
         "followers": followers_shown(request.user, shown),
         "follows": follows,

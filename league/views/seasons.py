@@ -20,6 +20,7 @@ from league.calendars import season_calendar, zone_names
 from league.drawing import ChartPoint, progress_chart
 from league.exports import standings_csv, standings_data, standings_feed
 from league.models import Round, Season, Stage
+from league.models.season import WITH_FIELD
 from league.selectors import hall_of_fame, months_of, racer_season, rules_of
 from league.selectors.overview import (
     RACERS,
@@ -37,6 +38,7 @@ from league.selectors.overview import (
     standings_table,
     standpoint_of,
 )
+from league.selectors.outcomes import stages_of
 from league.selectors.racers import racer_shown
 from races.models import Division, Race, RaceState
 from races.names import named
@@ -81,6 +83,8 @@ def season(request: HttpRequest, slug: str) -> HttpResponse:
         "racing": [one for one in races.values() if one.state == RaceState.OPEN],
         "of_season": [one.race for one in races.values()],
         "follows": f"season:{shown.pk}",
+        "successor": Season.objects.filter(follows=shown).first(),
+        "imported": any(one.race.imported_at for one in races.values()),
     }
     return render(request, "league/season.html", context)
 
@@ -260,9 +264,12 @@ def _season(slug: str) -> Season:
 
 
 def _context(request: HttpRequest, season: Season, tab: str) -> dict[str, Any]:
+    stages = stages_of(season) or set(Stage)
     return {
         "season": season,
         "tab": tab,
+        "has_finales": bool(stages.intersection(WITH_FIELD)),
+        "has_divisions": bool(stages - {Stage.SINGLE}),
         "can_edit": request.user.is_staff and request.user.has_perm("league.change_season"),
     }
 

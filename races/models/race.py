@@ -55,6 +55,10 @@ def new_invitation() -> str:
     return get_random_string(32)
 
 
+# Addresses below /races/ that pages use for something else.
+RESERVED_SLUGS = frozenset({"new", "create", "layout", "edit", "invitation", "invited", "join", "mine", "api"})
+
+
 class Race(ChecksTogether, with_rules(RULES, inside_a_race)):  # type: ignore[misc]
     """A race: where, how, when, and how it is ranked. It is open as a function of the time (:meth:`state_at`)."""
 
@@ -225,6 +229,8 @@ class Race(ChecksTogether, with_rules(RULES, inside_a_race)):  # type: ignore[mi
         if _are(datetime, self.opens_at, self.closes_at) and self.closes_at <= self.opens_at:
             problems["closes_at"] = problem("race_closes_before_opening")
         problems |= lap_problems(self)
+        if self._state.adding and self.slug and self.slug.lower() in RESERVED_SLUGS:
+            problems["slug"] = problem("race_address_reserved", slug=self.slug)
         if self.physical and self.race_type == RaceType.HEAD_TO_HEAD:
             problems["race_type"] = problem("race_physical_alone")
         beside = self.beside

@@ -83,7 +83,8 @@ def test_a_single_league_race_needs_no_season(cast):
     [
         ({"points": [1, 2]}, "points", "season_points_rise"),
         ({"promotion_percent": "100.0"}, "promotion_percent", "season_cut"),
-        ({"slug": "new"}, "slug", "season_exists"),
+        ({"slug": "new"}, "slug", "season_address_reserved"),
+        ({"slug": "Now"}, "slug", "season_address_reserved"),
         ({"ends_on": "2030-01-01"}, "", "season_ends_after_start"),
         ({"edition": "x"}, "edition", "unknown_field"),
     ],

@@ -1,0 +1,131 @@
+"""What admins do with a whole season on the site: copy it, stop or continue it, delete it or single races of it."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from django import forms
+from django.contrib import messages
+from django.contrib.admin.models import ADDITION, CHANGE, DELETION
+from django.contrib.auth.decorators import login_required
+from django.core.exceptions import PermissionDenied, ValidationError
+from django.http import HttpRequest, HttpResponse
+from django.shortcuts import get_object_or_404, redirect, render
+from django.utils import timezone
+from django.utils.translation import gettext as _
+from django.utils.translation import gettext_lazy, ngettext
+from django.views.decorators.http import require_http_methods, require_POST
+
+from accounts.who import racer_of
+from core.forms import add_fault, explain
+from league.models import Season
+from league.selectors.deletable import kept_rounds
+from league.services.seasons import delete_round, delete_season, edit_season
+from league.services.succession import MOST_MONTHS, Copied, copy_season
+from paddock.errors import UserFault
+from races.audit import log
+from races.names import named
+
+
+class CopyForm(forms.Form):
+    """When the copy is, and what it is called."""
+
+    months = forms.IntegerField(
+        label=gettext_lazy("Months later"),
+        min_value=1,
+        max_value=MOST_MONTHS,
+        required=False,
+        help_text=gettext_lazy("Calendar months. Empty: a year, or more where the seasons would overlap."),
+    )
+    name = forms.CharField(label=gettext_lazy("Name"), max_length=64, required=False)
+    slug = forms.SlugField(
+        label=gettext_lazy("Address"),
+        max_length=50,
+        required=False,
+        help_text=gettext_lazy("Name and address empty: those of this season with the later year."),
+    )
+
+
+@login_required
+@require_http_methods(["GET", "HEAD", "POST"])
+def season_copy(request: HttpRequest, slug: str) -> HttpResponse:
+    """Make the same season again, some months later."""
+    season = _season(request, slug, "league.add_season")
+    form = CopyForm(request.POST or None)
+    if request.method == "POST" and form.is_valid():
+        try:
+            copied = copy_season(season=season, now=timezone.now(), **form.cleaned_data)
+        except UserFault as fault:
+            add_fault(form, fault)
+        except ValidationError as refused:
+            for field, errors in refused.error_dict.items():
+                form.add_error(field if field in form.fields else None, errors)
+        else:
+            log(racer_of(request), copied.season, ADDITION, f"Copied from {season.slug} with {copied.races} races")
+            _say_copied(request, copied)
+            return redirect(copied.season)
+    context = {"season": season, "form": form, "rounds": season.rounds.count()}
+    return render(request, "league/season_copy.html", context, status=422 if form.errors else 200)
+
+
+@login_required
+@require_POST
+def season_continues(request: HttpRequest, slug: str) -> HttpResponse:
+    """Let a season continue by itself, or stop it (``continues`` 0)."""
+    season = _season(request, slug, "league.change_season")
+    season = edit_season(season=season, continues=request.POST.get("continues") == "1")
+    log(racer_of(request), season, CHANGE, "Continues by itself" if season.continues else "Does not continue by itself")
+    messages.success(
+        request,
+        _("The season continues by itself: the next one is drafted 60 days ahead.")
+        if season.continues
+        else _("The season ends without a successor."),
+    )
+    return redirect(season)
+
+
+@login_required
+@require_http_methods(["GET", "HEAD", "POST"])
+def season_delete(request: HttpRequest, slug: str) -> HttpResponse:
+    """Show what can be deleted; a POST deletes the season, or the one race that ``round`` names."""
+    season = _season(request, slug, "league.delete_season")
+    rounds = list(season.rounds.select_related("race").order_by("race__opens_at", "number", "pk"))
+    now, fault = timezone.now(), None
+    if request.method == "POST":
+        wanted = request.POST.get("round", "")
+        one = next((one for one in rounds if str(one.pk) == wanted), None)
+        try:
+            if wanted and one is not None:
+                delete_round(round=one, now=now)
+                log(racer_of(request), season, CHANGE, f"Deleted the race {one.race.slug}")
+                messages.success(request, _("%(race)s is deleted.") % {"race": named(one.race.name)})
+                return redirect("season_delete", season.slug)
+            if not wanted:
+                log(racer_of(request), season, DELETION, f"Deleted with {len(rounds)} races")
+                delete_season(season=season, now=now)
+                messages.success(request, _("%(season)s is deleted.") % {"season": named(season.name)})
+                return redirect("seasons")
+        except UserFault as refused:
+            fault = refused
+    kept = {pk: explain(why) for pk, why in kept_rounds(rounds, now).items()}
+    context: dict[str, Any] = {
+        "season": season,
+        "rows": [(one, kept.get(one.pk)) for one in rounds],
+        "kept": next(iter(kept.values()), ""),
+        "fault": None if fault is None else explain(fault),
+    }
+    return render(request, "league/season_delete.html", context, status=409 if fault else 200)
+
+
+def _say_copied(request: HttpRequest, copied: Copied) -> None:
+    told = ngettext("Season copied: %d race.", "Season copied: %d races.", copied.races) % copied.races
+    messages.success(request, told)
+    if copied.left_out:
+        names = ", ".join(named(name) for name in copied.left_out)
+        messages.warning(request, _("Not possible at their new times: %(races)s.") % {"races": names})
+
+
+def _season(request: HttpRequest, slug: str, permission: str) -> Season:
+    if not (request.user.is_staff and request.user.has_perm(permission)):
+        raise PermissionDenied
+    return get_object_or_404(Season, slug=slug)
