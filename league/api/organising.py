@@ -147,7 +147,6 @@ class SeasonWrite(APIView):
         log(racer_of(request), season, CHANGE, "Changed through the API")
         return Response(SeasonDetailSerializer(season_shown(slug)).data)
 
-
     @extend_schema(
         operation_id="delete_season",
         summary="Delete a season and its races, for admins",

@@ -22,8 +22,8 @@ from accounts.models.racer import ALIAS_VALIDATORS
 from paddock.errors import UserFault
 from races.errors import RaceRefused
 from races.models import DuelFormat, Entry, Opponents, Race, RaceKind, RaceType
-from races.ranking import LAST, NOT_CLASSIFIED, drawn_rank
 from races.models.race import RESERVED_SLUGS as RACE_PAGES
+from races.ranking import LAST, NOT_CLASSIFIED, drawn_rank
 from races.services.standings import recompute_fastest
 from tracks.models import Direction, Track
 from tracks.services import free_slug as free_track_slug

@@ -226,9 +226,7 @@ def _left_at(rounds: list[Round], months: int, zone: zoneinfo.ZoneInfo, now: dat
     over = {one.pk for one in rounds if _times(one.race, months, zone)[1] <= now}
     pros = {one.number: one.pk for one in rounds if one.stage == Stage.PRO}
     return [
-        one
-        for one in rounds
-        if one.pk not in over and not (one.stage == Stage.FINALE and pros.get(one.number) in over)
+        one for one in rounds if one.pk not in over and not (one.stage == Stage.FINALE and pros.get(one.number) in over)
     ]
 
 

@@ -22,6 +22,7 @@ from league.exports import standings_csv, standings_data, standings_feed
 from league.models import Round, Season, Stage
 from league.models.season import WITH_FIELD
 from league.selectors import hall_of_fame, months_of, racer_season, rules_of
+from league.selectors.outcomes import stages_of
 from league.selectors.overview import (
     RACERS,
     STAGE_OF,
@@ -38,7 +39,6 @@ from league.selectors.overview import (
     standings_table,
     standpoint_of,
 )
-from league.selectors.outcomes import stages_of
 from league.selectors.racers import racer_shown
 from races.models import Division, Race, RaceState
 from races.names import named

@@ -24,14 +24,9 @@ from paddock.errors import UserFault
 from tracks.models import Track
 
 from ..errors import RaceRefused, problem
-<<<<<<< HEAD
 from ..events import LIVE_CHANGED, RACE_CANCELLED, of_race
 from ..models import LiveEvent, Race, RaceKind, Submission, TimedSession, new_invitation
-=======
-from ..events import RACE_CANCELLED, of_race
-from ..models import Race, RaceKind, Submission, TimedSession, new_invitation
 from ..models.race import RESERVED_SLUGS
->>>>>>> 42847ec1 (Seasons: copy, stop, replace and delete them; free addresses)
 from ..quotas import RACES
 from ..validation import EDITABLE_FIELDS, check_race, hold_above, stored_value
 from .gates import require_not_over, require_open

@@ -72,11 +72,19 @@ def test_an_untouched_site_has_an_open_and_a_pro_race_in_each_of_36_months(now):
     ]
     for season in Season.objects.all():
         stages = list(season.rounds.values_list("stage", flat=True))
-        assert [stages.count(one) for one in (Stage.OPEN, Stage.PRO, Stage.FINALE, Stage.CHAMPIONSHIP)] == [12, 12, 12, 1]
+        assert [stages.count(one) for one in (Stage.OPEN, Stage.PRO, Stage.FINALE, Stage.CHAMPIONSHIP)] == [
+            12,
+            12,
+            12,
+            1,
+        ]
     second = Season.objects.get(slug="2027-28")
     assert (second.starts_on, second.ends_on) == (date(2027, 11, 1), date(2028, 11, 20))
     assert second.rounds.get(stage=Stage.CHAMPIONSHIP).race.name == "Season 2027-28 · championship"
-    assert set(Race.objects.filter(round__season=second).values_list("slug", flat=True)) > {"2027-11-open", "2028-10-pro"}
+    assert set(Race.objects.filter(round__season=second).values_list("slug", flat=True)) > {
+        "2027-11-open",
+        "2028-10-pro",
+    }
     seeds = {Race.objects.get(slug=f"{year}-12-pro").seed for year in (2026, 2027, 2028)}
     assert len(seeds) == 3, "each year draws other layouts"
     assert Race.objects.get(slug="2027-12-pro").seed == Race.objects.get(slug="2027-12-finale").seed
@@ -176,8 +184,13 @@ def test_months_keep_their_bounds_over_leap_years_in_the_zone_of_the_season():
         slug="2027", name="2027", starts_on=date(2027, 2, 1), ends_on=date(2027, 3, 31), zone="Asia/Seoul"
     )
     for number, month in ((1, 2), (2, 3)):
-        times = {"opens_at": datetime(2027, month, 1, tzinfo=seoul), "closes_at": datetime(2027, month + 1, 1, tzinfo=seoul)}
-        schedule_round(season=season, number=number, stage="open-qualifier", now=JANUARY, track=a_track(), name="A", **times)
+        times = {
+            "opens_at": datetime(2027, month, 1, tzinfo=seoul),
+            "closes_at": datetime(2027, month + 1, 1, tzinfo=seoul),
+        }
+        schedule_round(
+            season=season, number=number, stage="open-qualifier", now=JANUARY, track=a_track(), name="A", **times
+        )
     copy = copy_season(season=season, now=JANUARY).season
     first, second = (one.race for one in copy.rounds.select_related("race").order_by("number"))
     assert first.closes_at == second.opens_at == datetime(2028, 3, 1, tzinfo=seoul)

@@ -132,7 +132,7 @@ def test_the_admin_site_deletes_an_unopened_season_and_gives_a_reason_otherwise(
     path = reverse("admin:league_season_delete", args=[season.pk])
     enter_race(race=season.rounds.get(stage=Stage.OPEN).race, racer=a_racer(), now=NOW)
     answer = client.post(path, {"post": "yes"}, follow=True)
-    assert "has entries, so it stays" in answer.content.decode() and Season.objects.exists()
+    assert "has entries and cannot be deleted" in answer.content.decode() and Season.objects.exists()
     client.post(reverse("season_delete", args=[season.slug]), {"round": season.rounds.get(stage=Stage.PRO).pk})
     Race.objects.get().entries.all().delete()
     client.post(path, {"post": "yes"})
@@ -143,7 +143,7 @@ def test_an_opened_round_stays_with_a_reason(boss, season, monkeypatch):
     monkeypatch.setattr("django.utils.timezone.now", lambda: JANUARY)
     client = logged_in(boss)
     answer = client.post(reverse("season_delete", args=[season.slug]))
-    assert answer.status_code == 409 and "has opened, so it stays" in answer.content.decode()
+    assert answer.status_code == 409 and "has opened and cannot be deleted" in answer.content.decode()
     round_ = season.rounds.get(stage=Stage.PRO)
     assert client.post(reverse("season_delete", args=[season.slug]), {"round": round_.pk}).status_code == 409
     assert Round.objects.count() == 2
