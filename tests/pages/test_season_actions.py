@@ -177,7 +177,7 @@ def test_an_address_is_taken_in_capital_letters_too(client, season):
 
 def test_a_pro_track_without_an_open_race_is_named_in_the_preview(client):
     answer = client.post("/seasons/new/", short(open_2=""))
-    assert "February has no open race, so its pro race and finale (Oval) are left out." in answer.content.decode()
+    assert "February has no open race, so its pro race and finale (Paddock Oval) are left out." in answer.content.decode()
     assert "January has no open race" not in answer.content.decode()
 
 
