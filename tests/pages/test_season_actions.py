@@ -177,8 +177,9 @@ def test_an_address_is_taken_in_capital_letters_too(client, season):
 
 def test_a_pro_track_without_an_open_race_is_named_in_the_preview(client):
     answer = client.post("/seasons/new/", short(open_2=""))
-    assert "February has no open race, so its pro race and finale (Paddock Oval) are left out." in answer.content.decode()
-    assert "January has no open race" not in answer.content.decode()
+    page = answer.content.decode()
+    assert "February has no open race, so its pro race and finale (Paddock Oval) are left out." in page
+    assert "January has no open race" not in page
 
 
 @pytest.mark.parametrize("field", ["open_1", "pro_1", "direction_1", "championship_turn_2", "replaces"])
