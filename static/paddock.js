@@ -89,12 +89,6 @@
     each("[data-zone]", (element) => { element.textContent = zone; }, form);
   });
 
-  // --- on a narrow screen the menu of sections scrolls sideways: the one that the reader is in stands in view -----------
-  each(".nav [aria-current]", (link) => {
-    const nav = link.parentElement;
-    nav.scrollLeft = link.offsetLeft - nav.offsetLeft - (nav.clientWidth - link.offsetWidth) / 2;
-  });
-
   // --- what scrolls sideways can be reached and scrolled by keyboard, as long as it does ------------------------------
   const scrollers = new ResizeObserver((seen) => seen.forEach(({ target }) => {
     if (target.scrollWidth > target.clientWidth + 1) target.tabIndex = 0;
@@ -126,6 +120,12 @@
     if (!pictures) return;
     const known = new Set([...pictures.closest("form").elements.track.options].map((option) => option.value));
     each("[data-of-track]", (card) => { card.hidden = !known.has(card.dataset.ofTrack); }, pictures);
+  });
+
+  // --- a row of a board on a narrow screen opens by a tap anywhere on it, as by its arrow ----------------------------------
+  document.addEventListener("click", ({ target }) => {
+    const more = target.closest("table.board tr")?.querySelector(".row-more");
+    if (more && more.offsetParent && !target.closest("a, button, summary")) more.open = !more.open;
   });
 
   // --- menus close on Escape and on a click elsewhere ----------------------------------------------------------------

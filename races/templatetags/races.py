@@ -220,7 +220,8 @@ def time_cells(race: Race, row: BoardRow) -> SafeString:
         shown = " time" if column.ranks else f" {column.shown}" if column.shown else ""
         said = f'<span class="hidden"> ({escape(_("fastest lap"))})</span>' if fastest else ""
         time = clock(getattr(row.entry, column.figure))
-        cells.append(f'<td class="num{shown}{" best strong" if fastest else ""}">{time}{said}</td>')
+        label = f' data-label="{escape(column.label)}"' if column.shown else ""
+        cells.append(f'<td class="num{shown}{" best strong" if fastest else ""}"{label}>{time}{said}</td>')
     return mark_safe("".join(cells))  # words of ours, and times
 
 
