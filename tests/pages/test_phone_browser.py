@@ -45,7 +45,7 @@ def test_the_board_comes_first_and_one_submit_stays_in_view(world, live_server, 
         for place in (0, 400, 800):
             page.evaluate("place => scrollTo(0, place)", place)
             box = submit.bounding_box()
-            assert 0 < box["y"] and box["y"] + box["height"] <= PHONE["height"], place
+            assert box["y"] > 0 and box["y"] + box["height"] <= PHONE["height"], place
         assert page.evaluate("document.documentElement.scrollWidth") == PHONE["width"]
 
 
