@@ -69,9 +69,8 @@ register(
         "invitation_taken": _("This invitation was accepted already."),
         "invitation_too_soon": _("This address was written to less than a day ago."),
         "invitations_a_day": _("You may invite %(limit)s addresses in 24 hours. Invite fewer, or go on tomorrow."),
-        "invited_addresses": _("There is no e-mail address in line %(line)s, or one that is none. Nobody was invited."),
         "invited_file": _("The file is not text in UTF-8, or larger than %(limit_kb)s kB. Nobody was invited."),
-        "invited_none": _("There is no address to invite."),
+        "invited_none": _("The list holds no e-mail address. Nobody was invited."),
         "invited_too_many": _("These are more than %(limit)s addresses. Invite them in parts."),
         # a season that is imported
         "import_no_folder": _(

@@ -14,10 +14,17 @@ from django.urls import reverse
 from django.utils.safestring import SafeString
 from django.utils.translation import gettext as _
 
-from core import pages
+from core import mail, pages
 from core.events.models import EventCursor
 
 register = template.Library()
+
+
+@register.simple_tag
+def mail_is_sent() -> bool:
+    """See :func:`core.mail.mail_is_sent`."""
+    return mail.mail_is_sent()
+
 
 THEMES = ("dark", "light")
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Collection, Iterable, Mapping
+from dataclasses import dataclass
 from datetime import datetime, timedelta
 from typing import Any
 
@@ -22,6 +23,7 @@ from django.utils.translation import gettext_lazy
 
 from accounts.models import Racer
 from accounts.quotas import Quota, limit_of, used_by
+from core.columns import length_of
 from core.jobs.kinds import JobKind, register
 from core.locks import hold
 from core.wakeup import wake
@@ -36,6 +38,7 @@ from .mails import LEASE, MAIL_TRIES, MAILS_A_TIME, PAUSE, logger
 
 HOLDS_FOR = timedelta(days=30)
 A_DAY, A_WEEK = timedelta(days=1), timedelta(days=7)
+LONGEST_ADDRESS = length_of(MailInvitation, "email")
 AT_ONCE = 500  # addresses in one list
 TO_ONE_ADDRESS = 5  # mails in a week, whoever invites: more of them go nowhere
 TASK = "league.tasks.notices"
@@ -74,38 +77,55 @@ INVITED_A_DAY = Quota(
 )
 
 
-def addresses_in(*lists: str) -> list[str]:
-    """The addresses of pasted lists and CSV files: one or several a line, names beside them are left out; each once, in
-    small letters. Raises UserFault("invited_addresses") for a line without any, "invited_too_many", "invited_none"."""
-    found: dict[str, None] = {}
-    for text in lists:
+@dataclass(frozen=True)
+class AddressLine:
+    """A line of a list. ``source``: the field it came from; ``addresses``: those in it that are e-mail addresses;
+    ``is_wrong``: whether it holds anything else with an @, or no address at all."""
+
+    source: str
+    number: int
+    text: str
+    addresses: tuple[str, ...]
+    is_wrong: bool
+
+
+def read_addresses(lists: Mapping[str, str]) -> list[AddressLine]:
+    """The lines of pasted lists and CSV files by the field that holds them: one or several addresses a line, names
+    beside them are left out, empty lines and a heading too."""
+    lines = []
+    for source, text in lists.items():
         for number, line in enumerate(text.splitlines(), start=1):
             words = [word.strip("<>\"'()[] ") for word in re.split(r"[\s,;\t]+", line)]
             named = [word for word in words if "@" in word]
             header = number == 1 and not named and re.search(r"mail", line, re.IGNORECASE)
             if any(words) and not header:
-                _require_addresses(named, number)
-                found |= dict.fromkeys(word.lower() for word in named)
+                good = tuple(word.lower() for word in named if _is_address(word))
+                wrong = not good or len(good) < len(named)
+                lines.append(AddressLine(source, number, line.strip(), good, wrong))
+    return lines
+
+
+def addresses_of(lines: Iterable[AddressLine]) -> list[str]:
+    """The addresses of a list, each once. Raises UserFault("invited_none"), "invited_too_many"."""
+    found = list(dict.fromkeys(address for line in lines for address in line.addresses))
     if not found:
         raise UserFault("invited_none")
     if len(found) > AT_ONCE:
         raise UserFault("invited_too_many", limit=AT_ONCE)
-    return list(found)
+    return found
 
 
-def _require_addresses(words: list[str], line: int) -> None:
+def _is_address(word: str) -> bool:
     try:
-        for word in words:
-            validate_email(word)
+        validate_email(word)
     except ValidationError:
-        words = []
-    if not words:
-        raise UserFault("invited_addresses", line=line)
+        return False
+    return len(word) <= LONGEST_ADDRESS
 
 
 @transaction.atomic
 def invite_by_mail(*, race: Race, by: Racer, addresses: Iterable[str], language: str, now: datetime) -> int:
-    """Invite these addresses (:func:`addresses_in`) to a race; who was invited already stays as they are. How many are
+    """Invite these addresses (:func:`addresses_of`) to a race; who was invited already stays as they are. How many are
     new. All or none: raises UserFault("race_not_yours" | "race_closed" | "race_cancelled" | "invitations_a_day")."""
     _require_organiser(race, by)
     require_not_over(race, now)

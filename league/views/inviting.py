@@ -19,14 +19,17 @@ from django.views.decorators.http import require_http_methods
 from accounts.quotas import usage_of
 from accounts.who import racer_of
 from core.forms import add_fault, explain
+from core.mail import mail_is_sent
 from league.models import MailInvitation
 from league.services import inviting
 from paddock.errors import UserFault
+from races.models import Race
 from races.ranking import rule_for
 from races.views.common import organised_race
 
 ROWS = 100
 MOST_KB = 256
+MOST_LINES = 500
 
 
 class InvitingForm(forms.Form):
@@ -41,54 +44,77 @@ class InvitingForm(forms.Form):
     )
     file = forms.FileField(label=gettext_lazy("Or a CSV file with them"), required=False)
 
-    def lists(self) -> list[str]:
+    def lines(self) -> list[inviting.AddressLine]:
         """All that was sent. Raises UserFault("invited_file")."""
+        lists = {_("Addresses"): self.cleaned_data["addresses"]}
         file = self.cleaned_data["file"]
-        if file is None:
-            return [self.cleaned_data["addresses"]]
-        content = file.read(MOST_KB * 1024 + 1)
-        try:
-            if len(content) > MOST_KB * 1024:
-                raise ValueError("too long")
-            return [self.cleaned_data["addresses"], content.decode("utf-8-sig")]
-        except ValueError:
-            raise UserFault("invited_file", limit_kb=MOST_KB) from None
+        if file is not None:
+            content = file.read(MOST_KB * 1024 + 1)
+            try:
+                if len(content) > MOST_KB * 1024:
+                    raise ValueError("too long")
+                lists[_("CSV file")] = content.decode("utf-8-sig")
+            except ValueError:
+                raise UserFault("invited_file", limit_kb=MOST_KB) from None
+        return inviting.read_addresses(lists)
 
 
 @login_required
 @require_http_methods(["GET", "HEAD", "POST"])
 def race_invited(request: HttpRequest, slug: str) -> HttpResponse:
-    """Who is invited to a race by e-mail. A POST invites more, or with ``again`` or ``withdraw`` changes one."""
+    """Who is invited to a race by e-mail. A POST with ``look`` shows the list as it is read, with ``invite`` invites
+    the addresses in it and marks the other lines, with ``again`` or ``withdraw`` changes one invitation."""
     race, now = organised_race(request, slug), timezone.now()
-    form = InvitingForm(request.POST if "invite" in request.POST else None, request.FILES or None)
-    if request.method == "POST" and not form.is_bound:
+    sent = request.method == "POST" and ("invite" in request.POST or "look" in request.POST)
+    form = InvitingForm(request.POST if sent else None, request.FILES or None)
+    if request.method == "POST" and not sent:
         return _change(request, slug)
-    if form.is_bound and form.is_valid():
+    lines: list[inviting.AddressLine] = []
+    addresses: list[str] = []
+    if sent and form.is_valid():
         try:
-            number = inviting.invite_by_mail(
-                race=race,
-                by=racer_of(request),
-                addresses=inviting.addresses_in(*form.lists()),
-                language=translation.get_language() or "en",
-                now=now,
-            )
+            lines = form.lines()
+            addresses = inviting.addresses_of(lines)
+            if "invite" in request.POST:
+                _invite(request, race, addresses)
+                if not any(line.is_wrong for line in lines):
+                    return redirect("race_invited", race.slug)
+                lines, addresses = [line for line in lines if line.is_wrong], []
+                form = InvitingForm(initial={"addresses": "\n".join(line.text for line in lines)})
         except UserFault as fault:
             add_fault(form, fault)
-        else:
-            said = ngettext("%(n)s address is invited.", "%(n)s addresses are invited.", number) % {"n": number}
-            messages.success(request, said)
-            return redirect("race_invited", race.slug)
     invited = MailInvitation.objects.filter(race=race).select_related("accepted_by")
     page = Paginator(invited, ROWS).get_page(request.GET.get("page"))
     context = {
         "race": race,
         "form": form,
+        "lines": lines[:MOST_LINES],
+        "wrong": sum(line.is_wrong for line in lines),
+        "addresses": addresses,
+        "is_sent": bool(lines) and not form.is_bound,
         "page": page,
         "rows": [(one, one.standing_at(now)) for one in page],
         "accepted": invited.filter(accepted_at__isnull=False).count(),
         "usage": usage_of(racer_of(request), now, only=[inviting.INVITED_A_DAY.name]),
     }
-    return render(request, "league/invited.html", context, status=422 if form.errors else 200)
+    refused = form.errors or context["is_sent"]
+    return render(request, "league/invited.html", context, status=422 if refused else 200)
+
+
+def _invite(request: HttpRequest, race: Race, addresses: list[str]) -> None:
+    language = translation.get_language() or "en"
+    number = inviting.invite_by_mail(
+        race=race, by=racer_of(request), addresses=addresses, language=language, now=timezone.now()
+    )
+    if mail_is_sent():
+        said = ngettext("%(n)s address is invited.", "%(n)s addresses are invited.", number)
+    else:
+        said = ngettext(
+            "%(n)s invitation is written to the log only: this site has no mail server.",
+            "%(n)s invitations are written to the log only: this site has no mail server.",
+            number,
+        )
+    messages.add_message(request, messages.SUCCESS if mail_is_sent() else messages.WARNING, said % {"n": number})
 
 
 def _change(request: HttpRequest, slug: str) -> HttpResponse:

@@ -15,11 +15,12 @@ from league.models import MailInvitation
 from league.services import inviting
 from league.services.inviting import (
     accept_mail_invitation,
-    addresses_in,
+    addresses_of,
     invitation_of,
     invite_again,
     invite_by_mail,
     link_token,
+    read_addresses,
     send_invitations,
     stop_invitations,
     withdraw_invitation,
@@ -58,21 +59,37 @@ def code(call) -> str:
     ],
 )
 def test_a_list_is_read(text, found):
-    assert addresses_in(text) == found
+    lines = read_addresses({"Addresses": text})
+    assert addresses_of(lines) == found and not any(line.is_wrong for line in lines)
+
+
+@pytest.mark.parametrize(
+    ("text", "wrong", "found"),
+    [
+        ("a@example.org\nnobody", [2], ["a@example.org"]),
+        ("a@b\n\nc@example.org", [1], ["c@example.org"]),
+        ("a@example.org\nb@exa mple", [2], ["a@example.org"]),
+        ("mail\na@example.org\nx@@y, b@example.org\n---", [3, 4], ["a@example.org", "b@example.org"]),
+        (f"a@example.org\n{'x' * 250}@example.org", [2], ["a@example.org"]),
+    ],
+)
+def test_wrong_lines_are_marked_and_the_rest_is_read(text, wrong, found):
+    lines = read_addresses({"CSV file": text})
+    assert [line.number for line in lines if line.is_wrong] == wrong
+    assert {line.source for line in lines} == {"CSV file"}
+    assert addresses_of(lines) == found
 
 
 @pytest.mark.parametrize(
     ("text", "why"),
     [
         ("", "invited_none"),
-        ("a@example.org\nnobody", "invited_addresses"),
-        ("a@b", "invited_addresses"),
-        ("a@example.org\nb@exa mple", "invited_addresses"),
+        ("nobody\na@b", "invited_none"),
         ("\n".join(f"r{n}@example.org" for n in range(501)), "invited_too_many"),
     ],
 )
 def test_what_is_no_list_is_refused(text, why):
-    assert code(lambda: addresses_in(text)) == why
+    assert code(lambda: addresses_of(read_addresses({"Addresses": text}))) == why
 
 
 def test_an_invitation_goes_out_once_and_joins_one_racer(race, alice, bob, charlie, now):
@@ -197,3 +214,49 @@ def test_the_pages(alice, bob, charlie):
     assert "No more invitations?" in Client(enforce_csrf_checks=True).get(stop).content.decode()
     assert "any more" in Client(enforce_csrf_checks=True).post(stop).content.decode()
     assert Client().get("/invitations/stop/x/").status_code == 404
+
+
+@pytest.fixture
+def page(alice):
+    race = a_race(timezone.now(), organiser=alice, visibility=Visibility.INVITATION)
+    client = Client()
+    client.force_login(alice, backend="django.contrib.auth.backends.ModelBackend")
+    return client, f"/races/{race.slug}/invited/"
+
+
+def test_a_preview_marks_wrong_lines_by_field_and_sends_nothing(page):
+    client, address = page
+    file = SimpleUploadedFile("class.csv", b"name,mail\nKim,kim@example.org\nLee,lee(at)example.org\n")
+    sent = {"look": "1", "addresses": "ann@example.org\nbob@@example.org", "file": file}
+    answer = client.post(address, sent)
+    text = answer.content.decode()
+    assert answer.status_code == 200 and not MailInvitation.objects.exists()
+    assert "Addresses, line 2" in text and "CSV file, line 3" in text and "2 wrong lines" in text
+    assert text.count('class="wrong-line"') == 2
+    rest = answer.context["addresses"]
+    assert rest == ["ann@example.org", "kim@example.org"]
+    assert "Invite 2 addresses" in text
+    client.post(address, {"invite": "1", "addresses": " ".join(rest)})
+    assert sorted(MailInvitation.objects.values_list("email", flat=True)) == rest
+
+
+def test_wrong_lines_do_not_keep_the_rest_from_being_invited(page):
+    client, address = page
+    answer = client.post(address, {"invite": "1", "addresses": "ann@example.org\nxx\nkim@example.org"})
+    text = answer.content.decode()
+    assert answer.status_code == 422 and "2 addresses are invited." in text
+    assert "Addresses, line 2" in text and answer.context["form"]["addresses"].value() == "xx"
+    assert MailInvitation.objects.count() == 2
+
+
+def test_a_site_without_a_mail_server_says_that_mails_go_to_the_log(page, settings):
+    client, address = page
+    settings.EMAIL_BACKEND = "django.core.mail.backends.console.EmailBackend"
+    assert "no mail server" in client.get(address).content.decode()
+    text = client.post(address, {"invite": "1", "addresses": "ann@example.org"}, follow=True).content.decode()
+    assert "written to the log only" in text and "address is invited" not in text
+    for other in ("/accounts/password/reset/", "/settings/notices/", "/accounts/email/"):
+        answer = (Client() if "reset" in other else client).get(other)
+        assert answer.status_code == 200 and "no mail server" in answer.content.decode(), other
+    settings.EMAIL_BACKEND = "django.core.mail.backends.smtp.EmailBackend"
+    assert "no mail server" not in client.get(address).content.decode()
