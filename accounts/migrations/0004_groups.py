@@ -19,11 +19,11 @@ class Migration(migrations.Migration):
             fields=[
                 ('id', models.BigAutoField(auto_created=True, primary_key=True, serialize=False, verbose_name='ID')),
                 ('slug', models.SlugField(max_length=48, unique=True, verbose_name='address')),
-                ('name', models.CharField(max_length=64, validators=[django.core.validators.RegexValidator('^[^\\x00-\\x1f\\x7f]*\\S[^\\x00-\\x1f\\x7f]*\\Z', "Enter the name on one line.", code='one_line')], verbose_name='name')),
+                ('name', models.CharField(max_length=64, validators=[django.core.validators.RegexValidator('^[^\\x00-\\x1f\\x7f]*\\S[^\\x00-\\x1f\\x7f]*\\Z', 'Write a name on one line.', code='one_line')], verbose_name='name')),
                 ('description', models.TextField(blank=True, max_length=500, verbose_name='description')),
                 ('is_listed', models.BooleanField(default=False, help_text='Everybody sees it and who is in it, and may filter boards by it.', verbose_name='listed')),
                 ('code', models.CharField(default=accounts.models.access.new_code, editable=False, max_length=32, unique=True, verbose_name='code')),
-                ('made_at', models.DateTimeField(verbose_name="created")),
+                ('made_at', models.DateTimeField(verbose_name='made')),
                 ('leader', models.ForeignKey(blank=True, null=True, on_delete=django.db.models.deletion.SET_NULL, related_name='groups_led', to=settings.AUTH_USER_MODEL, verbose_name='leader')),
             ],
             options={

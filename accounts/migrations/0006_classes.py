@@ -18,7 +18,7 @@ class Migration(migrations.Migration):
             fields=[
                 ('id', models.BigAutoField(auto_created=True, primary_key=True, serialize=False, verbose_name='ID')),
                 ('plan', models.JSONField(blank=True, default=list, verbose_name='lesson plan')),
-                ('made_at', models.DateTimeField(verbose_name="created")),
+                ('made_at', models.DateTimeField(verbose_name='made')),
                 ('group', models.OneToOneField(on_delete=django.db.models.deletion.PROTECT, related_name='classroom', to='accounts.racergroup', verbose_name='group')),
             ],
             options={
@@ -31,7 +31,7 @@ class Migration(migrations.Migration):
             name='ClassLearner',
             fields=[
                 ('racer', models.OneToOneField(on_delete=django.db.models.deletion.CASCADE, primary_key=True, related_name='learner', serialize=False, to=settings.AUTH_USER_MODEL, verbose_name='racer')),
-                ('real_name', models.CharField(max_length=80, validators=[django.core.validators.RegexValidator('^[^\\x00-\\x1f\\x7f]*\\S[^\\x00-\\x1f\\x7f]*\\Z', "Enter the name on one line.", code='one_line')], verbose_name='name')),
+                ('real_name', models.CharField(max_length=80, validators=[django.core.validators.RegexValidator('^[^\\x00-\\x1f\\x7f]*\\S[^\\x00-\\x1f\\x7f]*\\Z', 'Write a name on one line.', code='one_line')], verbose_name='name')),
                 ('code_digest', models.CharField(editable=False, max_length=64, null=True, unique=True)),
                 ('lessons', models.JSONField(blank=True, default=dict, verbose_name='lessons seen')),
                 ('classroom', models.ForeignKey(on_delete=django.db.models.deletion.CASCADE, related_name='learners', to='accounts.classroom', verbose_name='class')),
