@@ -21,6 +21,8 @@
       ".cm-tooltip": { backgroundColor: "var(--surface)", color: "var(--text)", border: "1px solid var(--line-strong)",
         maxWidth: "min(46ch, 80vw)", font: "14px/1.4 var(--font)" },
       ".cm-diagnostic-error": { borderLeftColor: "var(--bad)" },
+      ".cm-diagnostic-warning": { borderLeftColor: "var(--slow-fill)" },
+      ".cm-lintRange-warning": { backgroundImage: "none", borderBottom: "2px dotted var(--slow-fill)" },
       ".cm-lintRange-error": { backgroundImage: "none", borderBottom: "2px solid var(--bad)" },
     });
     const colours = HighlightStyle.define([
@@ -86,12 +88,13 @@
 
   const fill = (view, text) => view.dispatch({ changes: { from: 0, to: view.state.doc.length, insert: text } });
 
-  function mark(view, problems) {
+  function mark(view, problems, warnings = []) {
     const { doc } = view.state;
-    const found = problems.filter((each) => each.line).map((each) => {
+    const found = [...problems, ...warnings].filter((each) => each.line).map((each) => {
       const line = doc.line(Math.min(Math.max(1, each.line), doc.lines));
       const from = line.from + (line.text.length - line.text.trimStart().length);
-      return { from: Math.min(from, line.to), to: line.to, severity: "error", message: each.message };
+      const severity = warnings.includes(each) ? "warning" : "error";
+      return { from: Math.min(from, line.to), to: line.to, severity, message: each.message };
     });
     view.dispatch(CM.setDiagnostics(view.state, found.sort((a, b) => a.from - b.from)));
   }
@@ -103,9 +106,9 @@
     return made;
   }
 
-  function tell(box, report, itWorks, view) {
-    const list = element("ol", undefined, "problems");
-    for (const problem of report.problems) {
+  function listed(tag, className, problems, view) {
+    const list = element(tag, undefined, className);
+    for (const problem of problems) {
       const row = element("li");
       let words = problem.message;
       if (problem.line) {
@@ -121,7 +124,13 @@
       row.append(words);
       list.append(row);
     }
-    const parts = [report.problems.length ? list : element("p", itWorks, "good")];
+    return list;
+  }
+
+  function tell(box, report, itWorks, view) {
+    const works = element("p", itWorks, "good");
+    const parts = [report.problems.length ? listed("ol", "problems", report.problems, view) : works];
+    if (report.warnings.length) parts.push(listed("ul", "warnings", report.warnings, view));
     if (report.rewards.length) {
       const states = element("dl", undefined, "state-rewards");
       for (const [state, value] of report.rewards) {
@@ -173,7 +182,7 @@
         const answer = await fetch(root.dataset.validate, { method: "POST", body, headers: { Accept: "application/json" } });
         const report = await answer.json();
         tell(box, report, root.dataset.ok, view);
-        mark(view, report.problems);
+        mark(view, report.problems, report.warnings);
       } catch {
         box.replaceChildren(element("p", root.dataset.failed, "bad"));
       }

@@ -8,6 +8,7 @@ from django.utils.translation import gettext as _
 from django.utils.translation import ngettext
 
 from .models import EndReason, TrainingJob
+from .rewards.speed import SLOW_MS
 
 if TYPE_CHECKING:
     from django.contrib.auth.models import AnonymousUser
@@ -16,8 +17,16 @@ if TYPE_CHECKING:
 
 
 def how_it_ended(job: TrainingJob, reader: Racer | AnonymousUser) -> str:
-    """Why the training ended, in the reader's language; ``""`` while it has not. The stable code is
-    ``job.ended_because``."""
+    """Why the training ended, in the reader's language, with the milliseconds of a slow reward function's calls; ``""``
+    while it has not. The stable code is ``job.ended_because``."""
+    why = _why(job, reader)
+    if job.reward_ms is None or job.reward_ms < SLOW_MS or job.ended_because == EndReason.FAILED:
+        return why
+    slow = _("Each call of the reward function took %(ms)s ms, a fast one takes less than 1 ms.")
+    return f"{why} {slow % {'ms': f'{job.reward_ms:,.0f}'}}"
+
+
+def _why(job: TrainingJob, reader: Racer | AnonymousUser) -> str:
     match job.ended_because:
         case EndReason.TIME:
             return ngettext(

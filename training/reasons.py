@@ -28,6 +28,10 @@ register(
         "vehicle_lidar": _(
             "Only the sensor %(sensor)s has settings. Add it to the sensors, or leave the settings out."
         ),
+        "reward_slow_to_load": _(
+            "The time was used up before the training began: the lines outside of the reward function run once for "
+            "each of %(count)s cars, and took %(ms)s ms. Compute less there."
+        ),
         "reward_check_runs": _("One of your reward functions is being checked already. Try again in a few seconds."),
     },
 )

@@ -19,7 +19,7 @@ from training.checks import one_check
 
 from .trainings import MOST_CODE
 
-KINDS = ["syntax", "import", "test"]
+KINDS = ["syntax", "import", "test", "warning"]
 
 
 class RewardBody(Body):
@@ -46,6 +46,7 @@ class RewardReportSerializer(serializers.Serializer):
 
     valid = serializers.BooleanField(help_text="It may be trained with.")
     problems = ProblemSerializer(many=True)
+    warnings = ProblemSerializer(many=True, help_text="Worth a look; it may be trained with all the same.")
     rewards = serializers.DictField(
         child=serializers.FloatField(), help_text="What it gave, by the state of the car, where it gave something."
     )
@@ -74,19 +75,23 @@ class RewardValidationView(APIView):
         sent = read_as(RewardBody, request.data)
         with one_check(racer_of(request)):
             report = check_reward(sent["reward_code"].replace("\r\n", "\n"), race_type=sent["race_type"])
-        problems = [
-            {
-                "line": problem.line,
-                "kind": problem.kind,
-                "code": problem.code,
-                "message": explain(UserFault(problem.code, **problem.params)),
-                "state": problem.state,
-            }
-            for problem in report.problems
-        ]
+        problems, warnings = (
+            [
+                {
+                    "line": problem.line,
+                    "kind": problem.kind,
+                    "code": problem.code,
+                    "message": explain(UserFault(problem.code, **problem.params)),
+                    "state": problem.state,
+                }
+                for problem in found
+            ]
+            for found in (report.problems, report.warnings)
+        )
         told = {
             "valid": not problems,
             "problems": problems,
+            "warnings": warnings,
             "rewards": report.rewards,
             "printed": report.printed,
         }

@@ -108,6 +108,12 @@ class TrainingJob(with_columns(_RULES), Job):  # type: ignore[misc]
     )
     steps_done = models.PositiveIntegerField(_("steps driven"), default=0)
     seconds_done = models.FloatField(_("seconds of training"), default=0.0)
+    reward_ms = models.FloatField(
+        _("milliseconds of a call of the reward function"),
+        null=True,
+        blank=True,
+        help_text=_("The average of all calls, in processor time."),
+    )
     charged_s = models.FloatField(
         _("seconds charged"),
         default=0.0,

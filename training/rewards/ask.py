@@ -25,7 +25,7 @@ from paddock.errors import PlatformFault, UserFault
 
 from .function import MAX_REWARD, Params, printable, readable
 from .modules import wanted_modules
-from .reasons import REWARD_REASONS
+from .reasons import REWARD_REASONS, REWARD_WARNINGS
 from .watch import KEPT_CHARACTERS, LIMIT_S, line_in
 from .wire import to_wire
 
@@ -35,21 +35,24 @@ _SLOT_WAIT_S = 20.0
 _JSON_LIMIT = 1024 * 1024
 _MOST = 64
 _GREATEST = 10**6  # no line or length is larger
-_PARAMETERS = frozenset(re.findall(r"%\((\w+)\)", " ".join(reason.sentence for reason in REWARD_REASONS.values())))
+_KNOWN = REWARD_REASONS | REWARD_WARNINGS
+_PARAMETERS = frozenset(re.findall(r"%\((\w+)\)", " ".join(reason.sentence for reason in _KNOWN.values())))
 
 
 @dataclass(frozen=True)
 class Answer:
-    """``faults``: each with the number of the state in which it came (None: before any). ``rewards``: one for each
+    """``faults``: each with the number of the state in which it came (None: before any). ``warnings``: about a function
+    that runs. ``rewards``: one for each
     state that was come to, None where it failed. ``printed``: the first of what the function printed."""
 
     faults: list[tuple[UserFault, int | None]] = field(default_factory=list)
+    warnings: list[UserFault] = field(default_factory=list)
     rewards: list[float | None] = field(default_factory=list)
     printed: str = ""
 
 
-def ask(code: str, states: Sequence[Params], *, check: bool, level: int | None = None) -> Answer:
-    """Try ``code`` on ``states`` (of one drive) in the sandbox; see :mod:`.process` for ``check``.
+def ask(code: str, states: Sequence[Params], *, check: bool, whole: bool = False, level: int | None = None) -> Answer:
+    """Try ``code`` on ``states`` (of one drive) in the sandbox; see :mod:`.process` for ``check`` and ``whole``.
 
     A fault of the code is in the answer. Raises PlatformFault (``reward_check_failed``, ``reward_check_busy``, those of
     the sandbox). Leaves no process behind. ``level``: as for :func:`evaluation.sandbox.launch.launch`.
@@ -57,7 +60,7 @@ def ask(code: str, states: Sequence[Params], *, check: bool, level: int | None =
     with _slot(), launch(MODULE, limits=REWARD, arguments=wanted_modules(code), level=level) as process:
         widen_pipe(process.stdin)
         _wait_for_lock(process)
-        question = {"code": code, "check": check, **to_wire(states)}
+        question = {"code": code, "check": check, "whole": whole, **to_wire(states)}
         computed = 0.0
         try:
             write_message(process.stdin, question, deadline=process.deadline)
@@ -194,13 +197,17 @@ def _checked(header: dict[str, Any], states: int) -> Answer:
     for reward in rewards:
         if reward is not None and not (type(reward) is float and abs(reward) <= MAX_REWARD):
             raise ValueError("not a reward")
-    return Answer([_fault(one, states) for one in faults], rewards, readable(printed))
+    warnings = header.get("warnings", [])
+    if not isinstance(warnings, list) or len(warnings) > _MOST:
+        raise ValueError("not warnings")
+    said = [_fault(one, states)[0] for one in warnings]
+    return Answer([_fault(one, states) for one in faults], said, rewards, readable(printed))
 
 
 def _fault(told: Any, states: int) -> tuple[UserFault, int | None]:
     if not isinstance(told, dict) or not isinstance(told.get("code"), str) or not isinstance(told.get("params"), dict):
         raise ValueError("not a fault")
-    if told["code"] not in REWARD_REASONS:
+    if told["code"] not in _KNOWN:
         raise ValueError("not a code of a reward function")
     state = told.get("state")
     if state is not None and not (type(state) is int and 0 <= state < states):

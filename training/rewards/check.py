@@ -4,7 +4,8 @@ Runs inside the sandbox too: the parser of a stranger's text can be brought to f
 
 Rules (the reward function validation of DeepRacer on AWS): 1 to 140,000 characters; imports of math, random, numpy,
 scipy and shapely (there at module level only; the field's printed examples import inside of functions, and so may
-racers here); no names that mean files or other code; one ``reward_function``.
+racers here), and of what of the standard library only computes (:mod:`.modules`); no names that mean files or other
+code; one ``reward_function``, defined or assigned.
 """
 
 from __future__ import annotations
@@ -16,8 +17,8 @@ from pyflakes import checker, messages
 
 from paddock.errors import UserFault
 
-from .function import FILENAME, NAME, compile_reward, form_of, printable
-from .modules import ALLOWED
+from .function import FILENAME, NAME, compile_reward, form_of, printable, without_mark
+from .modules import is_allowed
 
 MAX_CHARACTERS = 140_000
 _FORBIDDEN_NAMES = frozenset({"open", "exec", "eval", "compile", "input", "breakpoint", "__import__"})
@@ -52,7 +53,7 @@ def check_text(code: str) -> list[UserFault]:
         return [UserFault("reward_length", length=len(code), limit=MAX_CHARACTERS)]
     try:
         compile_reward(code)
-        tree = ast.parse(code, FILENAME)
+        tree = ast.parse(without_mark(code), FILENAME)
         found = [*_imports(tree), *_forbidden(tree), *_definitions(tree), *_mistakes(tree)]
     except UserFault as fault:
         return [fault]
@@ -70,7 +71,7 @@ def _imports(tree: ast.Module) -> Iterator[UserFault]:
         else:
             continue
         for name in names:
-            if name.split(".")[0] not in (*ALLOWED, "__future__"):
+            if not is_allowed(name):
                 yield UserFault("reward_import_not_allowed", line=node.lineno, name=printable(name))
 
 
@@ -107,6 +108,8 @@ def _names(node: ast.AST, modules: set[str]) -> Iterator[str]:
 
 def _definitions(tree: ast.Module) -> Iterator[UserFault]:
     functions = [node for node in tree.body if isinstance(node, _Function) and node.name == NAME]
+    if _is_assigned(tree):  # what it then is shows when it is loaded
+        return
     if not functions:
         yield UserFault("reward_function_missing")
         return
@@ -118,9 +121,21 @@ def _definitions(tree: ast.Module) -> Iterator[UserFault]:
     arguments = function.args
     try:
         names = [argument.arg for argument in (*arguments.posonlyargs, *arguments.args)]
-        form_of(names, len(arguments.kwonlyargs), function.lineno)
+        by_name = sum(default is None for default in arguments.kw_defaults)
+        form_of(names, len(names) - len(arguments.defaults), by_name, function.lineno)
     except UserFault as fault:
         yield fault
+
+
+def _is_assigned(tree: ast.Module) -> bool:
+    """Whether the top level sets ``reward_function`` to something, as in ``reward_function = car.reward``."""
+    targets: list[ast.expr] = []
+    for node in tree.body:
+        if isinstance(node, ast.Assign):
+            targets += node.targets
+        elif isinstance(node, ast.AnnAssign) and node.value is not None:
+            targets.append(node.target)
+    return any(isinstance(target, ast.Name) and target.id == NAME for target in targets)
 
 
 def _yields(function: _Function) -> bool:

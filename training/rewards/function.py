@@ -10,7 +10,9 @@ to float; NaN, infinity, more than 1e5 either way and every exception end the tr
 
 from __future__ import annotations
 
+import builtins
 import difflib
+import functools
 import inspect
 import math
 import sys
@@ -22,7 +24,9 @@ from typing import Any, cast
 from paddock.errors import UserFault
 from paddock.simulator.physics import PADDOCK_CAR
 
-from .watch import FILENAME, TooLong, TooMuchPrinted, watch
+from .clock import EpisodeClock
+from .modules import importer
+from .watch import FILENAME, Halted, TooLong, TooMuchPrinted, watch
 
 NAME = "reward_function"
 MAX_REWARD = 1e5
@@ -45,38 +49,51 @@ class Self:
 class Reward:
     """One loaded reward function, callable with params; what it keeps from step to step is its own.
 
-    ``form``: ``"params"`` or ``"positional"``. ``line``: where it is defined.
+    ``form``: ``"params"`` or ``"positional"``. ``line``: where it is defined. ``reward_function`` may be anything that
+    can be called with params: a function, a method of an object, an object with ``__call__``.
     """
 
     def __init__(self, program: CodeType) -> None:
         """Runs the program's top level. Raises UserFault."""
         module = ModuleType(NAME)
+        self._clock = EpisodeClock()
+        own = {"__import__": importer(self._clock, builtins.__import__)}
+        module.__dict__["__builtins__"] = vars(builtins) | own
         watch.begin()
         try:
             exec(program, module.__dict__)
+            function = module.__dict__.get(NAME)
+            self._code = _code_of(function)
+            names, needed, by_name = _arguments_of(function)
+        except Halted:
+            raise
         except BaseException as error:
             raise _fault(error, sys.exc_info()[2], 1) from None
         finally:
             watch.end()
         _refuse_too_long(1)
-        function = module.__dict__.get(NAME)
-        if not inspect.isfunction(function):
+        if not callable(function) or isinstance(function, type):
             raise UserFault("reward_function_missing")
-        code = function.__code__
-        self.line = code.co_firstlineno
-        names = code.co_varnames[: code.co_argcount]
-        self.form = form_of(names, code.co_kwonlyargcount, self.line)
-        self._self = (Self(),) if len(names) > 1 and names[0] == SELF else ()
+        self.line = self._code.co_firstlineno if self._code is not None else 1
+        if inspect.iscoroutinefunction(function) or inspect.isgeneratorfunction(function):
+            raise UserFault("reward_function_kind", line=self.line)
+        self.form = form_of(names, needed, by_name, self.line)
+        self._self = (Self(),) if len(names) > 1 and names[0] == SELF and inspect.isfunction(function) else ()
         self._function: Callable[..., Any] = function
         self._module = module  # the function's globals live as long as it does
 
     def __call__(self, params: Params) -> float:
         """The reward, finite and within 1e5. Raises UserFault (codes ``reward_...``, with the ``line``)."""
+        self._clock.now = float(params.get("sim_time", 0.0))
         watch.begin()
         try:
             value = self._reward(params)
         except (TooLong, TooMuchPrinted) as error:  # while a fault was being described
             raise _fault(error, sys.exc_info()[2], self.line) from None
+        except UserFault as fault:
+            if fault.code == "reward_raised":
+                fault.params["state"] = f"steps {params.get('steps')}, progress {params.get('progress', 0.0):.1f}"
+            raise
         finally:
             watch.end()
         _refuse_too_long(self.line)
@@ -84,7 +101,9 @@ class Reward:
 
     def _reward(self, params: Params) -> float:
         try:
-            value = float(self._call(params))
+            value = float(_one_number(self._call(params)))
+        except Halted:
+            raise
         except BaseException as error:
             trace = sys.exc_info()[2]
             if not _lines(trace):  # the cast
@@ -110,7 +129,7 @@ class Reward:
         """The line of the return that a bad value came from: it is called once more and followed. The definition's
         line where that does not tell."""
         line = self.line
-        code = self._function.__code__
+        code = self._code
 
         def follow(frame: FrameType, event: str, _value: object) -> Any:
             nonlocal line
@@ -141,7 +160,7 @@ def _refuse_too_long(line: int) -> None:
 def compile_reward(code: str) -> CodeType:
     """The program of a reward function's text; nothing of it runs. Raises UserFault ``reward_syntax``."""
     try:
-        return compile(code, FILENAME, "exec", dont_inherit=True)
+        return compile(without_mark(code), FILENAME, "exec", dont_inherit=True)
     except SyntaxError as error:
         raise UserFault("reward_syntax", line=error.lineno or 1, detail=printable(error.msg)) from None
     except (ValueError, RecursionError, MemoryError, OverflowError) as error:
@@ -155,11 +174,13 @@ def load_reward(code: str) -> Reward:
 
 def load_rewards(code: str, count: int) -> list[Reward]:
     """The function ``count`` times, each with globals of its own: one for each car of a vectorised environment, so that
-    what it remembers of the step before is of the same car. Raises UserFault."""
+    what it remembers of the step before is of the same car. Raises UserFault, and Halted where the training ends."""
     program = compile_reward(code)
     rewards = []
     try:
         for _ in range(count):
+            if watch.must_halt():
+                raise Halted
             rewards.append(Reward(program))
             watch.muted = True  # what its top level prints is printed once
     finally:
@@ -167,15 +188,52 @@ def load_rewards(code: str, count: int) -> list[Reward]:
     return rewards
 
 
-def form_of(names: Sequence[str], by_name: int, line: int) -> str:
-    """The form by the arguments' names, of which only a leading ``self`` means anything, and the number of those that
-    can be given by name only. Raises UserFault ``reward_arguments``."""
-    count = len(names) - (len(names) > 1 and names[0] == SELF)
-    if count == 1 and not by_name:
+def form_of(names: Sequence[str], needed: int, by_name: int, line: int) -> str:
+    """The form by the arguments' names, of which only a leading ``self`` means anything. ``needed``: how many of them
+    have no default; ``by_name``: how many more can be given by name only and have none. Raises UserFault
+    ``reward_arguments``."""
+    before = len(names) > 1 and names[0] == SELF
+    count, needed = len(names) - before, max(0, needed - before)
+    if count >= 1 >= needed and not by_name:
         return PARAMS
-    if count == len(POSITIONAL_NAMES) and not by_name:
+    if count >= len(POSITIONAL_NAMES) >= needed and not by_name:
         return POSITIONAL
     raise UserFault("reward_arguments", line=line, count=len(names) + by_name)
+
+
+def without_mark(code: str) -> str:
+    """The text without the byte order mark that some editors write before it."""
+    return code.removeprefix("\ufeff")
+
+
+def _one_number(value: Any) -> Any:
+    """The number of an array that holds one, whatever its shape; anything else as it is."""
+    numpy = sys.modules.get("numpy")
+    if numpy is not None and isinstance(value, numpy.ndarray) and value.size == 1:
+        return value.item()
+    return value
+
+
+def _code_of(function: Any) -> CodeType | None:
+    """The code that runs when it is called, where it is the racer's own."""
+    while isinstance(function, functools.partial):
+        function = function.func
+    if callable(function) and not inspect.isroutine(function):
+        function = type(function).__call__
+    code = getattr(inspect.unwrap(getattr(function, "__func__", function)), "__code__", None)
+    return code if isinstance(code, CodeType) and code.co_filename == FILENAME else None
+
+
+def _arguments_of(function: Any) -> tuple[list[str], int, int]:
+    """Names of the arguments that are given by place, how many of these have no default, and how many that can be given
+    by name only have none. What does not say is taken at its word: one."""
+    try:
+        arguments = inspect.signature(function).parameters.values()
+    except (TypeError, ValueError):
+        return ["params"], 1, 0
+    placed = [one for one in arguments if one.kind in (one.POSITIONAL_ONLY, one.POSITIONAL_OR_KEYWORD)]
+    by_name = [one for one in arguments if one.kind is one.KEYWORD_ONLY and one.default is one.empty]
+    return [one.name for one in placed], sum(one.default is one.empty for one in placed), len(by_name)
 
 
 def positional(params: Params) -> tuple[Any, ...]:
@@ -238,7 +296,7 @@ def _fault(error: BaseException, trace: TracebackType | None, otherwise: int) ->
         return UserFault("reward_memory", line=line)
     if issubclass(kind, ImportError):
         return UserFault("reward_import_failed", line=line, detail=_described(error))
-    return UserFault("reward_raised", line=line, error=_described(error))
+    return UserFault("reward_raised", line=line, error=_described(error), state="outside of a call")
 
 
 def _misspelt(error: BaseException, trace: TracebackType | None, params: Params) -> UserFault | None:
@@ -258,7 +316,7 @@ def _described(error: BaseException) -> str:
     try:
         name = printable(type(error).__name__)
         text = printable(str(error))
-    except (TooLong, TooMuchPrinted):
+    except (TooLong, TooMuchPrinted, Halted):
         raise
     except BaseException:
         name = name or "an exception without a name"

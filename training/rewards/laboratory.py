@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from types import SimpleNamespace
 from typing import Any
 
@@ -34,11 +34,13 @@ _WAVE_M = 6.0
 @dataclass(frozen=True)
 class Rewarded:
     """What a function gives along a drive: one reward a point, None where it failed; ``problems`` without states (empty
-    rewards if it could not even start); ``printed``, the first of what it printed."""
+    rewards if it could not even start); ``printed``, the first of what it printed; ``warnings`` about a function that
+    runs."""
 
     rewards: list[float | None]
     problems: list[Problem]
     printed: str
+    warnings: list[Problem] = field(default_factory=list)
 
 
 class SwayingPilot(CentreLinePilot):
@@ -132,7 +134,8 @@ def rewards_along(code: str, states: Sequence[Params], *, level: int | None = No
     Raises PlatformFault as :func:`.validate.check_reward` does.
     """
     answer = ask(code, states, check=True, level=level)
-    return Rewarded(answer.rewards, [Problem.of(fault) for fault, _ in answer.faults], answer.printed)
+    problems = [Problem.of(fault) for fault, _ in answer.faults]
+    return Rewarded(answer.rewards, problems, answer.printed, [Problem.of(warning) for warning in answer.warnings])
 
 
 def _base(x: float, y: float, yaw: float) -> tuple[float, float]:

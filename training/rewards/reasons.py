@@ -24,7 +24,7 @@ REWARD_REASONS = register(
         ),
         "reward_arguments": _(
             "“reward_function” in line %(line)s takes %(count)s arguments. It must take one (params), or the twelve of "
-            "the form of 2018; “self” may stand before them. None may be asked for by name only."
+            "the form of 2018; “self” may stand before them. Others need a default."
         ),
         "reward_undefined_name": _("Line %(line)s uses the name “%(name)s”, which nothing defines."),
         "reward_mistake": _("Line %(line)s will fail when it runs: %(detail)s."),
@@ -33,10 +33,12 @@ REWARD_REASONS = register(
             "programs. Compute with what params hold."
         ),
         "reward_import_not_allowed": _(
-            "Line %(line)s imports “%(name)s”. Only math, random, numpy, scipy and shapely can be imported."
+            "Line %(line)s imports “%(name)s”. A reward function has no files, processes, network or interpreter "
+            "internals: it can import numpy, scipy, shapely, and modules of the standard library that only compute. "
+            "The guide lists them."
         ),
         "reward_import_failed": _("The import in line %(line)s failed: %(detail)s."),
-        "reward_raised": _("Line %(line)s of the reward function failed: %(error)s."),
+        "reward_raised": _("Line %(line)s of the reward function failed (%(state)s): %(error)s."),
         "reward_param_unknown": _(
             "Line %(line)s asks for “%(name)s”, which params do not have. Did you mean “%(meant)s”?"
         ),
@@ -52,8 +54,8 @@ REWARD_REASONS = register(
             "The reward function returned %(value)s in line %(line)s. A reward must be between -100000 and 100000."
         ),
         "reward_too_slow": _(
-            "The reward function did not end: after 5 s of computing it was in line %(line)s. Look for a loop without "
-            "end there."
+            "The reward function is too slow: after 5 s of computing it was in line %(line)s. Look for an endless or a "
+            "very long loop there."
         ),
         "reward_memory": _("The reward function used up the memory in line %(line)s. Keep less from step to step."),
         "reward_prints_too_much": _(
@@ -63,6 +65,33 @@ REWARD_REASONS = register(
         "reward_stuck": _(
             "The reward function ended the process that it ran in (%(how)s). Leave out whatever is not plain computing "
             "with what params hold."
+        ),
+    },
+)
+
+# Of functions that may be trained with.
+REWARD_WARNINGS = register(
+    "Reward functions",
+    "user",
+    {
+        "reward_slow": _(
+            "A call takes %(ms)s ms. The %(steps)s steps before each update of the network then take %(seconds)s s for "
+            "the reward function alone, so that the training learns little in its time. A fast function takes less "
+            "than 1 ms: compute what does not change once, outside of the function."
+        ),
+        "reward_slow_start": _(
+            "The lines outside of the reward function take %(ms)s ms. They run once for each of %(count)s cars, so the "
+            "training begins after %(seconds)s s."
+        ),
+        "reward_slow_in_all": _(
+            "A call takes %(ms)s ms: the time for a try was used up after %(count)s of %(total)s points."
+        ),
+        "reward_first_step": _(
+            "Line %(line)s compares “steps” with %(value)s, which never holds: “steps” is 2 in the first call of an "
+            "episode, because the car drives before it is rewarded. Compare with 2."
+        ),
+        "reward_percent": _(
+            "Line %(line)s compares “progress” with %(value)s. “progress” is a percentage: a finished lap has 100."
         ),
     },
 )

@@ -11,7 +11,8 @@ from .ask import ask
 from .check import MAX_CHARACTERS
 from .states import STATES, five_states
 
-SYNTAX, IMPORT, TEST = "syntax", "import", "test"
+SYNTAX, IMPORT, TEST, WARNING = "syntax", "import", "test", "warning"
+_WARNINGS = frozenset({"reward_slow", "reward_slow_start", "reward_slow_in_all", "reward_first_step", "reward_percent"})
 _TESTS = frozenset(
     {
         "reward_raised",
@@ -29,7 +30,7 @@ _TESTS = frozenset(
 
 @dataclass(frozen=True)
 class Problem:
-    """One thing that is wrong. ``kind``: "syntax", "import" or "test" (it failed when it ran). ``code``: of
+    """One thing that is wrong. ``kind``: "syntax", "import", "test" (it failed when it ran) or "warning". ``code``: of
     :data:`paddock.errors.reasons.REASONS`, whose sentence ``params`` fill. ``line``: counted from 1, None where it is
     not known. ``state``: one of :data:`.states.STATES`, None outside of them."""
 
@@ -48,18 +49,25 @@ class Problem:
     def of(cls, fault: UserFault, state: str | None = None) -> Problem:
         """A fault (code ``reward_...``) as a problem."""
         line = fault.params.get("line")
-        kind = TEST if fault.code in _TESTS else IMPORT if fault.code.startswith("reward_import") else SYNTAX
+        if fault.code in _WARNINGS:
+            kind = WARNING
+        elif fault.code in _TESTS:
+            kind = TEST
+        else:
+            kind = IMPORT if fault.code.startswith("reward_import") else SYNTAX
         return cls(kind, fault.code, line if isinstance(line, int) else None, fault.params, state)
 
 
 @dataclass(frozen=True)
 class Report:
     """``problems``: none if the function may be trained with. ``rewards``: by the state's name, for those it survived.
-    ``printed``: the first of what it printed."""
+    ``printed``: the first of what it printed. ``warnings``: what is worth a look in a function that may be trained
+    with."""
 
     problems: list[Problem]
     rewards: dict[str, float]
     printed: str
+    warnings: list[Problem] = field(default_factory=list)
 
 
 def check_reward(code: str, *, race_type: str = "time_trial", level: int | None = None) -> Report:
@@ -70,10 +78,13 @@ def check_reward(code: str, *, race_type: str = "time_trial", level: int | None 
     if not 1 <= len(code) <= MAX_CHARACTERS:
         fault = UserFault("reward_length", length=len(code), limit=MAX_CHARACTERS)
         return Report([Problem.of(fault)], {}, "")
-    answer = ask(code, five_states(race_type), check=True, level=level)
+    answer = ask(code, five_states(race_type), check=True, whole=True, level=level)
+    for fault, state in answer.faults:
+        if fault.code == "reward_raised" and state is not None:
+            fault.params["state"] = f"{STATES[state]}: {fault.params.get('state', '')}"
     problems = [Problem.of(fault, None if state is None else STATES[state]) for fault, state in answer.faults]
     rewards = {name: reward for name, reward in zip(STATES, answer.rewards, strict=False) if reward is not None}
-    return Report(problems, rewards, answer.printed)
+    return Report(problems, rewards, answer.printed, [Problem.of(warning) for warning in answer.warnings])
 
 
 def validate_reward(code: str, *, race_type: str = "time_trial", level: int | None = None) -> list[Problem]:

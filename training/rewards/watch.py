@@ -11,6 +11,7 @@ import io
 import re
 import signal
 import sys
+from collections.abc import Callable
 from types import FrameType
 from typing import Any
 
@@ -30,17 +31,23 @@ class TooMuchPrinted(BaseException):
     """The call has printed more than anybody will read."""
 
 
+class Halted(BaseException):
+    """The training ends now: its time is up, or its owner stops it. No fault of the call."""
+
+
 class Watch(io.TextIOBase):
     """The time and the prints of the present call; as ``sys.stdout`` it keeps the first of what is printed, and the
     newest.
 
     ``printed``: the first ``KEPT_CHARACTERS`` of it. ``limit_s``: seconds of processor time that a call may take.
     ``muted``: what is printed is not kept (the same text is loaded for one more car). Outside of a call nothing is
-    limited, and nothing kept.
+    limited, and nothing kept. ``must_halt``: whether the training that the call belongs to ends now; the timer asks
+    it, too.
     """
 
     def __init__(self) -> None:
         self.limit_s = LIMIT_S
+        self.must_halt: Callable[[], bool] = lambda: False
         self._ticks: int | None = None
         self.too_long_in: int | None = None
         self._room = 0
@@ -60,8 +67,11 @@ class Watch(io.TextIOBase):
 
     def tick(self, _signal: int, frame: FrameType | None) -> None:
         """The timer. Raises TooLong in whatever runs, and again at every tick, should that be caught; Python itself
-        swallows it in a ``__del__``, so ``too_long_in`` says in which line of the call the time was up (0: unknown)."""
+        swallows it in a ``__del__``, so ``too_long_in`` says in which line of the call the time was up (0: unknown).
+        Raises Halted where :attr:`must_halt`."""
         if self._ticks is not None:
+            if self.must_halt():
+                raise Halted
             self._ticks -= 1
             if self._ticks <= 0:
                 if self.too_long_in is None:

@@ -97,7 +97,7 @@ def finish_training(
     elif ended is not None and ended.why == "stopped":
         changes = {"state": JobState.STOPPED, "ended_because": EndReason.STOPPED}
     if ended is not None:
-        changes |= {"steps_done": ended.steps, "seconds_done": ended.seconds}
+        changes |= {"steps_done": ended.steps, "seconds_done": ended.seconds, "reward_ms": ended.reward_ms}
     changes["charged_s"] = charge(job, now)
     with transaction.atomic():
         mine = TRAININGS.held(job.pk, lease)

@@ -108,6 +108,8 @@ class _Turn(Listener):
             if final is None or not self._best:
                 raise
         done = False
+        if ended is not None and ended.network and not self._last:
+            self._best = self._last = ended.network  # it ended before its first update
         try:
             if ended is not None:  # before there are models: what cannot be kept is tried again, and makes them once
                 sb3_zip = keep_sb3(job=self._job, lease=self._lease, ended=ended)
@@ -123,7 +125,8 @@ class _Turn(Listener):
         if final is not None:
             self._log(f"ended early: {final}")
         elif ended is not None:
-            self._log(f"over after {ended.steps} steps in {ended.seconds:.1f} s: {ended.why}")
+            call = "" if ended.reward_ms is None else f"; {ended.reward_ms:.3g} ms a call of the reward function"
+            self._log(f"over after {ended.steps} steps in {ended.seconds:.1f} s: {ended.why}{call}")
         return finish_training(
             job=self._job,
             lease=self._lease,
@@ -181,6 +184,9 @@ class _Turn(Listener):
 
     def ready(self) -> None:
         self._log(f"training starts on {self._job.worker}")
+
+    def reward_time(self, milliseconds: float) -> None:
+        self._heartbeat.tell({**self._heartbeat.progress, "reward_ms": milliseconds})
 
     def alive(self, steps: int, seconds: float) -> None:
         self._heartbeat.tell({**self._heartbeat.progress, "steps": steps, "seconds": seconds})

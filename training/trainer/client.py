@@ -22,7 +22,19 @@ from ..rewards.modules import wanted_modules
 from ..rewards.reasons import REWARD_REASONS
 from ..rewards.watch import KEPT_CHARACTERS, line_in
 from .bounds import bounds_of
-from .messages import GREATEST, Ended, Iteration, Prints, SavedState, Sight, iteration_of, prints_of, sight_of, whole
+from .messages import (
+    GREATEST,
+    Ended,
+    Iteration,
+    Prints,
+    SavedState,
+    Sight,
+    iteration_of,
+    prints_of,
+    reward_ms_of,
+    sight_of,
+    whole,
+)
 from .spec import TrainerSpec
 
 MODULE = "training.trainer.process"
@@ -32,7 +44,7 @@ _START_S = 120.0  # imports take 1.5 s of processor time; this host may be busy
 _MESSAGE_S = 30.0
 _SILENCE_S = 60.0  # the process tells of itself every second or so
 _PATIENCE_S = 600.0  # with a process that hardly gets the processor
-_FINISH_S = 120.0  # to end in good order: the update and the look at the car that are under way
+_FINISH_S = 30.0  # to end in good order: the step of learning that is under way, and what is kept
 _OVERTIME_S = 600.0  # the same on a host that gives it less than half of a processor
 _TOLD_EVERY_S = 1.0
 _STOP_EVERY_S = 0.25
@@ -49,6 +61,9 @@ class Listener:
 
     def ready(self) -> None:
         """The process stands in the sandbox and begins."""
+
+    def reward_time(self, milliseconds: float) -> None:
+        """About once a second: how long a call of the reward function takes, on the average."""
 
     def alive(self, steps: int, seconds: float) -> None:
         """About once a second, whatever the process says: control steps and wall seconds so far."""
@@ -124,6 +139,7 @@ class _TrainingRun:
         self._began: float | None = None  # when it was handed the training, and with it the stranger's code
         self._number = spec.iterations_before
         self._saved = spec.iterations_before  # the last checkpoint's iteration
+        self._reward_ms: float | None = None
         self._steps = self._iterations = self._checkpoints = 0
         self._prints = self._printed = self._sights = 0
 
@@ -187,6 +203,7 @@ class _TrainingRun:
         trainer never says."""
         if "alive" in message:
             self._steps = whole(message["alive"]["steps"])
+            self._reward_ms = reward_ms_of(message["alive"])
             return self._tell_of_time
         if "iteration" in message:
             return partial(self._listener.iteration, self._next_iteration(message, blobs))
@@ -198,12 +215,19 @@ class _TrainingRun:
             return partial(self._listener.seen, self._next_sight(message["seen"], blobs))
         if "error" in message:
             raise self._fault(message["error"])
-        why, (sb3_zip,) = message["done"], blobs
-        if not self._iterations or not 0 < len(sb3_zip) <= self._bounds.state:
+        return self._end(message, blobs)
+
+    def _end(self, message: dict[str, Any], blobs: list[bytes]) -> Ended:
+        why, (sb3_zip, *networks) = message["done"], blobs
+        network = networks[0] if networks else b""
+        if not 0 < len(sb3_zip) <= self._bounds.state or len(networks) > 1 or len(network) > self._bounds.network:
             raise ValueError("no end of a training")
-        if why not in ("clean_laps", "time", "steps", "stopped"):
+        if bool(self._iterations) == bool(network):
+            raise ValueError("a network where none is due, or none where one is")
+        if why not in ("time", "stopped", *(("clean_laps", "steps") if self._iterations else ())):
             raise ValueError("no reason to end")
-        return Ended(why, whole(message["steps"], 0 if why == "stopped" else 1), self._seconds, sb3_zip)
+        steps = whole(message["steps"], 0 if why == "stopped" else 1)
+        return Ended(why, steps, self._seconds, sb3_zip, network, reward_ms_of(message))
 
     def _next_iteration(self, message: dict[str, Any], blobs: list[bytes]) -> Iteration:
         iteration = iteration_of(message, blobs, self._bounds.network)
@@ -251,7 +275,7 @@ class _TrainingRun:
             late = max(late, time.monotonic() - self._told_to_stop)
         if late <= _FINISH_S:
             return False
-        return bool(self._iterations) or late > _OVERTIME_S or not self._starved()
+        return late > _OVERTIME_S or not self._starved()
 
     def _starved(self) -> bool:
         """Whether this host is too busy for it: what only waits, or says much and does little, is not."""
@@ -261,7 +285,8 @@ class _TrainingRun:
         """The end of a training that does not end: with what it has told of, if anything."""
         if not self._iterations:
             raise self._stuck("it did not end when it should")
-        return Ended("time" if self._told_to_stop is None else "stopped", self._steps, self._seconds, b"")
+        why = "time" if self._told_to_stop is None else "stopped"
+        return Ended(why, self._steps, self._seconds, b"", reward_ms=self._reward_ms)
 
     def _stuck(self, how: str) -> PaddockError:
         """The process does what only a stranger's code can bring it to; our own default cannot."""
@@ -276,6 +301,8 @@ class _TrainingRun:
         if self._began is not None and now - self._told >= _TOLD_EVERY_S:
             self._told = now
             self._listener.alive(self._steps, self._seconds)
+            if self._reward_ms is not None:
+                self._listener.reward_time(self._reward_ms)
 
     def _unreadable(self) -> PaddockError:
         """It wrote what the trainer never writes."""
@@ -286,7 +313,14 @@ class _TrainingRun:
     def _fault(self, said: Any) -> PaddockError:
         """The fault that the process reports, if it may report it: its own codes, short plain parameters."""
         code = said.get("code") if isinstance(said, dict) else None
-        known = (*REWARD_REASONS, "clone_not_ours", "training_diverged", "trainer_error", "boxes_do_not_fit")
+        known = (
+            *REWARD_REASONS,
+            "reward_slow_to_load",
+            "clone_not_ours",
+            "training_diverged",
+            "trainer_error",
+            "boxes_do_not_fit",
+        )
         if code not in known or code not in REASONS:
             return self._unreadable()
         params = {

@@ -17,6 +17,7 @@ from .bounds import SIMTRACE_CSV, SIMTRACE_PACKED
 
 _EPISODES, _TRIALS, _PLACES = 200, max(10, 2 * MOST_TRACKS), 400
 GREATEST = 1e12
+_LONGEST_CALL_MS = 1e6
 _HEADER = (",".join(COLUMNS) + "\n").encode()
 
 
@@ -46,12 +47,16 @@ class Ended:
     """How a training ended by itself: ``why`` is clean_laps, time, steps or stopped.
 
     ``sb3_zip``: ``b""`` where it did not end although it was told to, or its time was up: it was cut off.
+    ``network``: the policy as it is, where the training ended before its first iteration; else ``b""``. ``reward_ms``:
+    milliseconds of a call of the reward function, on the average.
     """
 
     why: str
     steps: int
     seconds: float
     sb3_zip: bytes
+    network: bytes = b""
+    reward_ms: float | None = None
 
 
 @dataclass(frozen=True)
@@ -95,6 +100,16 @@ def prints_of(said: dict[str, Any]) -> Prints:
     if len(kept) > KEPT_CHARACTERS or len(last) > LAST_CHARACTERS:
         raise ValueError("too much text")
     return Prints(readable(kept), readable(last), said["more"] is True)
+
+
+def reward_ms_of(said: dict[str, Any]) -> float | None:
+    """Milliseconds of a call of the reward function, if they were reported. Raises ValueError."""
+    milliseconds = said.get("reward_ms")
+    if milliseconds is None:
+        return None
+    if not 0.0 <= number(milliseconds) <= _LONGEST_CALL_MS:
+        raise ValueError("no time of a call")
+    return float(milliseconds)
 
 
 def iteration_of(message: dict[str, Any], blobs: list[bytes], network_limit: int) -> Iteration:

@@ -4,20 +4,24 @@ Everything it needs is imported at the top: a locked process opens no file. It s
 ``{"spec": ..., "start": "" | "weights" | "checkpoint"}`` (the latter with a blob), and then writes, until it ends:
 
 - ``{"iteration": {...}, "driving": [...]}`` with two blobs: the network as ONNX, and a gzipped sim-trace (or nothing);
-- ``{"alive": {"steps", "seconds"}}`` about once a second;
+- ``{"alive": {"steps", "seconds", "reward_ms"}}`` about once a second; ``reward_ms``: of a call of the reward function,
+  on the average (null before the first);
 - ``{"printed": {"kept", "last", "more"}}`` with it, where the reward function has printed anything
   (:meth:`training.rewards.watch.Watch.news`);
 - ``{"seen": {"steering", "speed", "value"}}`` about as often while it drives, with one blob: what a car's camera sees
   now, grey (120, 160), and what the policy would do, without exploring;
 - ``{"checkpoint": {"iteration", "steps", "seconds"}}`` with one blob, which is only ever given back to this module;
-- ``{"done": why, "steps", "seconds"}`` with the stable-baselines3 file, or ``{"error": {"code", "params"}}``.
+- ``{"done": why, "steps", "seconds", "reward_ms"}`` with the stable-baselines3 file, and with the network where there
+  was no iteration; or ``{"error": {"code", "params"}}``.
 
-``{"stop": true}`` at any time ends it after the present control step. The reward function may do in this process what
+``{"stop": true}`` at any time ends it after the present control step, or in its midst where the reward function is
+slow. The reward function may do in this process what
 it likes; that is why nothing here is believed outside.
 """
 
 from __future__ import annotations
 
+import contextlib
 import io
 import json
 import select
@@ -44,7 +48,7 @@ from paddock.simulator.rewards import RewardFunction, follow_centre_line
 from paddock.simulator.world import make_ready
 from training.rewards.function import fault_in, load_rewards
 from training.rewards.modules import preload
-from training.rewards.watch import arm, watch
+from training.rewards.watch import Halted, arm, watch
 
 from .cars import TrainingCars
 from .judging import Judge
@@ -52,6 +56,7 @@ from .learners import Learner
 from .messages import GREATEST
 from .mirror import Mirror, Twin
 from .network import OURS, NetworkLayout, from_onnx, to_onnx
+from .pace import LEFT_S, Pace
 from .senses import look
 from .spec import CARS, TrainerSpec
 from .warm import warm_up
@@ -110,6 +115,9 @@ class Training:
         self._best: tuple[float, ...] | None = None
         self._ended = ""
         self._looked = False  # at the car, since this process began
+        self._loaded = False  # the reward functions
+        self._pace = Pace(self._must_end, self._pulse)
+        watch.must_halt = self._pace.must_halt
         self._saved = self.began
         self._told_at, self._told_steps = self.began, 0
         self._pulse_at = self._seen_at = self.began
@@ -128,7 +136,7 @@ class Training:
         # A training that goes on draws other starts than the one before it.
         seed = self.spec.seed if state is None else self.spec.seed + 1_000_003 * int(state["number"])
         mirror = Mirror.of(self.spec, self.layout)
-        rewards = reward_functions(self.spec.reward_code, CARS + self.spec.trials_driven + (mirror is not None))
+        rewards = self._rewards(CARS + self.spec.trials_driven + (mirror is not None))
         if mirror is not None:
             rewards[0] = Twin(rewards[0], rewards.pop(), mirror)
         self._cars = TrainingCars(self.spec, self._track, rewards[:CARS], self._senses, seed)
@@ -150,8 +158,40 @@ class Training:
             torch.manual_seed(seed)
             np.random.seed(seed % 2**32)
 
+    def _rewards(self, count: int) -> list[RewardFunction]:
+        """As many reward functions as there are cars. Where the training ends before they are loaded, others stand in
+        their place, and nothing is driven. Raises UserFault."""
+        began = time.thread_time()
+        try:
+            rewards = reward_functions(self.spec.reward_code, count)
+        except Halted:
+            if self._ended == TIME:
+                passed = 1000.0 * (time.thread_time() - began)
+                raise UserFault("reward_slow_to_load", ms=round(passed), count=count) from None
+            return [follow_centre_line] * count
+        self._loaded = True
+        return [self._pace.measured(reward) for reward in rewards]
+
     def run(self) -> None:
         """Drive, learn and look until something ends it."""
+        learner = self._learner
+        with contextlib.suppress(Halted):
+            self._learn()
+        if self._loaded and not self._looked:
+            self._pace.allow(LEFT_S)
+            with contextlib.suppress(Halted):
+                self._look(None)  # stopped at once: what there is is a model all the same
+        # a step that was halted among its rewards was driven
+        steps = learner.model.num_timesteps or (CARS if self._loaded else 0)
+        done = {"done": self._ended or TIME, "steps": steps, "seconds": self.seconds, "reward_ms": self._pace.call_ms}
+        network = [] if self._looked else [to_onnx(self.layout, learner.weights(), squash=learner.sac)]
+        _tell_prints(self._out, over=True)
+        write_message(self._out, done, [learner.to_zip(), *network])
+        self._cars.close()
+        self._judge.close()
+
+    def _learn(self) -> None:
+        """Drive, learn and look in turn. Raises Halted in the midst of driving, where the training ends."""
         learner = self._learner
         self._end_if_steps_are_up()  # of one that goes on from its checkpoint
         while not self._ended and self._with_numbers(learner.drive):
@@ -164,13 +204,6 @@ class Training:
             self._end_if_steps_are_up()
             if self._ended or not self._may_go_on():
                 break
-        if not self._looked:
-            self._look(None)  # stopped at once: what there is is a model all the same
-        done = {"done": self._ended or TIME, "steps": learner.model.num_timesteps, "seconds": self.seconds}
-        _tell_prints(self._out, over=True)
-        write_message(self._out, done, [learner.to_zip()])
-        self._cars.close()
-        self._judge.close()
 
     def _with_numbers(self, act: Callable[[], Any]) -> Any:
         """What ``act`` returns. Raises UserFault ``training_diverged`` where the weights are no numbers any more."""
@@ -190,11 +223,16 @@ class Training:
         """Asked after each control step; writes down why not. How far it drives is the learner's own reckoning."""
         self._pulse()
         self._tell_sight()
+        self._must_end()
+        return not self._ended
+
+    def _must_end(self) -> bool:
+        """Whether somebody wants it to stop, or its time is up; writes down which."""
         if self._poller.poll(0):
             self._ended = ASKED
         elif self.seconds >= self.spec.stop_seconds:
             self._ended = TIME
-        return not self._ended
+        return bool(self._ended)
 
     def _hurry(self) -> bool:
         """Asked between the steps of learning: whether somebody wants it to stop, or its time is up. An update of a
@@ -207,7 +245,11 @@ class Training:
         now = time.monotonic()
         if now - self._pulse_at >= PULSE_S:
             self._pulse_at = now
-            about = {"steps": self._learner.model.num_timesteps, "seconds": self.seconds}
+            about = {
+                "steps": self._learner.model.num_timesteps,
+                "seconds": self.seconds,
+                "reward_ms": self._pace.call_ms,
+            }
             write_message(self._out, {"alive": about})
             _tell_prints(self._out)
 
@@ -248,7 +290,9 @@ class Training:
 
     def _look(self, losses: Any) -> None:
         learner = self._learner
+        self._pace.allow(LEFT_S)
         verdict = self._judge.look(learner.act)
+        self._pace.allow(0.0)
         self._cars.drills.note_looks(verdict.faults)
         key = verdict.key(self.spec.best_metric)
         best = self._best is None or key >= self._best

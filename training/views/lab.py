@@ -125,6 +125,7 @@ def _maps(form: LabForm) -> dict[str, Any]:
     known = [reward for reward in now.rewards if reward is not None]
     context = {
         "problems": [explain(UserFault(each.code, **each.params)) for each in now.problems[:SHOWN_PROBLEMS]],
+        "warnings": [explain(UserFault(each.code, **each.params)) for each in now.warnings[:SHOWN_PROBLEMS]],
         "printed": now.printed,
         "points": len(states),
         "sum": sum(known),

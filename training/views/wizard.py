@@ -131,8 +131,9 @@ def _show_name(form: TrainingForm, owner: Racer) -> None:
 @login_required
 @require_POST
 def reward_validate(request: HttpRequest) -> JsonResponse:
-    """Check the reward function of the editor: ``{"problems": [{"line", "kind", "code", "message"}], "rewards": {state:
-    number}, "printed"}``; 409 while another one of the same racer is checked, 503 when Paddock could not."""
+    """Check the reward function of the editor: ``{"problems": [{"line", "kind", "code", "message"}], "warnings": [the
+    same], "rewards": {state: number}, "printed"}``; 409 while another one of the same racer is checked, 503 when
+    Paddock could not."""
     answer = report_of(racer_of(request), request.POST)
     return JsonResponse(answer, status=answer.pop("status"))
 
@@ -152,9 +153,10 @@ def report_of(owner: Racer, said: QueryDict) -> dict[str, Any]:
     except PaddockError as fault:
         status = 503 if isinstance(fault, PlatformFault) else 409
         told = {"line": None, "kind": "", "code": fault.code, "message": explain(fault)}
-        return {"problems": [told], "rewards": {}, "printed": "", "status": status}
+        return {"problems": [told], "warnings": [], "rewards": {}, "printed": "", "status": status}
     return {
         "problems": [_told(problem) for problem in report.problems],
+        "warnings": [_told(warning) for warning in report.warnings],
         "rewards": [[STATE_NAMES[name], value] for name, value in report.rewards.items()],
         "printed": report.printed,
         "status": 200,

@@ -1,0 +1,87 @@
+"""The clock of a reward function: ``time`` and ``datetime`` give simulated seconds, ``params["sim_time"]`` of the call.
+
+A real clock would make rewards depend on the host, and no training could be repeated. Each car has its own; at the top
+level, before the first call, it stands at 0.
+"""
+
+from __future__ import annotations
+
+import datetime as real_datetime
+import time as real_time
+from collections.abc import Callable
+from types import ModuleType
+from typing import Any
+
+CLOCKS = ("time", "datetime")
+_READ = ("time", "monotonic", "perf_counter", "process_time", "thread_time")
+_KEPT = ("struct_time", "mktime", "strptime", "tzname", "timezone", "altzone", "daylight")
+
+
+class EpisodeClock:
+    """``now``: simulated seconds."""
+
+    def __init__(self) -> None:
+        self.now = 0.0
+        self._made: dict[str, ModuleType] = {}
+
+    def module(self, name: str) -> ModuleType:
+        """The module ``time`` or ``datetime`` of this clock."""
+        if name not in self._made:
+            self._made[name] = _time(self) if name == "time" else _datetime(self)
+        return self._made[name]
+
+
+def _time(clock: EpisodeClock) -> ModuleType:
+    made: Any = ModuleType("time", "Simulated seconds of the episode; sleep() does not wait.")
+    for name in _READ:
+        setattr(made, name, lambda: clock.now)
+        setattr(made, f"{name}_ns", lambda: round(1e9 * clock.now))
+    for name in _KEPT:
+        setattr(made, name, getattr(real_time, name))
+
+    def at(convert: Callable[[float], Any]) -> Callable[..., Any]:
+        return lambda seconds=None: convert(clock.now if seconds is None else seconds)
+
+    def moment(when: Any) -> Any:
+        return real_time.gmtime(clock.now) if when is None else when
+
+    made.gmtime, made.localtime = at(real_time.gmtime), at(real_time.gmtime)
+    made.ctime = at(lambda seconds: real_time.asctime(real_time.gmtime(seconds)))
+    made.asctime = lambda when=None: real_time.asctime(moment(when))
+    made.strftime = lambda text, when=None: real_time.strftime(text, moment(when))
+    made.sleep = lambda _seconds: None
+    return made
+
+
+def _datetime(clock: EpisodeClock) -> ModuleType:
+    utc = real_datetime.UTC
+
+    class Date(real_datetime.date):
+        """A date whose today() is that of the simulated clock."""
+
+        @classmethod
+        def today(cls) -> Any:
+            return cls(*real_time.gmtime(clock.now)[:3])
+
+    class DateTime(real_datetime.datetime):
+        """A moment whose now() is that of the simulated clock, in UTC."""
+
+        @classmethod
+        def now(cls, tz: Any = None) -> Any:
+            moment = cls.fromtimestamp(clock.now, tz or utc)
+            return moment if tz is not None else moment.replace(tzinfo=None)
+
+        @classmethod
+        def utcnow(cls) -> Any:
+            return cls.now()
+
+        today = utcnow
+
+    made: Any = ModuleType("datetime", "As Python's, but today() and now() are those of the simulated clock.")
+    for name in ("timedelta", "timezone", "tzinfo", "MINYEAR", "MAXYEAR", "UTC"):
+        setattr(made, name, getattr(real_datetime, name))
+    made.time = real_datetime.time
+    for name, kind in (("date", Date), ("datetime", DateTime)):
+        kind.__name__ = kind.__qualname__ = name
+        setattr(made, name, kind)
+    return made

@@ -1,0 +1,72 @@
+"""How long the reward function takes, and the end of a training between two of its calls.
+
+A control step of all cars calls it once for each of them, and an evaluation some hundred times: a function that takes
+0.2 s would hold up the end of a training for minutes. :class:`Pace` measures every call and raises ``Halted`` in the
+midst of driving; within a call the timer of :mod:`training.rewards.watch` does the same.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+
+from paddock.errors import PaddockError
+from paddock.simulator.rewards import Params, RewardFunction
+from training.rewards.watch import Halted
+
+LOOK_EVERY_S = 0.1  # whether the training ends
+LEFT_S = 1.0  # of the processor, for an evaluation that is under way at the end
+
+
+class Pace:
+    """Counts calls and their seconds, and knows when the training ends. ``must_end``: whether it ends, by its limit or
+    because somebody stops it. ``pulse`` is called about every :data:`LOOK_EVERY_S` of calls."""
+
+    def __init__(self, must_end: Callable[[], bool], pulse: Callable[[], None]) -> None:
+        self._must_end, self._pulse = must_end, pulse
+        self.calls, self.seconds = 0, 0.0
+        self.loaded, self.loading_s = 0, 0.0
+        self._looked_at = time.monotonic()
+        self._leave_at: float | None = None  # by the processor's time of this process
+        self._left_s = 0.0
+
+    @property
+    def call_ms(self) -> float | None:
+        """Milliseconds of a call, on the average; None before the first."""
+        return round(1000.0 * self.seconds / self.calls, 3) if self.calls else None
+
+    def allow(self, seconds: float) -> None:
+        """From now on what runs may go on for so long after the end of the training is due, of the processor."""
+        self._left_s = seconds
+        if self._leave_at is not None:
+            self._leave_at = time.process_time() + seconds
+
+    def must_halt(self) -> bool:
+        """Whether the driving ends in its midst."""
+        if self._leave_at is None and self._must_end():
+            self._leave_at = time.process_time() + self._left_s
+        return self._leave_at is not None and time.process_time() >= self._leave_at
+
+    def measured(self, function: RewardFunction) -> RewardFunction:
+        """The same function, measured and halted."""
+
+        def call(params: Params) -> float:
+            began = time.thread_time()
+            try:
+                return function(params)
+            except PaddockError:
+                self._look()  # what it raised may have come of its interruption
+                raise
+            finally:
+                self.calls += 1
+                self.seconds += time.thread_time() - began
+                if time.monotonic() - self._looked_at >= LOOK_EVERY_S:
+                    self._look()
+
+        return call
+
+    def _look(self) -> None:
+        self._looked_at = time.monotonic()
+        self._pulse()
+        if self.must_halt():
+            raise Halted
