@@ -226,7 +226,7 @@ def test_a_comparison_with_a_step_before_the_second_is_a_hint(comparison):
     [
         "def reward_function(params):\n    steps = params['steps']\n    return 1.0 if steps == 1 else 0.0",
         "def reward_function(params):\n    n, p = params['steps'], params['progress']\n    return float(n == 0)",
-        "def pay(steps):\n    return float(steps == 1)\n\ndef reward_function(params):\n    return pay(params['steps'])",
+        "def pay(steps):\n    return float(steps == 1)\ndef reward_function(params):\n    return pay(1)",
         "class Car:\n    def pay(self, params):\n        self.n = params['steps']; return float(self.n == 1)",
     ],
 )
@@ -266,13 +266,7 @@ def test_comparisons_that_can_hold_are_no_hints(comparison):
 def test_a_failure_names_the_state():
     (problem,) = check_reward("def reward_function(params):\n    return 1 / (not params['is_offtrack'])").problems
     off = five_states()[STATES.index("off_track")]
-    assert f"off_track: steps {off['steps']}, progress {off['progress']:.1f}" in problem.message
-    with pytest.raises(UserFault) as fault:
-        load_reward("def reward_function(params):\n    return 1 / 0")({**PARAMS, "steps": 7})
-    assert f"steps 7, progress {PARAMS['progress']:.1f}" in str(fault.value)
-    with pytest.raises(UserFault) as fault:
-        load_reward("1 / 0\ndef reward_function(params):\n    return 1.0")
-    assert "(outside of a call)" in str(fault.value)
+    assert f"(off_track: steps {off['steps']}, progress {off['progress']:.1f})" in problem.message
 
 
 # --- slow functions

@@ -124,6 +124,13 @@ def test_a_fast_function_takes_less_than_a_millisecond():
     assert heard.iterations
 
 
+def test_a_failure_in_a_training_names_the_state_that_it_came_in():
+    with pytest.raises(UserFault) as fault:
+        ended("def reward_function(params):\n    return 1 / (params['steps'] < 5)\n", stop_seconds=60.0)
+    assert fault.value.code == "reward_raised"
+    assert "division by zero (steps 5, progress " in str(fault.value)
+
+
 @pytest.mark.django_db(transaction=True)
 @pytest.mark.usefixtures("training_wakes", "wakes")
 def test_the_owner_stops_it_and_reads_the_milliseconds(alice, oval, now):

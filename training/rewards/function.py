@@ -90,10 +90,6 @@ class Reward:
             value = self._reward(params)
         except (TooLong, TooMuchPrinted) as error:  # while a fault was being described
             raise _fault(error, sys.exc_info()[2], self.line) from None
-        except UserFault as fault:
-            if fault.code == "reward_raised":
-                fault.params["state"] = f"steps {params.get('steps')}, progress {params.get('progress', 0.0):.1f}"
-            raise
         finally:
             watch.end()
         _refuse_too_long(self.line)
@@ -201,6 +197,13 @@ def form_of(names: Sequence[str], needed: int, by_name: int, line: int) -> str:
     raise UserFault("reward_arguments", line=line, count=len(names) + by_name)
 
 
+def name_state(fault: UserFault, params: Params, state: str = "") -> None:
+    """Add to a failure of a call the state of the car that it came in; ``state``: the name of a state of validation."""
+    if fault.code == "reward_raised":
+        named = f"steps {params.get('steps')}, progress {params.get('progress', 0.0):.1f}"
+        fault.params["error"] = f"{fault.params['error']} ({state + ': ' if state else ''}{named})"
+
+
 def without_mark(code: str) -> str:
     """The text without the byte order mark that some editors write before it."""
     return code.removeprefix("\ufeff")
@@ -296,7 +299,7 @@ def _fault(error: BaseException, trace: TracebackType | None, otherwise: int) ->
         return UserFault("reward_memory", line=line)
     if issubclass(kind, ImportError):
         return UserFault("reward_import_failed", line=line, detail=_described(error))
-    return UserFault("reward_raised", line=line, error=_described(error), state="outside of a call")
+    return UserFault("reward_raised", line=line, error=_described(error))
 
 
 def _misspelt(error: BaseException, trace: TracebackType | None, params: Params) -> UserFault | None:

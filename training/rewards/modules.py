@@ -1,9 +1,9 @@
 """What a reward function may import, and having it there before the lock: afterwards no file can be opened.
 
 Of the standard library: modules that only compute. What gives files, processes, threads, the network or internals of
-the interpreter (``os``, ``sys``, ``io``, ``pathlib``, ``subprocess``, ``threading``, ``socket``, ``ctypes``,
-``pickle``, ``inspect``, ...) is refused: the sandbox would stop it in the midst of a training. ``time`` and ``datetime`` are those
-of :mod:`.clock`; what ``logging`` and ``warnings`` write counts as printed.
+the interpreter (``os``, ``sys``, ``io``, ``pathlib``, ``subprocess``, ``threading``, ``socket``, ``pickle``, ...) is
+refused: the sandbox would stop it in the midst of a training. ``time`` and ``datetime`` are those of :mod:`.clock`;
+what ``logging`` and ``warnings`` write counts as printed.
 """
 
 from __future__ import annotations

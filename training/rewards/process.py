@@ -115,7 +115,7 @@ class _Trial:
     def _note(self, fault: UserFault, state: int) -> None:
         """Keep a fault, if no other state had it."""
         told = _told(fault, state)
-        if all(_without_state(told) != _without_state(other) for other in self._faults):
+        if all((told["code"], told["params"]) != (other["code"], other["params"]) for other in self._faults):
             self._faults.append(told)
 
     def _out_of_time(self, fault: UserFault) -> bool:
@@ -127,10 +127,6 @@ class _Trial:
         total = len(self._states)
         self._warnings.append(UserFault("reward_slow_in_all", ms=str(mean), count=len(before), total=total))
         return True
-
-
-def _without_state(told: dict[str, Any]) -> tuple[str, dict[str, Any]]:
-    return told["code"], {name: value for name, value in told["params"].items() if name != "state"}
 
 
 def _told(fault: UserFault, state: int | None) -> dict[str, Any]:

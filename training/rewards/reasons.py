@@ -38,7 +38,7 @@ REWARD_REASONS = register(
             "The guide lists them."
         ),
         "reward_import_failed": _("The import in line %(line)s failed: %(detail)s."),
-        "reward_raised": _("Line %(line)s of the reward function failed (%(state)s): %(error)s."),
+        "reward_raised": _("Line %(line)s of the reward function failed: %(error)s."),
         "reward_param_unknown": _(
             "Line %(line)s asks for “%(name)s”, which params do not have. Did you mean “%(meant)s”?"
         ),

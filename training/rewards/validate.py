@@ -9,10 +9,11 @@ from paddock.errors.reasons import REASONS
 
 from .ask import ask
 from .check import MAX_CHARACTERS
+from .function import name_state
+from .reasons import REWARD_WARNINGS
 from .states import STATES, five_states
 
 SYNTAX, IMPORT, TEST, WARNING = "syntax", "import", "test", "warning"
-_WARNINGS = frozenset({"reward_slow", "reward_slow_start", "reward_slow_in_all", "reward_first_step", "reward_percent"})
 _TESTS = frozenset(
     {
         "reward_raised",
@@ -49,7 +50,7 @@ class Problem:
     def of(cls, fault: UserFault, state: str | None = None) -> Problem:
         """A fault (code ``reward_...``) as a problem."""
         line = fault.params.get("line")
-        if fault.code in _WARNINGS:
+        if fault.code in REWARD_WARNINGS:
             kind = WARNING
         elif fault.code in _TESTS:
             kind = TEST
@@ -78,10 +79,11 @@ def check_reward(code: str, *, race_type: str = "time_trial", level: int | None 
     if not 1 <= len(code) <= MAX_CHARACTERS:
         fault = UserFault("reward_length", length=len(code), limit=MAX_CHARACTERS)
         return Report([Problem.of(fault)], {}, "")
-    answer = ask(code, five_states(race_type), check=True, whole=True, level=level)
+    states = five_states(race_type)
+    answer = ask(code, states, check=True, whole=True, level=level)
     for fault, state in answer.faults:
-        if fault.code == "reward_raised" and state is not None:
-            fault.params["state"] = f"{STATES[state]}: {fault.params.get('state', '')}"
+        if state is not None:
+            name_state(fault, states[state], STATES[state])
     problems = [Problem.of(fault, None if state is None else STATES[state]) for fault, state in answer.faults]
     rewards = {name: reward for name, reward in zip(STATES, answer.rewards, strict=False) if reward is not None}
     return Report(problems, rewards, answer.printed, [Problem.of(warning) for warning in answer.warnings])

@@ -10,12 +10,14 @@ from __future__ import annotations
 import time
 from collections.abc import Callable
 
-from paddock.errors import PaddockError
+from paddock.errors import UserFault
 from paddock.simulator.rewards import Params, RewardFunction
+from training.rewards.function import name_state
 from training.rewards.watch import Halted
 
 LOOK_EVERY_S = 0.1  # whether the training ends
 LEFT_S = 1.0  # of the processor, for an evaluation that is under way at the end
+_SHORT_DRIVE = 50  # steps, of a car that has learned nothing
 
 
 class Pace:
@@ -34,6 +36,10 @@ class Pace:
     def call_ms(self) -> float | None:
         """Milliseconds of a call, on the average; None before the first."""
         return round(1000.0 * self.seconds / self.calls, 3) if self.calls else None
+
+    def leaves_time(self, cars: int) -> bool:
+        """Whether an evaluation of so many cars comes to something within :data:`LEFT_S`."""
+        return (self.call_ms or 0.0) * cars * _SHORT_DRIVE < 1000.0 * LEFT_S
 
     def allow(self, seconds: float) -> None:
         """From now on what runs may go on for so long after the end of the training is due, of the processor."""
@@ -54,8 +60,9 @@ class Pace:
             began = time.thread_time()
             try:
                 return function(params)
-            except PaddockError:
+            except UserFault as fault:
                 self._look()  # what it raised may have come of its interruption
+                name_state(fault, params)
                 raise
             finally:
                 self.calls += 1

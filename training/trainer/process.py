@@ -177,7 +177,7 @@ class Training:
         learner = self._learner
         with contextlib.suppress(Halted):
             self._learn()
-        if self._loaded and not self._looked:
+        if self._loaded and not self._looked and self._pace.leaves_time(self.spec.trials_driven):
             self._pace.allow(LEFT_S)
             with contextlib.suppress(Halted):
                 self._look(None)  # stopped at once: what there is is a model all the same
