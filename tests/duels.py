@@ -56,7 +56,7 @@ def driving(race: Race) -> list[Duel]:
 
 
 def seeds(duel: Duel) -> list[int]:
-    """Who is in a heat, the front car first."""
+    """Who is in a heat, front car first."""
     return list(duel.cars.order_by("grid").values_list("entry__seed", flat=True))
 
 

@@ -24,7 +24,7 @@ class VideoState(models.TextChoices):
     """The states of a video. READY and FAILED are final until somebody asks again."""
 
     WAITING = "waiting", _("waiting")
-    DRAWING = "drawing", _("being drawn")
+    DRAWING = "drawing", _("rendering")
     READY = "ready", _("ready")
     FAILED = "failed", _("failed")
 

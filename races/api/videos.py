@@ -33,7 +33,7 @@ from .lookup import visible_evaluation
 
 STATES = [
     ("waiting", "in the queue"),
-    ("drawing", "being drawn"),
+    ("drawing", "rendering"),
     ("ready", "can be watched"),
     ("stale", "shows a name or a look of before: ask for it again"),
     ("failed", "see the reason"),

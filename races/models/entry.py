@@ -28,7 +28,7 @@ class Entry(models.Model):
     withdrawn_at = models.DateTimeField(_("withdrawn"), null=True, blank=True)
     removed_at = models.DateTimeField(_("removed by the organiser"), null=True, blank=True)
     removal_reason = models.CharField(_("reason for removing"), max_length=255, blank=True)
-    is_baseline = models.BooleanField(_("house car, outside the ranking"), default=False)
+    is_baseline = models.BooleanField(_("house car, not ranked"), default=False)
 
     submission_count = models.PositiveSmallIntegerField(
         _("submissions"), default=0, help_text=_("Counted submissions, without refunded ones.")

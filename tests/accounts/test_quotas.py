@@ -132,7 +132,7 @@ def test_the_racers_page_and_the_api_agree(client) -> None:
     RacerQuota.objects.create(racer=alice, name="models", limit=4)
     client.force_login(alice, backend="django.contrib.auth.backends.ModelBackend")
     page = client.get("/settings/usage/").content.decode()
-    assert "Models in the garage" in page and "yours alone" in page
+    assert "Models in the garage" in page and "personal limit" in page
     answer = client.get("/api/v1/me/usage/").json()
     assert answer[0] == {"name": "models", "label": "Models in the garage", "used": 1.0, "limit": 4, "own": True}
     assert [row["name"] for row in answer] == ON.split()

@@ -34,7 +34,7 @@ def test_closed_sign_up_is_refused_and_not_offered(client, settings) -> None:
     settings.SIGN_UP = "closed"
     client.get(an_invitation().get_absolute_url())
     page = client.post("/accounts/signup/", form_of("alice"))
-    assert "takes no new racers" in page.content.decode()
+    assert "does not accept new racers" in page.content.decode()
     assert aliases() == []
     race = a_race(timezone.now())
     for path in ("/", "/races/", race.get_absolute_url(), "/accounts/login/"):
@@ -59,7 +59,7 @@ def test_an_invitation_link_works_for_its_number_of_racers(client, settings) -> 
     invitation.refresh_from_db()
     assert invitation.used == 2
     over = client.get(invitation.get_absolute_url())
-    assert over.status_code == 404 and "Ask whoever sent it" in over.content.decode()
+    assert over.status_code == 404 and "Ask the sender" in over.content.decode()
 
 
 def test_a_refused_form_does_not_use_up_the_invitation(client, settings) -> None:

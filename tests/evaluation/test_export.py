@@ -59,7 +59,7 @@ class TestPages:
         page = client.get(f"/models/{model.public_id}/").content.decode()
         for form in FORMS:
             assert f'href="/models/{model.public_id}/export/{form}/"' in page
-        assert "Upload the same file once more, and it is kept." in page
+        assert "Upload the file again to keep it." in page
         assert client.get(f"/models/{model.public_id}/export/car/").content == b"an archive"
         assert client.get(f"/models/{model.public_id}/export/tflite/").status_code == 404
 

@@ -87,6 +87,6 @@ def test_the_page_says_what_each_car_did(alice, garage, now, client):
     drive(a_race(now), alice, [lap(1, 9000), lap(2, 8500), lap(3, 8700)], now)
     client.force_login(alice)
     page = client.get("/models/").content.decode()
-    assert "0:08.500" in page and "not driven yet" in page and "SAC" in page
-    assert "No model of yours is called that." in client.get("/models/?q=zebra").content.decode()
+    assert "0:08.500" in page and "no runs yet" in page and "SAC" in page
+    assert "No matching models." in client.get("/models/?q=zebra").content.decode()
     assert client.get("/models/?q=%00&sort=%27").status_code == 200

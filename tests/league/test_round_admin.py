@@ -94,7 +94,7 @@ def test_a_steward_picks_the_racer_from_the_board(boss, played):
     page = act(boss, round_, "disqualify", step="find", find="nobody at all", racer=field[1].alias).content.decode()
     assert re.findall(r'name="racer" value="([^"]+)" required checked', page) == [field[1].alias], "stays chosen"
     assert not StewardDecision.objects.exists() and "Fill in all fields" not in page
-    assert "Nobody was taken off the board." in act(boss, round_, "put_back").content.decode()
+    assert "No racer has been removed from the board." in act(boss, round_, "put_back").content.decode()
     act(boss, round_, "disqualify", step="confirmed", racer=field[0].alias, reason="Two accounts")
     page = act(boss, round_, "put_back").content.decode()
     assert re.findall(r'name="racer" value="([^"]+)"', page) == [field[0].alias] and "Two accounts" in page
@@ -144,7 +144,7 @@ class TestRacePage:
     def test_removing_a_racer_first_shows_the_consequences(self, boss, played, set_clock):
         round_, field = played
         address = reverse("race_racer_remove", args=[round_.race.slug, field[0].alias])
-        assert "For the season this means" not in boss.get(address).content.decode()
+        assert "Effect on the season" not in boss.get(address).content.decode()
         close_round(round=round_, now=after(round_))
         html = boss.get(address).content.decode()
         assert f"{field[0].alias} is no longer promoted" in html and f"{field[2].alias} is now promoted" in html
@@ -169,7 +169,7 @@ class TestRacePage:
 def test_an_impossible_action_is_explained_and_not_offered(boss, played):
     round_, _field = played
     page = act(boss, round_, "disqualify", step="confirmed", racer="nobody", reason="x").content.decode()
-    assert "This cannot be done" in page and "There is no racer nobody." in page
+    assert "Not possible" in page and "There is no racer nobody." in page
     assert 'value="confirmed"' not in page
     page = act(boss, round_, "take_back", step="asked", reason="x").content.decode()
     assert "not official yet" in page and 'value="confirmed"' not in page

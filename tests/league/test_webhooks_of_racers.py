@@ -153,7 +153,7 @@ class TestRacerWebhooks:
         ((kind, body),) = told(hook)
         assert kind == event and body["data"] == {"season": round_.season.name}
         assert told(elsewhere) == [], "who was last has come to nothing"
-        reopen_round(round=round_, by=steward, reason="Look again", now=after(round_) + HOUR)
+        reopen_round(round=round_, by=steward, reason="Refresh", now=after(round_) + HOUR)
         close_round(round=round_, now=after(round_) + 2 * HOUR)
         assert queue_deliveries(now=after(round_) + 2 * HOUR) == 0, "nothing twice"
 

@@ -101,7 +101,7 @@ def test_a_forgotten_password_is_reset_by_email(client, db) -> None:
     cache.clear()
     client.post("/accounts/login/", {"login": "Speedy_1", "password": "quite another passphrase"})
     assert client.get("/settings/").status_code == 200
-    assert "does not work any more" in client.get(link, follow=True).content.decode()
+    assert "no longer works" in client.get(link, follow=True).content.decode()
 
 
 def test_changing_the_password_needs_the_old_one(client, db) -> None:

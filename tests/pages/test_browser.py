@@ -64,7 +64,7 @@ def race_on_the_oval(page: playwright.Page, name: str) -> None:
     """Hold a race, send the one car in the garage to it and watch it to its end, without reloading anything."""
     page.goto("/races/new/?track=oval")
     page.get_by_label("Name").fill(name)
-    page.get_by_role("button", name="Make the race").click()
+    page.get_by_role("button", name="Create the race").click()
     page.locator("#send").get_by_role("button", name="Submit").click()
     page.locator("#live-card a").first.click()
     playwright.expect(page.get_by_role("heading", name="Laps", exact=True)).to_be_visible(timeout=DRIVE_MS)
@@ -126,7 +126,7 @@ def test_boxes_placed_by_an_organiser_appear_on_the_map(page: playwright.Page) -
     playwright.expect(page.locator("#layout .track-box")).to_have_count(2)
     playwright.expect(page.locator("#layout")).to_contain_text("Box 2: 60 % of the lap, outer lane")
 
-    page.get_by_role("button", name="Make the race").click()
+    page.get_by_role("button", name="Create the race").click()
     playwright.expect(page.get_by_role("heading", name="Slalom")).to_be_visible()
     playwright.expect(page.locator(".hero-map .track-box")).to_have_count(2)
     playwright.expect(page.locator(".hero .pills").first).to_contain_text("object avoidance")

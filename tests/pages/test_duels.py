@@ -44,7 +44,7 @@ def seeded(race, seed: int) -> Racer:
 def test_the_page_of_an_open_race_explains_how_duels_will_run(client, now):
     race = a_duel_race(timezone.now())
     html = page(client, race)
-    assert "that is the qualifying" in html and "Draw now" not in html
+    assert "each car qualifies alone" in html and "Draw now" not in html
 
 
 def test_only_a_race_with_duels_has_the_page_and_its_tab(client, now):
@@ -61,7 +61,7 @@ def test_the_cross_table_shows_who_was_ahead_and_links_each_run(client, now):
     html = page(client, race)
     assert html.count(f'href="/evaluations/{duel.evaluation.public_id}/"') == 3, "once in each row, once in the list"
     rows = re.findall(r"<tr class=.*?</tr>", html, re.S)
-    ahead = [row for row in rows if "ahead at the end" in row]
+    ahead = [row for row in rows if "finished ahead" in row]
     behind = [row for row in rows if ">0<span" in row]
     assert (len(rows), len(ahead), len(behind)) == (3, 1, 1)
     assert "1 of 6 heats" in html
@@ -104,12 +104,12 @@ def test_the_cross_table_names_racers_who_left(client, now, alice):
     rows = re.findall(r"<tr class=.*?</tr>", html, re.S)
     assert len(rows) == 2
     note = re.search(r'<p class="note card-foot">(.*?)</p>', html, re.S)[1]
-    assert "No longer in the race" in note and ">car-2<" in note and "keeps the points" in note
+    assert "No longer in the race" in note and ">car-2<" in note and "are kept" in note
 
 
 @pytest.mark.parametrize("entrants", [0, 1])
 def test_a_race_with_too_few_cars_for_duels_says_so(client, now, entrants):
-    assert "nobody to meet" in page(client, drawn(now, entrants))
+    assert "final result" in page(client, drawn(now, entrants))
 
 
 def test_the_board_ranks_by_points_once_duels_are_drawn(client, now):

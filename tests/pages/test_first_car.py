@@ -140,7 +140,7 @@ def test_a_racer_who_sent_every_car_may_train_or_upload_another(now, house_car):
     drive(race, alice, laps(9_000, 9_000, 9_000), now)
     page = read(alice, f"/races/{race.slug}/")
     assert '<a class="button" href="#send">Train or upload another</a>' in page
-    assert "so train or upload another" in page and "Train one for this race" in page
+    assert "Train or upload another" in page and "Train one for this race" in page
     assert (
         "Upload another model" in page and "Train my first car" not in page and f"?clone={house_car.public_id}" in page
     )

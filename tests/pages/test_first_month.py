@@ -94,7 +94,7 @@ def test_first_month_standings_say_that_they_are_provisional(season):
     ann, ben = a_racer("ann", country="KR", team="Reds"), a_racer("ben", country="KR", team="reds")
     board(race(season, 1, Stage.OPEN), [ann, ben])
     page = words(STANDINGS)
-    assert "provisional Rounds that are not official count as they stand: Month 1 open-qualifier" in page
+    assert "provisional Including current results of rounds that are not official: Month 1 open-qualifier" in page
     assert re.search(r"1 (KR )?ann 25 25.*2 (KR )?ben 18 18", page)
     assert "1 43 43" not in page and re.search(
         r"KR .*43", words("/seasons/first/standings/?division=open&of=countries")
@@ -165,7 +165,7 @@ def test_finales_start_with_the_next_and_list_no_racer_repeatedly(season):
 
 
 def test_a_pro_race_nobody_finished_is_described_as_such(season):
-    assert "Nobody is classified in this race yet. It closes" in words("/seasons/first/finales/")
+    assert "No racer is classified in this race yet. It closes" in words("/seasons/first/finales/")
 
 
 def test_past_finales_come_last_with_the_latest_first(season, now):

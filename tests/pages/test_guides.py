@@ -127,7 +127,7 @@ def test_a_search_finds_sections_those_first_whose_headings_say_it():
 def test_the_search_page_links_to_the_section():
     page = Client().get("/guides/?q=open+tracks").content.decode()
     assert 'href="/guides/simulator/#open-tracks"' in page
-    assert "No guide says that" in Client().get("/guides/?q=%3Cscript%3E%00zebra").content.decode()
+    assert "No results. Try fewer" in Client().get("/guides/?q=%3Cscript%3E%00zebra").content.decode()
 
 
 def test_a_guide_that_is_not_there_is_not_found(written):

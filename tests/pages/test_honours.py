@@ -136,8 +136,8 @@ def test_a_bracket_says_that_it_counts_ties(client, now):
     end_all(race, now)
     html = client.get(f"/races/{race.slug}/").content.decode()
     assert ">Ties won</th>" in html and ">Points</th>" not in html
-    assert "2 ties won" in client.get("/racers/car-1/").content.decode()
-    assert "2 ties won" in client.get(f"/races/{race.slug}/badge.svg").content.decode()
+    assert "2 duels won" in client.get("/racers/car-1/").content.decode()
+    assert "2 duels won" in client.get(f"/races/{race.slug}/badge.svg").content.decode()
 
 
 def test_a_round_robin_says_that_it_counts_points(client, now):

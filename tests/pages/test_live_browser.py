@@ -161,7 +161,7 @@ def test_video_progress_is_announced_and_its_button_keeps_focus(browser, live_se
     page.goto(run.get_absolute_url())
     page.locator("#video-now button").focus()
     type(video).objects.filter(pk=video.pk).update(progress=57)
-    said(page, "Video: 50 per cent drawn.")
+    said(page, "Video: 50 per cent rendered.")
     assert page.evaluate("document.activeElement.closest('#video-now') !== null")
     page.keyboard.press("Enter")
     page.locator("#video:not(:has(#video-now))").wait_for()

@@ -74,9 +74,9 @@ def test_the_owner_changes_a_models_look_by_page_and_api(world: World):
 def test_a_card_names_the_house_car_to_beat_at_first():
     now = timezone.now()
     race = a_race(now)
-    assert "No racer is classified yet" in Client().get("/races/").content.decode()
+    assert "Be first on the board" in Client().get("/races/").content.decode()
     drive(race, a_racer("Flyer", is_house=True), laps(9_000, 9_000, 9_000), now)
     html = Client().get("/races/").content.decode()
-    assert "No racer is classified yet" in html and "To beat: Flyer, 0:09.000." in html
+    assert "Be first on the board" in html and "House pace: Flyer, 0:09.000." in html
     drive(race, a_racer("alice"), laps(11_000, 11_000, 11_000), now)
-    assert "To beat" not in Client().get("/races/").content.decode()
+    assert "House pace" not in Client().get("/races/").content.decode()

@@ -62,9 +62,9 @@ def test_rivals_drive_along_and_only_among_cars(world: World) -> None:
     ("said", "words"),
     [
         ({"model": "nobody"}, "not in your garage or shared"),
-        ({**HEAD, "opponents": "models", "rival_1": "nobody"}, "Rival 1 is neither"),
+        ({**HEAD, "opponents": "models", "rival_1": "nobody"}, "Rival 1 is not in your garage"),
         ({**HEAD, "opponents": "models"}, "Choose one to three cars"),
-        ({**AVOID, "boxes-1-percent": "1", "boxes-1-lane": "inner"}, "Box 1 stands outside"),
+        ({**AVOID, "boxes-1-percent": "1", "boxes-1-lane": "inner"}, "Box 1 is in the start or finish area"),
         ({**AVOID, "box_choice": "drawn", "random_boxes": "10", "box_distance_m": "20"}, "boxes"),
         ({"start_m": "999"}, "The start must be from 0 m"),
         ({"laps": "21"}, "less than or equal to 20"),
@@ -217,7 +217,7 @@ def test_a_run_that_paddock_fails_says_that_it_counts_for_nothing(world: World) 
     own = drive_own(owner=world.alice, model=world.model, track=world.track, now=world.now)
     fail(own, PlatformFault("runner_died", how="killed"), world.now)
     page = world.client("alice").get(own.evaluation.get_absolute_url()).content.decode()
-    assert "drive it again" in page and "submission; send" not in page
+    assert "Run it again" in page and "Submit the car" not in page
 
 
 def test_more_runs_need_no_more_queries(world: World) -> None:

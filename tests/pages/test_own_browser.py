@@ -43,7 +43,7 @@ def test_a_car_is_driven_from_the_page_of_a_track(browser, live_server, alice, w
     with visitor(browser, live_server.url, alice) as context:
         page = context.new_page()
         page.goto(f"/tracks/{track.slug}/")
-        page.get_by_role("link", name="Drive a car here").click()
+        page.get_by_role("link", name="Test drive here").click()
 
         # the fields by the keyboard alone
         choose(page, "Model", "Fly")
@@ -78,7 +78,7 @@ def test_a_car_is_driven_from_the_page_of_a_track(browser, live_server, alice, w
         assert page.locator("#worth .big-time").inner_text() == "0:09.500"
 
         page.get_by_role("button", name="Run again").press("Enter")
-        page.get_by_role("heading", name="Waiting for a worker").wait_for()
+        page.get_by_role("heading", name="In queue").wait_for()
         assert OwnEvaluation.objects.count() == 2
         page.get_by_role("button", name="Stop").press("Enter")
         page.get_by_role("link", name="Delete").press("Enter")

@@ -51,7 +51,7 @@ def test_the_board_shows_ranks_times_and_gaps_and_marks_my_row(world: World) -> 
     assert ">1<" in leader and "0:10.100" in leader and "0:10.000" in leader and "leader" in leader
     assert 'class="sector purple"' in leader
     assert ">2<" in mine and "+1.000" in mine and 'aria-current="true"' in mine and ">you<" in mine
-    assert "baseline" in house and "outside the ranking" in house
+    assert "baseline" in house and "not ranked" in house
     assert "unclassified" in slow
     assert (
         html.index(">alice</a>")
@@ -106,7 +106,7 @@ def test_a_racer_enters_submits_and_withdraws(world: World) -> None:
     model = a_model(world.newcomer, name="First car")
     assert "First car" in client.get("/races/open-race/").content.decode()
     html = client.post("/races/open-race/submit/", {"model": model.public_id}, follow=True).content.decode()
-    assert "Your car is waiting" in html and "First car" in html
+    assert "Your car is queued" in html and "First car" in html
     submission = Submission.objects.get(entry__racer=world.newcomer)
     again = client.post("/races/open-race/submit/", {"model": model.public_id}, follow=True).content.decode()
     assert 'data-code="car_already_submitted"' in again
@@ -294,7 +294,7 @@ def test_closing_a_race_now_keeps_what_was_sent_in_time(world: World) -> None:
     assert "/races/open-race/close/" in page.content.decode()
     assert "/races/open-race/close/" not in world.client("bob").get("/races/open-race/").content.decode()
     asked = alice.get("/races/open-race/close/").content.decode()
-    assert "nobody can send a car" in asked
+    assert "No more cars can be submitted" in asked
     race.refresh_from_db()
     assert race.closes_at > world.now, "nothing is done before it is said"
     waiting = list(Evaluation.objects.filter(state="queued").values_list("pk", flat=True))

@@ -36,7 +36,7 @@ def test_one_press_drives_a_report_that_moves_by_itself(browser, live_server, al
         page.get_by_role("button", name="Drive a report").click()
         page.wait_for_url("**/reports/*/")
         report = CarReport.objects.get()
-        page.get_by_text("Waiting for a worker").first.wait_for()
+        page.get_by_text("In queue").first.wait_for()
 
         chunk = CHUNKS.claim(worker="w", now=now)
         finish_chunk(pk=chunk.pk, lease=chunk.lease, outcome=outcome_of(chunk, off_the_road(19)), now=now)

@@ -71,14 +71,14 @@ def test_a_racer_rises_from_promotion_to_the_hall_of_fame(clock, browser, live_s
     for stage, first in (("pro", "time_trial"), ("championship", "time_trial")):  # the car sees no boxes
         office.locator(f"[name={stage}_turn_1]").select_option(first)
     office.locator("[name=pro_turn_2]").select_option("")
-    office.get_by_role("button", name="Look at the season").click()
-    playwright.expect(office.get_by_role("heading", name="37 races as they would be")).to_be_visible()
+    office.get_by_role("button", name="Preview the season").click()
+    playwright.expect(office.get_by_role("heading", name="Preview: 37 races")).to_be_visible()
     office.locator("[data-round='2-open']").get_by_role("button", name="Change").click()
     office.get_by_label("Submissions per racer").fill("20")
     office.get_by_role("button", name="Change this race").click()
     playwright.expect(office.locator("[data-round='2-open'] .tag")).to_have_text("changed")
     assert not Season.objects.exists(), "nothing is made before it was looked at"
-    office.get_by_role("button", name="Make the season").click()
+    office.get_by_role("button", name="Create the season").click()
     playwright.expect(office.get_by_text("Season created: 37 races.")).to_be_visible()
     season = Season.objects.get()
     assert season.rounds.get(number=2, stage=Stage.OPEN).race.max_submissions == 20
@@ -110,7 +110,7 @@ def test_a_racer_rises_from_promotion_to_the_hall_of_fame(clock, browser, live_s
     mine = page.locator("#board tr.me")
     playwright.expect(mine).to_contain_text(f"{score // 60_000}:{score // 1000 % 60:02}.{score % 1000:03}")
     playwright.expect(mine.locator("td.place")).to_have_text("2")
-    playwright.expect(page.locator("#race-facts")).to_contain_text("just made it")
+    playwright.expect(page.locator("#race-facts")).to_contain_text("in the zone")
 
     # February: promoted, told so; the winner is found out, which the admin is shown the consequences of first
     clock.move_to(race[Stage.PRO].opens_at + timedelta(hours=4))
@@ -122,7 +122,7 @@ def test_a_racer_rises_from_promotion_to_the_hall_of_fame(clock, browser, live_s
     office.locator("#steward-actions").get_by_role("button", name="Disqualify").click()
     office.locator(f"input[name=racer][value={rivals[0].alias}]").check()
     office.get_by_label("Reason").fill("Two accounts")
-    office.get_by_role("button", name="See what will follow").click()
+    office.get_by_role("button", name="Preview").click()
     playwright.expect(office.get_by_text(f"{rivals[0].alias} is no longer promoted")).to_be_visible()
     playwright.expect(office.get_by_text(f"{rivals[1].alias} is now promoted")).to_be_visible()
     assert Membership.objects.filter(racer=rivals[0]).exists(), "nothing is done before it is said"

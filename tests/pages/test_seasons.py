@@ -49,7 +49,7 @@ def form_data(now: datetime, **changes: object) -> dict[str, object]:
 
 
 def make(client: Client, data: dict[str, object]):
-    """Look at the season that a form says, and make it as it was seen; returns the last answer."""
+    """Preview the season that a form says, and make it as it was seen; returns the last answer."""
     seen = client.post("/seasons/new/", data)
     if seen.status_code != 200:
         return seen
@@ -328,15 +328,15 @@ def test_a_racer_sees_how_far_the_promotion_line_is(season, set_clock):
     entries = board(second.race, racers(10))
     address = second.race.get_absolute_url()
     for place, words in (
-        (0, "1 place clear"),
-        (1, "just made it"),
+        (0, "1 In the promotion zone by"),
+        (1, "in the zone"),
         (2, "1 place short"),
         (9, "8 places short"),
     ):
         assert words in logged_in(entries[place].racer).get(address).content.decode(), place
     close_due_rounds(now=after(second))
     set_clock(after(second))
-    assert "place clear" not in logged_in(entries[0].racer).get(address).content.decode()
+    assert "In the promotion zone by" not in logged_in(entries[0].racer).get(address).content.decode()
 
 
 class TestCalendar:
@@ -406,7 +406,7 @@ def test_stewards_decisions_and_reasons_are_public(season, set_clock):
     first = Round.objects.get(number=1)
     loser = first.race.entries.order_by("rank_score").first().racer
     set_clock(after(first, hours=2))
-    assert "Can be corrected until" in Client().get(first.race.get_absolute_url()).content.decode()
+    assert "Corrections possible until" in Client().get(first.race.get_absolute_url()).content.decode()
     steward = a_racer(is_staff=True)
     disqualify(round=first, racer=loser, by=steward, reason="Two accounts", now=after(first, hours=2))
     html = Client().get(first.race.get_absolute_url()).content.decode()

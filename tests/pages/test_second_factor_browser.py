@@ -57,7 +57,7 @@ def test_a_racer_logs_in_with_a_passkey_and_with_an_app(live_server, settings) -
         press("Add a passkey", "link")
         page.get_by_label("Password", exact=True).fill(PASSWORD)
         press("Go on")
-        page.get_by_label("Log in with it alone, without the password").check()
+        page.get_by_label("Log in with the passkey only, without the password").check()
         press("Add a passkey")
         page.get_by_role("heading", name="Recovery codes").wait_for()
         codes = re.findall(r"\d{8}", page.locator("main pre").inner_text())
@@ -94,7 +94,7 @@ def test_a_racer_logs_in_with_a_passkey_and_with_an_app(live_server, settings) -
         page.get_by_role("rowheader", name="Blue key").wait_for()
         page.get_by_role("link", name="Remove Blue key").click()
         press("Remove the passkey")
-        page.get_by_text("The passkey is removed.").wait_for()
+        page.get_by_text("Passkey removed.").wait_for()
 
         # with a code on paper; new ones void the old
         log_out()
@@ -106,14 +106,14 @@ def test_a_racer_logs_in_with_a_passkey_and_with_an_app(live_server, settings) -
         press("with a code", "link")
         page.get_by_label("Code").fill(codes[1])
         press("Go on")
-        press("Make new codes")
+        press("Create new codes")
         page.get_by_role("heading", name="Recovery codes").wait_for()
         assert not set(codes) & set(re.findall(r"\d{8}", page.locator("main pre").inner_text()))
 
         # no more of the app: the password alone again
         page.goto("/accounts/2fa/totp/deactivate/")
         press("Remove the app")
-        page.get_by_text("The app is removed.").wait_for()
+        page.get_by_text("App removed.").wait_for()
         log_out()
         log_in()
         page.get_by_text("Welcome, alice").wait_for()

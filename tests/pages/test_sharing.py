@@ -64,7 +64,7 @@ def test_only_its_owner_changes_a_shared_model(world: World, shared: TrainedMode
 def test_the_page_explains_sharing_and_shares_the_model(world: World) -> None:
     client, path = world.client("alice"), f"/models/{world.model.public_id}/"
     page = body(client, path)
-    assert "Only you see this model." in page and "can upload and race it as well" in page
+    assert "This model is private." in page and "can also race a downloaded copy" in page
     answer = client.post(f"{path}share/", follow=True)
     world.model.refresh_from_db()
     assert world.model.shared_at is not None
@@ -73,7 +73,7 @@ def test_the_page_explains_sharing_and_shares_the_model(world: World) -> None:
     answer = client.post(f"{path}share/", {"stop": "1"}, follow=True)
     world.model.refresh_from_db()
     assert world.model.shared_at is None
-    assert "Only you see this model." in answer.content.decode()
+    assert "This model is private." in answer.content.decode()
 
 
 def test_only_owners_share_a_model_and_only_admins_stop_it(world: World, shared: TrainedModel) -> None:
@@ -111,7 +111,7 @@ def test_others_cannot_race_a_shared_model_and_see_board_runs_only(world: World)
     assert "Race it" not in page and "Name and look" not in page
     assert 'href="/racers/alice/"' in page
     page = body(world.client("bob"), f"/models/{kept.model.public_id}/")
-    assert kept.public_id not in page and "No run of this model stands on a board" in page
+    assert kept.public_id not in page and "No visible board results yet" in page
     assert kept.public_id in body(world.client("alice"), f"/models/{kept.model.public_id}/")
 
 

@@ -429,7 +429,7 @@ def test_the_laboratory_compares_two_reward_functions(world: World) -> None:
     assert "heat-point" in first.content.decode()
     changed = REWARD.replace("1e-3", "2e-3").replace("(0.5, 0.1)", "(0.5, 0.9)")
     second = client.post("/learn/laboratory/", {**sent, "before": REWARD, "reward_code": changed}).content.decode()
-    assert "What the change changed" in second
+    assert "Effect of the change" in second
     broken = client.post(
         "/learn/laboratory/", {**sent, "reward_code": "def reward_function(params):\n    return nothing\n"}
     )

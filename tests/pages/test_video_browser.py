@@ -41,7 +41,7 @@ def test_a_racer_makes_a_video_of_a_best_lap_and_a_guest_watches_it(
     sign_up(page, "viewer")
     a_run_on_the_oval(page)
     card = page.locator("#video")
-    offered = card.get_by_label("What it shows").locator("option:checked").inner_text()
+    offered = card.get_by_label("Clip").locator("option:checked").inner_text()
     lap_s = int(re.search(r"0:(\d\d)\.(\d{3})", offered)[1]) + int(re.search(r"0:(\d\d)\.(\d{3})", offered)[2]) / 1000
     card.get_by_role("button", name="Make a video").click()
     playwright.expect(card.get_by_role("progressbar")).to_be_visible()

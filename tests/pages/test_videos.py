@@ -71,7 +71,7 @@ def test_without_scripts_the_page_follows_the_video_to_its_end(world, run):
     claim = VIDEOS.claim(worker="w", now=timezone.now())
     Video.objects.update(progress=40)
     html = client.get(path).content.decode()
-    assert "Being drawn" in html and 'value="40"' in html and 'http-equiv="refresh"' in html
+    assert "Rendering" in html and 'value="40"' in html and 'http-equiv="refresh"' in html
     Video.objects.filter(pk=claim.pk).update(state="waiting", lease=None, leased_until=None, started_at=None)
     run_next_video(worker="w")
     html = client.get(path).content.decode()

@@ -161,7 +161,7 @@ def test_a_worker_whose_golden_runs_differ_is_shown_as_refusing(client, now):
     html = client.get("/workers/").content.decode()
     assert row(html, "good@one").endswith("exact: 3 of 3") and "alive" in row(html, "good@one")
     assert row(html, "bad@one").endswith("equal: 1 of 3 hairpins at speed bots that change lanes")
-    assert "takes no work" in row(html, "bad@one")
+    assert "takes no jobs" in row(html, "bad@one")
     assert "equal: 2 of 3 It works all the same" in row(html, "let@one") and "alive" in row(html, "let@one")
     assert row(html, "new@one").endswith("–")
     (queue,) = [one for one in queues_at(now, workers_at(now)) if one.queue.name == "evaluations"]
@@ -171,7 +171,7 @@ def test_a_worker_whose_golden_runs_differ_is_shown_as_refusing(client, now):
 def test_a_worker_with_a_weak_sandbox_is_shown_as_refusing(client):
     start_worker(name="w@one", queues=["celery"], processes=1)
     WorkerNode.objects.update(sandbox={"level": 1, "name": "partial", "sufficient": False})
-    assert "takes no work" in row(client.get("/workers/").content.decode(), "w@one")
+    assert "takes no jobs" in row(client.get("/workers/").content.decode(), "w@one")
     assert "1 (partial) not enough" in row(client.get("/workers/").content.decode(), "w@one")
 
 

@@ -53,7 +53,7 @@ def test_a_race_by_average_shows_the_average_not_the_best_lap(now):
     drive(race, alice, laps(13_000, 13_000, 13_000), now)
     text = said(drive(race, alice, laps(12_000, 12_500, 12_700), now), alice)
     assert text == (
-        "Result Average of 3 laps 0:12.400 Place 3 of 3 To the one ahead +0.900 carol To the leader +1.400 bob "
+        "Result Average of 3 laps 0:12.400 Place 3 of 3 Gap ahead +0.900 carol Gap to the leader +1.400 bob "
         "Than before −0.600 0.600 s faster than before."
     )
 
@@ -63,7 +63,7 @@ def test_a_worse_run_links_to_the_one_that_counts(now):
     drive(race, alice, laps(12_000, 12_000, 12_000), now)
     text = said(drive(race, alice, laps(12_100, 12_100, 12_100), now), alice)
     assert text == (
-        "Result Total of 3 laps 0:36.300 Place by submission 1 1 of 1 To the leader the only one classified "
+        "Result Total of 3 laps 0:36.300 Place by submission 1 1 of 1 Gap to the leader You lead: no rivals yet "
         "Than before +0.300 0.300 s slower than before: the board did not change. Submission 1 counts: 0:36.000."
     )
 
@@ -92,7 +92,7 @@ def test_the_organiser_does_not_see_words_meant_for_the_racer(now):
     drive(race, alice, laps(12_000, 12_000, 12_000), now)
     worse = drive(race, alice, laps(13_000, 13_000, 13_000), now)
     text = said(worse, organiser)
-    assert "Submission 1 counts: 0:12.000." in text and "before" not in text
+    assert "Counted: submission 1, 0:12.000." in text and "before" not in text
 
 
 def test_a_racer_who_left_is_told_so(now):
@@ -110,7 +110,7 @@ def test_a_house_car_is_outside_the_ranking(now):
 
 
 @pytest.mark.parametrize(
-    ("place", "words"), [(1, "Would be promoted, 1 place clear"), (4, "2 places short of promotion")]
+    ("place", "words"), [(1, "In the promotion zone by 1 place"), (4, "2 places short of promotion")]
 )
 def test_a_run_in_a_round_says_how_far_the_line_is(now, place, words):
     race = a_race(now, kind="league", division="open")
@@ -139,7 +139,7 @@ def test_a_qualifying_run_says_so_once_points_decide(now):
     entry = Entry.objects.get(race=race, seed=2)
     text = said(entry.best)
     assert text.startswith("Result Qualifying: Best lap 0:10.100")
-    assert "Place in the race 2 of 3 Points 2 To the leader 2 points car-1" in text
+    assert "Place in the race 2 of 3 Points 2 Gap to the leader 2 points car-1" in text
 
 
 def test_a_test_drive_shows_its_best_lap_and_no_place(now):
@@ -211,4 +211,4 @@ def test_a_house_car_is_compared_with_the_leader_in_words(now):
     fast = drive(race, a_racer("flyer", is_house=True), laps(10_000, 10_000, 10_000), now)
     slow = drive(race, a_racer("brisk", is_house=True), laps(13_000, 13_000, 13_000), now)
     assert "2.000 s faster than the leader, kay" in said(fast) and "not ranked (house car)" in said(fast)
-    assert "1.000 s slower than the leader, kay" in said(slow) and "To the leader" not in said(slow)
+    assert "1.000 s slower than the leader, kay" in said(slow) and "Gap to the leader" not in said(slow)

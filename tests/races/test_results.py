@@ -215,7 +215,7 @@ def test_in_a_bracket_gaps_are_in_ties(now):
     end_all(race, now)
     entries = Entry.objects.filter(race=race).select_related("race").order_by("rank_score", "rank_lap")
     told = [(one := place_of(entry)) and (one.ahead and behind(one, one.ahead)) for entry in entries]
-    assert told == [None, "1 tie", "1 tie", "duels won equal"]
+    assert told == [None, "1 duel", "1 duel", "duels won equal"]
 
 
 def test_a_heat_shows_its_own_place_and_that_in_the_race(now):

@@ -162,7 +162,7 @@ class TestEarlierEntries:
         assert settle_due(now=now) == 1 and settle_due(now=now) == 0
         assert ranks(race) == {"alice": 1, "bob": None}
         page = Client().get(race.get_absolute_url()).content.decode()
-        assert "excluded: same car as alice, who sent it first" in page
+        assert "excluded: same car as alice, submitted first" in page
         rows = {
             row["racer"]: row["car_of"] for row in Client().get(f"/api/v1/races/{race.slug}/board/").json()["results"]
         }
@@ -223,7 +223,7 @@ class TestWhatOrganisersSee:
         client = Client()
         client.force_login(carol, backend="django.contrib.auth.backends.ModelBackend")
         page = client.get(f"/races/{race.slug}/racers/").content.decode()
-        assert "The same car" in page and "the same answers" in page and "refused" in page
+        assert "Same car" in page and "same outputs" in page and "refused" in page
 
     def test_nothing_is_shown_if_all_cars_differ(self, alice, bob, now):
         race = a_race(now)

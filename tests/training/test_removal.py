@@ -194,7 +194,7 @@ class TestDeletionPage:
 
     def test_it_shows_what_is_stored(self, client, over):
         body = client.get(reverse("usage")).content.decode()
-        assert "What you have stored" in body and "Trainings: checkpoints" in body
+        assert "Your storage" in body and "Trainings: checkpoints" in body
 
     def test_the_api_deletes_a_training(self, client, over):
         address = f"/api/v1/trainings/{over.public_id}/"

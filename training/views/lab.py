@@ -140,7 +140,7 @@ def _maps(form: LabForm) -> dict[str, Any]:
         earlier = rewards_along(said["before"], states)
         old = [reward for reward in earlier.rewards if reward is not None]
         if old:
-            title = _("What the change changed")
+            title = _("Effect of the change")
             drawn = difference_map(track, states, earlier.rewards, now.rewards, label=_("change"), title=title)
             context |= {"difference": mark_safe(drawn), "sum_before": sum(old)}
     return context
