@@ -27,6 +27,7 @@ from redis import RedisError
 
 from core.clock import database_now
 from core.jobs.outages import storage_answers, storage_is_out
+from core.streams import life
 from evaluation.models import WorkerNode
 from evaluation.selectors import waiting_since
 from evaluation.services import EVALUATIONS
@@ -35,7 +36,6 @@ from paddock.errors import PlatformFault
 
 from .cache import SteadyCache
 from .pages import are_whole
-from .streams import life
 
 log = logging.getLogger(__name__)
 

@@ -81,7 +81,7 @@ def box_marks(race: Race, *, numbered: bool = False) -> tuple[BoxMark, ...]:
     """The boxes of a race for its map; ``numbered`` in the order of :func:`box_rows`."""
     if not has_boxes(race):
         return ()
-    return _marks(laid_out(race), numbered=numbered)
+    return layout_marks(laid_out(race), numbered=numbered)
 
 
 def typed_boxes(race: Race, places: Sequence[Mapping[str, Any] | None]) -> tuple[tuple[BoxMark, ...], list[str]]:
@@ -115,7 +115,7 @@ def typed_boxes(race: Race, places: Sequence[Mapping[str, Any] | None]) -> tuple
 def awaited_boxes(track: Track, rules: Mapping[str, Any]) -> tuple[BoxMark, ...]:
     """The boxes of an evaluation that has no result yet (``rules`` of its spec), for the map of its run."""
     layout = _lay(track.geometry, RaceRules.from_dict(rules))
-    return _marks(layout, numbered=True)
+    return layout_marks(layout, numbered=True)
 
 
 def driven_boxes(layout: Mapping[str, Any]) -> tuple[BoxMark, ...]:
@@ -135,7 +135,8 @@ def box_title(number: int, fraction: float, lane: str) -> str:
     }
 
 
-def _marks(layout: Layout, *, numbered: bool) -> tuple[BoxMark, ...]:
+def layout_marks(layout: Layout, *, numbered: bool = False) -> tuple[BoxMark, ...]:
+    """The boxes of a layout for a map."""
     return tuple(
         _mark(placed.solid, number if numbered else 0, box_title(number, placed.fraction, placed.lane))
         for number, placed in enumerate(layout.boxes, start=1)

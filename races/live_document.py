@@ -5,6 +5,7 @@ from __future__ import annotations
 from datetime import datetime
 from typing import Any
 
+from .live_rules import seed, start_m
 from .live_screens import screens_document
 from .models import PLAYED_BEHIND, Entry, LiveEvent, LiveRacer, LiveSlot, LiveState, Opponents, SlotState
 from .poses import CHUNK_MS
@@ -49,6 +50,8 @@ def live_document(event: LiveEvent, now: datetime) -> dict[str, Any]:
         "chunk_ms": CHUNK_MS,
         "rounds": event.rounds,
         "attempt_ms": event.attempt_ms,
+        "start_m": start_m(event),
+        "seed": seed(event),
         "speed_control": event.speed_control,
         "submissions_open": event.submissions_open and not event.is_over,
         "message": event.message,

@@ -15,11 +15,13 @@ from core.forms import add_fault
 from paddock.errors import UserFault
 
 from .fields import SecondsField
+from .live_rules import MOST_SEED
 from .models import LiveEvent, LiveOrder
 from .models.live import LEAST_ATTEMPT_MS, MOST_ATTEMPT_MS, MOST_ROUNDS
-from .services.live.planning import MOST_GAP_S, check_plan
+from .services.live.planning import MOST_GAP_S, PLANNABLE, check_plan
 
 _FIELD_OF = {"live_time_zone": "time_zone", "live_in_the_past": "starts_at", "live_too_far_ahead": "starts_at"}
+_FIELD_OF |= {"live_start": "start_m", "track_start_fixed": "start_m", "boxes_do_not_fit": "seed"}
 
 
 @lru_cache(maxsize=1)
@@ -45,6 +47,20 @@ class LiveForm(forms.Form):
         min_value=LEAST_ATTEMPT_MS // 1000,
         max_value=MOST_ATTEMPT_MS // 1000,
         initial=180_000,
+    )
+    start_m = forms.FloatField(
+        label=_("Start in metres after the finish line"),
+        required=False,
+        min_value=0,
+        help_text=_("Laps of the event begin and end there. Empty: drawn, and announced with the event."),
+        widget=forms.NumberInput(attrs={"step": "0.1"}),
+    )
+    seed = forms.IntegerField(
+        label=_("Seed"),
+        required=False,
+        min_value=0,
+        max_value=MOST_SEED,
+        help_text=_("Of boxes and bots that are drawn. Empty: drawn, and announced with the event."),
     )
     order = forms.ChoiceField(label=_("Order"), choices=LiveOrder.choices, initial=LiveOrder.SLOWEST_FIRST)
     gap_s = forms.IntegerField(
@@ -100,6 +116,5 @@ def _initial(event: LiveEvent | None, now: datetime) -> dict[str, Any]:
         zone = timezone.get_current_timezone_name()
         start = (now + timedelta(days=1)).astimezone(timezone.get_current_timezone())
         return {"time_zone": zone, "starts_at": start.replace(minute=0, second=0, microsecond=0, tzinfo=None)}
-    names = ("time_zone", "rounds", "attempt_ms", "order", "gap_s", "auto_run", "roll_call", "speed_control")
     start = event.starts_at.astimezone(zoneinfo.ZoneInfo(event.time_zone)).replace(tzinfo=None)
-    return {"starts_at": start, **{name: getattr(event, name) for name in names}}
+    return {"starts_at": start, **{name: getattr(event, name) for name in PLANNABLE if name != "starts_at"}}

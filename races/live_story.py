@@ -51,6 +51,9 @@ def story_of(event: LiveEvent, now: datetime) -> list[Sentence]:
         told += heats_told(event, order, now)
     elif playing is not None and playing.racer is not None:
         told += _of_run(playing, playing.racer.entry.racer.alias, list(_played(playing, now)), known, now)
+    for said in event.log.filter(action="interrupt").order_by("-pk")[:MESSAGES]:
+        words = _("The site was away: the run of %(racer)s is shown again from its start.")
+        told.append(Sentence(said.at, "message", words % {"racer": said.told["racer"]}))
     for said in event.log.filter(action="message", undone_at=None).order_by("-pk")[:MESSAGES]:
         if said.told.get("message"):
             told.append(

@@ -51,6 +51,7 @@ class Telling:
         self._looked_at = 0.0
         self._begins: datetime | None = None
         self._slot: int | None = None
+        self._started: datetime | None = None
         self._after = -1
         self._until = 0
         self._is_played = False
@@ -94,8 +95,8 @@ class Telling:
             self._slot, self._is_played = None, False
             return []
         self._begins = slot.starts_at
-        if slot.pk != self._slot:
-            self._slot, self._is_played = slot.pk, True
+        if (slot.pk, slot.starts_at) != (self._slot, self._started):  # a run that was interrupted starts again
+            self._slot, self._started, self._is_played = slot.pk, slot.starts_at, True
             self._after = passed(slot.starts_at, now) - 1 - RECENT
         chunks, over = _played(slot, now, self._after)
         if chunks:

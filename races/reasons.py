@@ -285,6 +285,8 @@ register(
         "live_busy": _("A run is on track. Wait until it is over."),
         "live_nothing_next": _("Nothing is left in the running order. Add a racer, or end the event."),
         "live_not_ready": _("This run is still being computed. Try again in a few seconds."),
+        "live_start": _("The start must be on the lap: 0 m to less than %(length_m)s m after the finish line."),
+        "live_interrupted": _("The site was away while this run was shown. Release it to show it from its start."),
         "live_car_queued": _("This racer's car is in the queue. The place is released as soon as the car is ready."),
         "live_no_model": _("This racer has no model to drive with. They choose one in the lobby."),
         "live_left": _("This racer has left the race."),

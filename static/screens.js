@@ -54,7 +54,7 @@
     // --- the state -------------------------------------------------------------------------------------------------
     state(told) {
       this.told = told;
-      const slot = told.current && told.current.slot;
+      const slot = told.current && `${told.current.slot} ${told.current.starts_at}`; // an interrupted run starts again
       if (slot && slot !== this.slot) { this.forget(); this.slot = slot; }
       if (this.slot && !slot && !this.root.show.slot) this.forget(); // nobody is on track: no sectors are left
       const shows = told.podium.length && !told.current;

@@ -17,10 +17,9 @@ from typing import Any, TypeAlias
 
 from django.db import Error
 
-from core.streams import TOPICS, Backstage
+from core.streams import TOPICS, Backstage, life
 from core.streams.reading import AT_ONCE, Moved, after, between, newest
 
-from . import life
 from .feed import Bell, Desk
 from .reader import NUMBERS_TOLD, Reader, message
 from .viewers import allowed, viewers_of

@@ -24,6 +24,7 @@ from paddock.rules.speed import MODES
 
 from ..live_acts import ACTS, act
 from ..live_document import live_document
+from ..live_rules import MOST_SEED
 from ..models import LiveEvent, LiveOrder, LiveSlot
 from ..models.live import LEAST_ATTEMPT_MS, MOST_ATTEMPT_MS, MOST_ROUNDS
 from ..selectors.live import console_rows, live_events_visible_to, played
@@ -159,6 +160,8 @@ class LiveEventSerializer(serializers.Serializer):
     chunk_ms = serializers.IntegerField(help_text="How long a chunk of poses is.")
     rounds = serializers.IntegerField()
     attempt_ms = serializers.IntegerField()
+    start_m = serializers.FloatField(help_text="Laps begin and end so many metres after the race's finish line.")
+    seed = serializers.IntegerField(help_text="Of the event's runs.")
     speed_control = serializers.BooleanField(help_text="Whether racers set their car's speed.")
     submissions_open = serializers.BooleanField(help_text="Whether racers choose their models.")
     message = serializers.CharField(allow_blank=True, help_text="To spectators.")
@@ -188,6 +191,12 @@ class LivePlanSerializer(Body):
     rounds = serializers.IntegerField(required=False, min_value=1, max_value=MOST_ROUNDS)
     attempt_ms = serializers.IntegerField(required=False, min_value=LEAST_ATTEMPT_MS, max_value=MOST_ATTEMPT_MS)
     order = serializers.ChoiceField(LiveOrder.choices, required=False)
+    start_m = serializers.FloatField(
+        required=False, allow_null=True, min_value=0, help_text="Metres after the finish line; null or left out: drawn."
+    )
+    seed = serializers.IntegerField(
+        required=False, allow_null=True, min_value=0, max_value=MOST_SEED, help_text="null or left out: drawn."
+    )
     gap_s = serializers.IntegerField(required=False, min_value=0, max_value=MOST_GAP_S)
     roll_call = serializers.BooleanField(required=False, help_text="Who is not here when it begins is held back.")
     auto_run = serializers.BooleanField(required=False, help_text="It begins in time and goes on by itself.")

@@ -21,6 +21,7 @@ COUNTDOWN = timedelta(seconds=10)
 PLAYED_BEHIND = timedelta(milliseconds=1500)
 REVEALED_AFTER = timedelta(seconds=2)
 UNDO_FOR = timedelta(minutes=2)
+INTERRUPTED_AFTER = timedelta(seconds=6)  # so much of a run that nobody could see interrupts it
 HEAT_CARS = "duel__cars__entry__racer"  # what LiveSlot.entries reads of a heat
 MOST_ROUNDS = 5
 LEAST_ATTEMPT_MS, MOST_ATTEMPT_MS = 10_000, 600_000
@@ -53,7 +54,9 @@ class LiveEvent(models.Model):
 
     ``version`` counts what organisers did: whoever acts says which version they saw, so that two of them do one thing
     once. That the lobby is open is a function of the time (:meth:`in_lobby`). ``last_at``: when something last was done
-    or shown; an event that is left alone ends by itself.
+    or shown; an event that is left alone ends by itself. ``clock_at``: when the clock last saw the
+    present run on track. ``start_m`` and ``seed``: of its runs (:mod:`races.live_rules`); None in
+    events from before: the race's.
     """
 
     race = models.OneToOneField(Race, models.CASCADE, related_name="live_event", verbose_name=_("race"))
@@ -73,6 +76,13 @@ class LiveEvent(models.Model):
         validators=[MinValueValidator(LEAST_ATTEMPT_MS), MaxValueValidator(MOST_ATTEMPT_MS)],
         help_text=_("Simulated milliseconds, which everybody watches as so many real ones."),
     )
+    start_m = models.FloatField(
+        _("start"),
+        null=True,
+        blank=True,
+        help_text=_("So many metres after the race's finish line; the laps of the event begin and end there."),
+    )
+    seed = models.PositiveIntegerField(_("seed"), null=True, blank=True)
     order = models.CharField(_("order"), max_length=16, choices=LiveOrder.choices, default=LiveOrder.SLOWEST_FIRST)
     auto_run = models.BooleanField(
         _("runs by itself"), default=False, help_text=_("It begins in time and calls and launches the next by itself.")
@@ -97,6 +107,7 @@ class LiveEvent(models.Model):
     begun_at = models.DateTimeField(_("begun"), null=True, blank=True)
     ended_at = models.DateTimeField(_("ended"), null=True, blank=True)
     last_at = models.DateTimeField(_("last moved"), default=timezone.now)
+    clock_at = models.DateTimeField(_("clock last saw the run on track"), null=True, blank=True, editable=False)
     planned_by = models.ForeignKey(
         settings.AUTH_USER_MODEL, models.SET_NULL, null=True, blank=True, related_name="+", verbose_name=_("planned by")
     )
@@ -121,6 +132,7 @@ class LiveEvent(models.Model):
                 condition=Q(attempt_ms__gte=LEAST_ATTEMPT_MS, attempt_ms__lte=MOST_ATTEMPT_MS),
                 name="live_event_attempt_range",
             ),
+            models.CheckConstraint(condition=Q(start_m=None) | Q(start_m__gte=0), name="live_event_start_range"),
             models.CheckConstraint(
                 condition=Q(state__in=["planned", "cancelled"]) | Q(begun_at__isnull=False),
                 name="live_event_under_way_has_begun",
@@ -210,7 +222,8 @@ class LiveSlot(models.Model):
 
     ``evaluation``: its run, sealed until it has been shown. ``starts_at``: when it starts for everybody, by the
     server's clock. ``ends_at``: when its last step has been played; it tells how long the car drove, so it stays here
-    until then. ``submission``: the run as a result of the race, from then on.
+    until then. ``submission``: the run as a result of the race, from then on. ``interrupted_at``: when the site was
+    away while the run was shown, so that the same run is shown again.
     ``speed_log``: the commands that ``evaluation`` was driven with, each ``{"at_ms", "mode", "value", "by"}`` and of a
     heat the number of the ``"car"``. ``speed_next``: one that is being computed, in ``speed_run``, the same run with
     one command more; ``speed_wish``: what is commanded after it; ``speed_reason``: why the last one expired.
@@ -238,6 +251,7 @@ class LiveSlot(models.Model):
     starts_at = models.DateTimeField(_("starts"), null=True, blank=True)
     ends_at = models.DateTimeField(_("ends"), null=True, blank=True)
     done_at = models.DateTimeField(_("done"), null=True, blank=True)
+    interrupted_at = models.DateTimeField(_("interrupted"), null=True, blank=True, editable=False)
     submission = models.OneToOneField(
         "races.Submission",
         models.SET_NULL,

@@ -7,6 +7,7 @@ in which results arrive changes nothing, and recording one twice changes nothing
 from __future__ import annotations
 
 from collections.abc import Iterable
+from dataclasses import replace
 from datetime import datetime
 
 from django.db import transaction
@@ -19,6 +20,7 @@ from evaluation.models import Evaluation, Result, State
 
 from ..engines import admit
 from ..events import RACE_RESULT, record_board
+from ..live_rules import begins_elsewhere
 from ..measured import counted_laps, sessions_that_count
 from ..models import Entry, Race, Submission
 from ..ranking import LAST, NO_RESULT, Standing, best_of_sectors, standing_in
@@ -169,7 +171,10 @@ def recompute_fastest(*, race: Race) -> None:
 
 
 def _standing(race: Race, submission: Submission, result: Result) -> Standing:
-    return standing_in(race, result.laps, is_live=submission.is_live)
+    standing = standing_in(race, result.laps, is_live=submission.is_live)
+    if submission.is_live and begins_elsewhere(submission.evaluation):
+        return replace(standing, sectors=(), best_sectors=())  # they are other parts of the track
+    return standing
 
 
 def _take_result(entry: Entry, submission: Submission, result: Result) -> None:

@@ -17,6 +17,7 @@ ACTS = {
     "cancel": _("took the event back"),
     "end": _("ended the event"),
     "hold": _("holds back"),
+    "interrupt": _("interrupted by an outage of the site"),
     "launch": _("launched"),
     "message": _("told the spectators something"),
     "move": _("moved in the running order"),

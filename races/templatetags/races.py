@@ -20,8 +20,9 @@ from paddock.geometry.track import TrackGeometry
 from paddock.rules.race import LANES
 from races import facts, ranking
 from races.engines import hidden_runs
-from races.layout import box_marks
-from races.models import Entry, Race, RaceState
+from races.layout import box_marks, has_boxes, layout_marks
+from races.live_rules import live_layout, start_m
+from races.models import Entry, LiveEvent, Race, RaceState
 from races.replay import LAP_COLOURS, map_place
 from races.selectors import BoardRow, evaluations_visible_to, races_on
 from races.selectors.counting import DrivenAgain, driven_again
@@ -118,6 +119,16 @@ def race_map(race: Race, *, numbered: bool = False) -> SafeString:
 
 
 @register.simple_tag
+def live_map(event: LiveEvent) -> SafeString:
+    """The map of a live event: its boxes, and the line where its laps begin and end."""
+    race, begins_m = event.race, start_m(event)
+    if not race.track.has_shape:
+        return race_map(race)
+    boxes = layout_marks(live_layout(event)) if has_boxes(race) else ()
+    return _map(race.track.geometry, race.direction, race.track.name, boxes, False, begins_m)
+
+
+@register.simple_tag
 def layout_map(track: Track, direction: str, boxes: tuple[BoxMark, ...], lanes: bool = False) -> SafeString:
     """The map of a layout: a track with boxes on it, and its two lanes where somebody chooses between them."""
     return _map(track.geometry, direction, track.name, boxes, lanes)
@@ -146,8 +157,10 @@ def run_map(track: Track, direction: str, lines: Sequence[Trajectory], boxes: tu
 
 
 @lru_cache(maxsize=256)
-def _map(geometry: TrackGeometry, direction: str, title: str, boxes: tuple[BoxMark, ...], lanes: bool) -> SafeString:
-    drawing = draw_svg(geometry.in_direction(direction), title=title, boxes=boxes, lanes=lanes)
+def _map(
+    geometry: TrackGeometry, direction: str, title: str, boxes: tuple[BoxMark, ...], lanes: bool, line_m: float = 0.0
+) -> SafeString:
+    drawing = draw_svg(geometry.in_direction(direction), title=title, boxes=boxes, lanes=lanes, line_m=line_m)
     return mark_safe(drawing)  # the only texts in it are titles, which draw_svg escapes
 
 

@@ -21,7 +21,7 @@ from races.services.live import call_slot, command_now, command_start, launch, n
 from races.services.live.speed import effect_ms
 from tests.evaluation.stubs import HEADER
 from tests.factories import a_racer, lap, outcome, start
-from tests.live_shows import a_show, begun, compute, racer_of, slot_of
+from tests.live_shows import a_show, begun, compute, racer_of, slot_of, tick_through
 from tests.refusals import refused
 
 pytestmark = pytest.mark.django_db
@@ -181,11 +181,11 @@ class TestWhilePlayed:
         assert speed_document(event, mine, at + 2 * SECOND) == told
         assert live_document(event, at + 2 * SECOND)["current"]["speed"] is None
         due = slot.starts_at + timedelta(milliseconds=effect)
-        tick_live(now=due)
+        tick_through(at + 2 * SECOND, due)
         shown = live_document(event, due)["current"]["speed"]
         assert shown == {"at_ms": effect, "mode": "multiplier", "value": 1.5, "by": "bob"}
         assert speed_document(event, mine, due)["coming"] is None
-        tick_live(now=slot.ends_at + 3 * SECOND)
+        tick_through(due, slot.ends_at + 3 * SECOND)
         run = Submission.objects.get().evaluation
         assert (run.pk, commands(run)) == (new.pk, [(effect, "multiplier", 1.5)])
 
@@ -212,8 +212,7 @@ class TestWhilePlayed:
         assert Evaluation.with_sealed.filter(sealed=True).count() == 2
         due = at + LEAD_S * SECOND
         drive(first, at, 2)
-        tick_live(now=at + 5 * SECOND)
-        tick_live(now=due)
+        tick_through(at + 4 * SECOND, due)
         slot.refresh_from_db()
         last = (10 + 2 * LEAD_S) * 1000
         assert commands(slot.speed_run) == [((10 + LEAD_S) * 1000, "multiplier", 1.1), (last, "multiplier", 1.3)]

@@ -16,6 +16,7 @@ from races.selectors.live_speed import speed_document
 from races.services.live import command_now, command_start, launch, prepare_ahead, tick_live
 from tests.duels import duel_outcome
 from tests.factories import a_racer, start
+from tests.live_shows import tick_through
 from tests.races.test_live_duels import a_live_draw, begun, compute, slots
 
 pytestmark = pytest.mark.django_db
@@ -67,7 +68,7 @@ def test_each_commands_their_own_car_one_after_the_other(heat):
     assert slot.evaluation_id == first.pk
     cars = live_document(event, starts + timedelta(seconds=LEAD_S + 1))["current"]["cars"]
     assert [None if car["speed"] is None else car["speed"]["value"] for car in cars] == [None, 0.8]
-    tick_live(now=starts + timedelta(seconds=LEAD_S))
+    tick_through(starts + timedelta(seconds=6), starts + timedelta(seconds=LEAD_S))
     slot.refresh_from_db()
     assert logged(slot.speed_run) == [(1, LEAD_S * 1000, 0.8), (1, 2 * LEAD_S * 1000, 0.9)]
     assert [(one["car"], one["value"]) for one in slot.speed_wish] == [(0, 1.3)], "the other's still waits"

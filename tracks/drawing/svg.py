@@ -54,6 +54,7 @@ def draw_svg(
     standalone: bool = False,
     marks: str = "",
     below_m: float = 0.0,
+    line_m: float = 0.0,
 ) -> str:
     """The map: road, centre line, finish and driving direction, then trajectories, boxes and a car's place.
 
@@ -65,7 +66,7 @@ def draw_svg(
     page.
 
     ``marks``: SVG of the caller's own, in the map's coordinates (see :func:`svg_path`), drawn on top of the road;
-    ``below_m``: room for it below the map.
+    ``below_m``: room for it below the map. ``line_m``: laps begin and end so many metres after the finish line.
     """
     frame = _Frame(track)
     size = "".join(f' {word}="{int(value)}"' for word, value in (("width", width), ("height", height)) if value)
@@ -84,8 +85,8 @@ def draw_svg(
         *(_lane(frame, track, lane) for lane in LANES if lanes),
         *(_stroke(frame, points, speed, one.style) for one in lines for speed, points in one.strokes()),
         "" if loop else f'<path class="track-start" fill="none" {_THIN} d="{frame.path(start_line(track))}"/>',
-        f'<path class="track-finish" fill="none" {_THIN} d="{frame.path(finish_line(track))}"/>',
-        f'<path class="track-arrow" fill="none" {_THIN} d="{frame.path(arrow(track))}"/>',
+        f'<path class="track-finish" fill="none" {_THIN} d="{frame.path(finish_line(track, line_m))}"/>',
+        f'<path class="track-arrow" fill="none" {_THIN} d="{frame.path(arrow(track, line_m))}"/>',
     ]
     parts.append(marks)
     parts += [_box(frame, box) for box in boxes]
@@ -101,9 +102,9 @@ def svg_path(track: TrackGeometry, points: Sequence[Sequence[float]] | Points, *
     return _Frame(track).path(points, closed=closed)
 
 
-def finish_line(track: TrackGeometry) -> tuple[tuple[float, float], tuple[float, float]]:
-    """The two ends of the finish line, border to border, square to the track."""
-    return _across(track, track.finish_m)
+def finish_line(track: TrackGeometry, line_m: float = 0.0) -> tuple[tuple[float, float], tuple[float, float]]:
+    """The two ends of the finish line, border to border, square to the track; ``line_m``: moved by so many metres."""
+    return _across(track, track.along(track.finish_m + line_m) if line_m else track.finish_m)
 
 
 def start_line(track: TrackGeometry) -> tuple[tuple[float, float], tuple[float, float]]:
@@ -116,11 +117,12 @@ def _across(track: TrackGeometry, metres: float) -> tuple[tuple[float, float], t
     return track.point_at(metres, left)[:2], track.point_at(metres, -right)[:2]
 
 
-def arrow(track: TrackGeometry) -> list[tuple[float, float]]:
-    """Three points of a chevron on the road just after the start that points in the driving direction."""
+def arrow(track: TrackGeometry, line_m: float = 0.0) -> list[tuple[float, float]]:
+    """Three points of a chevron on the road just after the start (``line_m`` after the track's own) that points in the
+    driving direction."""
     size = mark_size(track)
-    reach = min(size, 0.4 * track.width_at(0.0))
-    x, y, heading = track.point_at(2.5 * size)
+    reach = min(size, 0.4 * track.width_at(line_m))
+    x, y, heading = track.point_at(line_m + 2.5 * size)
     cos, sin = math.cos(heading), math.sin(heading)
     return [(x + a * cos - b * sin, y + a * sin + b * cos) for a, b in ((-size, reach), (0.0, 0.0), (-size, -reach))]
 

@@ -25,9 +25,9 @@ from django.utils.crypto import get_random_string
 from config.backup.databases import damage
 from config.cache import SteadyCache
 from config.management import JsonCommand
-from config.streams import life
 from core.clock import database_now
 from core.jobs.kinds import all_kinds
+from core.streams import life
 from evaluation.models import StoredFile, WorkerNode
 from evaluation.proof import Proof, prove
 from evaluation.sandbox.probe import SandboxReport, probe

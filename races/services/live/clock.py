@@ -12,16 +12,17 @@ from datetime import datetime, timedelta
 
 from django.db.models import Q
 
+from core.streams import life
 from evaluation.models import State
 from paddock.errors import UserFault
 
 from ...models import REVEALED_AFTER, LiveEvent, LiveSlot, LiveState, SlotState
-from ...models.live import OVER
+from ...models.live import INTERRUPTED_AFTER, OVER
 from .order import hold_slot, release_slot
 from .planning import cancel_live
 from .roll import LACKS_CAR, lacks_car, model_of, note_late_qualifying, throw_away
 from .sealing import next_slots, prepare_ahead
-from .show import begin_live, end_live, launch, ready_ms, reveal, tidy_ended
+from .show import begin_live, end_live, interrupt, launch, ready_ms, reveal, tidy_ended
 from .speed import settle_speed
 from .undo import FOR
 
@@ -66,6 +67,9 @@ def _move_on(event: LiveEvent, now: datetime) -> int:
     settled = settle_speed(event=event, now=now) + _release_ready(event, now)
     running = LiveSlot.objects.filter(event=event, state=SlotState.RUNNING).first()
     if running is not None:
+        if _is_interrupted(event, running, now):
+            interrupt(event=event, slot=running, now=now)
+            return settled + 1
         due = running.ends_at is not None and running.ends_at <= now - REVEALED_AFTER
         return settled + int(due and reveal(slot=running, now=now))
     if event.last_at <= now - LEFT_ALONE:
@@ -100,8 +104,23 @@ def _next_by_itself(event: LiveEvent, now: datetime) -> int:
     return 1
 
 
+def _is_interrupted(event: LiveEvent, slot: LiveSlot, now: datetime) -> bool:
+    """Whether the site was away for so long a part of a run that its spectators missed it. Notes that it is here now.
+
+    The clock looks every second. While it was away, a stream process that lived went on showing the run.
+    """
+    before, event.clock_at = event.clock_at, now
+    LiveEvent.objects.filter(pk=event.pk).update(clock_at=now)
+    if before is None or slot.starts_at is None or slot.ends_at is None:
+        return False
+    missed = min(now, slot.ends_at) - max(before, slot.starts_at)
+    return missed >= INTERRUPTED_AFTER and not life.lived_through(before, now)
+
+
 def _release_ready(event: LiveEvent, now: datetime) -> int:
     """Release the slots that are held for want of a car, and whose racer has one by now. Returns how many."""
+    if event.auto_run and event.state == LiveState.RUNNING:
+        _show_interrupted(event, now)
     held = LiveSlot.objects.filter(event=event, state=SlotState.HELD, reason_code__in=LACKS_CAR)
     related = ("racer__entry__racer", "racer__entry__best__evaluation__model__owner", "racer__model__owner")
     done = 0
@@ -114,6 +133,12 @@ def _release_ready(event: LiveEvent, now: datetime) -> int:
         elif slot.reason_code != (reason := lacks_car(slot.racer)):
             LiveSlot.objects.filter(pk=slot.pk, state=SlotState.HELD).update(reason_code=reason)
     return done
+
+
+def _show_interrupted(event: LiveEvent, now: datetime) -> None:
+    """Release what was interrupted before the event ran by itself."""
+    for slot in LiveSlot.objects.filter(event=event, state=SlotState.HELD, reason_code="live_interrupted"):
+        release_slot(event=event, slot=slot, by=None, seen=event.version, now=now)
 
 
 def _compute_again(event: LiveEvent, now: datetime) -> int:

@@ -16,7 +16,7 @@ from evaluation.selectors import can_use_model
 from evaluation.services import queue_evaluation
 from paddock.errors import UserFault
 
-from ...layout import race_rules
+from ...live_rules import live_rules
 from ...models import (
     Duel,
     DuelCompetitor,
@@ -68,7 +68,7 @@ def seal_heat(event: LiveEvent, slot: LiveSlot, now: datetime) -> bool:
             owner=front.owner,
             model=front,
             track=event.race.track,
-            rules=rules_with(race_rules(event.race), log),
+            rules=rules_with(live_rules(event), log),
             rivals=others,
             priority=URGENT,
             sealed=True,

@@ -14,6 +14,7 @@ from core.locks import hold
 from paddock.errors import UserFault
 
 from ...events import LIVE_PLANNED, of_race
+from ...live_rules import check_start, draw_seed, draw_start
 from ...models import (
     HEAT_CARS,
     Duel,
@@ -45,6 +46,8 @@ PLANNABLE = (
     "roll_call",
     "auto_run",
     "speed_control",
+    "start_m",
+    "seed",
 )
 MOST_GAP_S = 600
 
@@ -56,12 +59,13 @@ def plan_live(*, race: Race, by: Racer, now: datetime, starts_at: datetime, **pl
     ``plan``: any of :data:`PLANNABLE`. Raises UserFault ``race_not_yours``, ``race_cancelled``, ``race_recorded``,
     ``live_exists``, ``live_of_real_cars``, ``live_with_duels`` once they are driven, ``live_before_draw``,
     ``live_in_the_past``, ``live_too_far_ahead``, ``live_time_zone``,
-    ``live_format`` with the name of what is out of its range.
+    ``live_format`` with the name of what is out of its range, ``live_start``, ``track_start_fixed``,
+    ``boxes_do_not_fit``. A start or a seed that is not given (or None) is drawn.
     """
     if not can_organise(by, race):
         raise UserFault("race_not_yours")
     hold(race)
-    race = Race.objects.get(pk=race.pk)
+    race = Race.objects.select_related("track").get(pk=race.pk)
     if race.imported_at is not None:
         raise UserFault("race_recorded")
     if race.physical:
@@ -74,6 +78,7 @@ def plan_live(*, race: Race, by: Racer, now: datetime, starts_at: datetime, **pl
         raise UserFault("live_with_duels")
     check_plan({"starts_at": starts_at, **plan}, now)
     _check_draw(race, starts_at)
+    plan |= _start_of(race, plan)
     event = LiveEvent.objects.filter(race=race).first()
     if event is not None and (event.state != LiveState.CANCELLED or event.begun_at is not None):
         raise UserFault("live_exists")
@@ -94,6 +99,8 @@ def change_live(*, event: LiveEvent, by: Racer, seen: int | None, now: datetime,
     """Change the plan of an event that has not begun. Raises UserFault as :func:`plan_live` and ``acting``."""
     check_plan(plan, now)
     _check_draw(event.race, plan.get("starts_at", event.starts_at))
+    if "start_m" in plan or "seed" in plan:
+        plan |= _start_of(event.race, {"start_m": event.start_m, "seed": event.seed, **plan})
     with acting(event, "plan", by=by, seen=seen, now=now, states=(LiveState.PLANNED,)) as act:
         for name, value in plan.items():
             setattr(act.event, name, value)
@@ -150,6 +157,16 @@ def check_plan(plan: Mapping[str, Any], now: datetime) -> None:
             raise UserFault("live_format", name=name, least=least, most=most)
     if "order" in plan and plan["order"] not in LiveOrder.values:
         raise UserFault("live_order", known=", ".join(LiveOrder.values))
+
+
+def _start_of(race: Race, plan: Mapping[str, Any]) -> dict[str, Any]:
+    """Where the event's laps begin, and its seed: as planned, or drawn. Raises UserFault."""
+    start, seed = plan.get("start_m"), plan.get("seed")
+    check_start(race, start, seed)
+    return {
+        "start_m": draw_start(race) if start is None else start,
+        "seed": draw_seed(race) if seed is None else seed,
+    }
 
 
 def _check_draw(race: Race, starts_at: datetime) -> None:

@@ -154,9 +154,10 @@ def lacks_car(racer: LiveRacer) -> str:
 
 
 def drop_computed(racer: LiveRacer, *, but: TrainedModel | None, now: datetime) -> None:
-    """Throw away what was computed ahead for a racer with another model than ``but``, and has not been launched."""
-    slots = slots_of_racer(racer).filter(evaluation__sealed=True).exclude(state=SlotState.RUNNING)
-    for slot in slots.select_related("evaluation"):
+    """Throw away what was computed ahead for a racer with another model than ``but``, and has not been launched. A run
+    that was interrupted stays: spectators saw its beginning."""
+    slots = slots_of_racer(racer).filter(evaluation__sealed=True, interrupted_at=None)
+    for slot in slots.exclude(state=SlotState.RUNNING).select_related("evaluation"):
         evaluation = slot.evaluation
         if evaluation is not None and (but is None or slot.duel_id is not None or evaluation.model_id != but.pk):
             throw_away(slot, evaluation, now)

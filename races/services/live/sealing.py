@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import logging
-from dataclasses import replace
 from datetime import datetime
 from functools import partial
 
@@ -12,10 +11,9 @@ from django.db import transaction
 from evaluation.queue_order import URGENT
 from evaluation.services import queue_evaluation
 from paddock.errors import UserFault
-from paddock.rules.race import LIVE_LAPS, RaceRules
 
-from ...layout import race_rules
-from ...models import HEAT_CARS, LiveEvent, LiveSlot, Race, SlotState
+from ...live_rules import attempt_rules
+from ...models import HEAT_CARS, LiveEvent, LiveSlot, SlotState
 from ...models.live import TO_COME, UNDER_WAY
 from ...speed_log import rules_with, start_log
 from .heats import arrange_heats, seal_heat
@@ -23,11 +21,6 @@ from .roll import lacks_car, model_of, take_out_left, throw_away
 
 logger = logging.getLogger(__name__)
 AHEAD = 2
-
-
-def live_rules(event: LiveEvent, race: Race) -> RaceRules:
-    """What a run of the event is told: the race's rules, for so long as an attempt lasts."""
-    return replace(race_rules(race), laps=LIVE_LAPS, max_simulated_ms=event.attempt_ms)
 
 
 @transaction.atomic
@@ -62,7 +55,7 @@ def prepare_ahead(*, event: LiveEvent, now: datetime) -> int:
                 owner=slot.racer.entry.racer,
                 model=model,
                 track=event.race.track,
-                rules=rules_with(live_rules(event, event.race), log),
+                rules=rules_with(attempt_rules(event), log),
                 priority=URGENT,
                 sealed=True,
                 now=now,

@@ -115,7 +115,32 @@ def launch(
         found.ends_at = found.starts_at + timedelta(milliseconds=lasts_ms)
         found.reason_code = ""
         found.save(update_fields=["state", "starts_at", "ends_at", "reason_code"])
+        act.event.clock_at = None
         prepare_after_commit(act.event, now)
+    return found
+
+
+def interrupt(*, event: LiveEvent, slot: LiveSlot, now: datetime) -> LiveSlot:
+    """The site was away while a run was shown: show it again from its start, the same run.
+
+    In an event that runs by itself its countdown begins at once; otherwise the slot is held as ``live_interrupted``
+    until an organiser releases it. Raises UserFault as ``acting``, ``live_slot_state``.
+    """
+    with acting(event, "interrupt", by=None, seen=None, now=now, states=UNDER_WAY) as act:
+        found = act.slot(slot)
+        if found.state != SlotState.RUNNING or found.starts_at is None or found.ends_at is None:
+            raise UserFault("live_slot_state", state=found.get_state_display())
+        forget_speed(found, now)
+        found.interrupted_at, found.reason_code = now, "live_interrupted"
+        if act.event.auto_run and act.event.state == LiveState.RUNNING:
+            lasts = found.ends_at - found.starts_at
+            found.starts_at = now + COUNTDOWN
+            found.ends_at = found.starts_at + lasts
+        else:
+            found.state, found.starts_at, found.ends_at = SlotState.HELD, None, None
+        found.save(update_fields=["state", "starts_at", "ends_at", "reason_code", "interrupted_at"])
+        act.event.clock_at = None
+        act.final = True
     return found
 
 

@@ -67,8 +67,8 @@ def command_start(
     racer.speed = None if mode == MODEL_SPEED else {key: command[key] for key in ("mode", "value", "by")}
     racer.speed_at = now
     racer.save(update_fields=["speed", "speed_at"])
-    slots = slots_of_racer(racer).filter(evaluation__sealed=True).exclude(state=SlotState.RUNNING)
-    for slot in slots.select_related("evaluation"):
+    slots = slots_of_racer(racer).filter(evaluation__sealed=True, interrupted_at=None)
+    for slot in slots.exclude(state=SlotState.RUNNING).select_related("evaluation"):
         if slot.evaluation is not None:
             throw_away(slot, slot.evaluation, now)
     prepare_after_commit(event, now)
