@@ -128,7 +128,7 @@ register(
             "There is no such model for you: it has left its garage or is not shared any more. Choose another."
         ),
         "report_tracks": _("List tracks only for a report on chosen tracks. The other sets include their own tracks."),
-        "report_track_gone": _("There is no track %(track)s here. Choose another one."),
+        "report_track_gone": _("There is no track %(track)s here. The closest names are: %(nearest)s."),
         "report_too_many_tracks": _("A report drives at most %(limit)s tracks. Choose fewer."),
         "report_track_without_shape": _(
             "The shape of %(track)s is not known here, so no car can drive on it. Leave it out."

@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 from django.db.models import QuerySet
-from django.shortcuts import get_object_or_404
 from django.utils import timezone
+from django.utils.translation import gettext
 from drf_spectacular.utils import OpenApiParameter, extend_schema, extend_schema_field, extend_schema_view
 from rest_framework import generics, serializers, status
+from rest_framework.exceptions import NotFound
 from rest_framework.parsers import MultiPartParser
 from rest_framework.permissions import IsAuthenticatedOrReadOnly
 from rest_framework.request import Request
@@ -17,13 +20,15 @@ from rest_framework.views import APIView
 from accounts.scopes import ORGANISE
 from accounts.who import racer_of
 from core.bodies import Body, read_as
+from paddock.geometry.catalogue.names import direction_in
 from paddock.geometry.npy import MAX_BYTES
 
 from . import services
 from .figures import figures, with_figures
 from .models import Direction, Track, TrackLook
-from .selectors import found_tracks
+from .selectors import found_tracks, track_named, unknown_track
 
+NAME_HELP = "The track's slug, or any name of a catalogue track, such as `penbay_open`."
 LINE = {
     "type": "array",
     "items": {"type": "array", "items": {"type": "number"}, "minItems": 2, "maxItems": 2},
@@ -41,6 +46,29 @@ class LineField(serializers.Field):
 
     def to_representation(self, points: np.ndarray) -> list[list[float]]:
         return points.tolist()
+
+
+class TrackField(serializers.SlugRelatedField):
+    """A track by its address, or a catalogue track by another of its names."""
+
+    def __init__(self, **options: Any) -> None:
+        options.setdefault("queryset", Track.objects.all())
+        options.setdefault("help_text", NAME_HELP)
+        super().__init__(slug_field="slug", **options)
+
+    def to_internal_value(self, data: Any) -> Track:
+        """The track. Raises ValidationError with the closest names, or with the direction that the name asks for."""
+        if not isinstance(data, str):
+            return super().to_internal_value(data)
+        track = track_named(data)
+        if track is not None and track.slug != data and (direction := direction_in(data)):
+            text = gettext("%(name)s is the track %(slug)s in one direction. Send this address and direction %(way)s.")
+            said = text % {"name": data[:64], "slug": track.slug, "way": direction}
+            raise serializers.ValidationError(said, code="track_direction")
+        try:
+            return super().to_internal_value(track.slug if track else data)
+        except serializers.ValidationError as refused:
+            raise serializers.ValidationError(unknown_track(data), code="does_not_exist") from refused
 
 
 class TrackSerializer(serializers.Serializer):
@@ -113,7 +141,7 @@ class ImportSerializer(Body):
         operation_id="list_tracks",
         summary="Tracks",
         parameters=[
-            OpenApiParameter("search", str, description="Part of a name, an address, or an importer's alias."),
+            OpenApiParameter("search", str, description="Part of any name, an address, or an importer's alias."),
             OpenApiParameter(
                 "sort", str, description="`name`, `length`, `width`, `corners`, `difficulty`, `record`, `raced`."
             ),
@@ -158,5 +186,8 @@ class TrackView(APIView):
         operation_id="read_track", summary="A track with its points", responses=TrackDetailSerializer, tags=["tracks"]
     )
     def get(self, request: Request, slug: str) -> Response:
-        track = get_object_or_404(with_figures(Track.objects.select_related("owner")), slug=slug)
+        named = track_named(slug)
+        if named is None:
+            raise NotFound(unknown_track(slug))
+        track = with_figures(Track.objects.select_related("owner")).get(pk=named.pk)
         return Response(TrackDetailSerializer(track).data)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import hashlib
 import re
 from datetime import datetime
 from typing import TYPE_CHECKING
@@ -16,12 +17,14 @@ from core.columns import length_of
 from core.locks import hold
 from paddock.errors import UserFault
 from paddock.geometry.catalogue import CATALOGUE, CatalogueTrack
+from paddock.geometry.catalogue.names import find
 from paddock.geometry.character import character_of, median_width
 from paddock.geometry.npy import read_npy, write_npy
 from paddock.geometry.track import TrackGeometry
 
-from .models import Track, TrackLook
+from .models import Direction, Track, TrackLook
 from .quotas import TRACKS
+from .selectors import track_named
 
 if TYPE_CHECKING:
     from accounts.models import Racer
@@ -90,10 +93,37 @@ def load_catalogue(*, now: datetime | None = None) -> list[Track]:
     """Put the tracks that come with Paddock into the database; what is there already stays as it is.
 
     A track whose shape a later version changed is a new row under the known address; the old one keeps its races under
-    another address, for geometry never changes.
+    another address, for geometry never changes. Races of an imported season on a track that was known by name only get
+    the catalogue's track of that name.
     """
     now = now or timezone.now()
-    return [_catalogue_row(entry, now) for entry in CATALOGUE]
+    rows = [_catalogue_row(entry, now) for entry in CATALOGUE]
+    for unknown in Track.objects.filter(length_m=None):
+        named = find(unknown.name) or find(unknown.slug)
+        if named is not None:
+            _replace(unknown, next(row for row in rows if row.slug == named.track.slug))
+    return rows
+
+
+def recorded_track(name: str, *, now: datetime) -> Track:
+    """The track that an imported season names: by address, by a name of the catalogue, by name; else a new row that has
+    nothing but the name."""
+    track = track_named(name) or track_named(slugify(name).replace("_", "-"))
+    named = None if track else find(name)
+    if named is not None:
+        return _catalogue_row(named.track, now)
+    return (
+        track
+        or Track.objects.filter(name__iexact=name).order_by("pk").first()
+        or Track.objects.create(
+            slug=free_slug(name),
+            name=name,
+            npy=b"",
+            fingerprint=f"unknown:{hashlib.sha256(name.encode()).hexdigest()[:48]}",
+            direction=Direction.CCW,
+            created_at=now,
+        )
+    )
 
 
 def delete_track(*, track: Track) -> None:
@@ -109,10 +139,18 @@ def free_slug(name: str) -> str:
     """An address for a track of this name that no track has."""
     base = slugify(name)[: SLUG_LIMIT - 6].strip("-_").replace("_", "-") or "track"
     slug, number = base, 1
-    while slug in RESERVED_SLUGS or Track.objects.filter(slug=slug).exists():
+    while _is_reserved(slug) or Track.objects.filter(slug=slug).exists():
         number += 1
         slug = f"{base}-{number}"
     return slug
+
+
+def _replace(unknown: Track, track: Track) -> None:
+    """Give whatever refers to the first track the second one, and delete the first."""
+    for relation in Track._meta.related_objects:
+        rows = relation.related_model._base_manager.filter(**{relation.field.name: unknown})
+        rows.update(**{relation.field.name: track})
+    unknown.delete()
 
 
 def _catalogue_row(entry: CatalogueTrack, now: datetime) -> Track:
@@ -174,9 +212,15 @@ def _valid_name(name: str) -> str:
 
 
 def _refuse_slug(slug: str) -> None:
-    taken = slug in RESERVED_SLUGS or Track.objects.filter(slug=slug).exists()
+    taken = _is_reserved(slug) or Track.objects.filter(slug=slug).exists()
     if taken or len(slug) > SLUG_LIMIT or not _SLUG.match(slug):
         raise UserFault("track_slug", slug=slug[:SLUG_LIMIT])
+
+
+def _is_reserved(slug: str) -> bool:
+    """Whether the address is a page's, or another name of a catalogue track."""
+    named = find(slug)
+    return slug in RESERVED_SLUGS or (named is not None and named.track.slug != slug)
 
 
 def _refuse_above_limit(owner: Racer) -> None:

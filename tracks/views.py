@@ -21,7 +21,7 @@ from .forms import ImportTrackForm
 from .models import Track
 from .printing import FORMS, print_facts, print_file
 from .quotas import TRACKS
-from .selectors import found_tracks
+from .selectors import closest_tracks, found_tracks, track_named
 from .services import import_track
 
 TRACKS_PER_PAGE = 24
@@ -30,11 +30,16 @@ TRACKS_PER_PAGE = 24
 @require_safe
 def tracks(request: HttpRequest) -> HttpResponse:
     """Cards of all tracks with their figures, searched and sorted."""
-    asked = " ".join(request.GET.get("q", "").replace("\0", "").split())[:64]
+    return _found(request, " ".join(request.GET.get("q", "").replace("\0", "").split())[:64])
+
+
+def _found(request: HttpRequest, asked: str, status: int = 200) -> HttpResponse:
+    """The tracks that a search finds, or the closest names."""
     sorted_by = figure(request.GET.get("sort", ""))
     page = Paginator(found_tracks(search=asked, sort=sorted_by.name), TRACKS_PER_PAGE).get_page(request.GET.get("page"))
-    context = {"page": page, "asked": asked, "sorted_by": sorted_by, "figures": figures()}
-    return render(request, "tracks/tracks.html", context)
+    closest = [] if page.object_list or not asked else closest_tracks(asked)
+    context = {"page": page, "asked": asked, "sorted_by": sorted_by, "figures": figures(), "closest": closest}
+    return render(request, "tracks/tracks.html", context, status=status)
 
 
 @require_safe
@@ -46,8 +51,12 @@ def tracks_to_choose(request: HttpRequest) -> HttpResponse:
 @require_safe
 def track(request: HttpRequest, slug: str) -> HttpResponse:
     """One track: map, figures and the races on it."""
-    shown = get_object_or_404(with_figures(Track.objects.select_related("owner")), slug=slug)
-    return render(request, "tracks/track.html", {"track": shown, "figures": figures()})
+    shown = with_figures(Track.objects.select_related("owner")).filter(slug=slug).first()
+    if shown is not None:
+        return render(request, "tracks/track.html", {"track": shown, "figures": figures()})
+    if named := track_named(slug):
+        return redirect(named)
+    return _found(request, slug, status=404)
 
 
 @require_safe

@@ -6,8 +6,9 @@ from difflib import get_close_matches
 from typing import NamedTuple
 
 from config.management import Refusal
-from config.management.tracks import NEAREST, FoundTrack, has_database
+from config.management.tracks import FoundTrack, has_database
 from paddock.errors import PlatformFault, UserFault
+from paddock.geometry.catalogue.names import NEAREST
 from paddock.rules.race import RaceRules
 from races.layout import race_rules
 from races.models import Race

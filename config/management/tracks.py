@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from difflib import get_close_matches
 from pathlib import Path
 from typing import NamedTuple
 
@@ -13,13 +12,13 @@ from django.db.backends.sqlite3.base import DatabaseWrapper
 from config.management import Refusal
 from paddock.errors import UserFault
 from paddock.geometry.catalogue import CATALOGUE
+from paddock.geometry.catalogue.names import find, nearest
 from paddock.geometry.npy import MAX_BYTES, read_npy
 from paddock.geometry.track import TrackGeometry
 from paddock.simulator.camera.theme import OFFICIAL
 from tracks.models import Track
 
-NEAREST = 3
-TRACK_HELP = "a track by its address, of the catalogue or of this site, or an .npy file"
+TRACK_HELP = "a catalogue track by any of its names, a track of this site by its address, or an .npy file"
 
 
 class FoundTrack(NamedTuple):
@@ -30,14 +29,14 @@ class FoundTrack(NamedTuple):
 
 
 def find_track(name: str) -> FoundTrack:
-    """A catalogue track by its slug, the track in an ``.npy`` file, or one of the site's own by its slug.
+    """A catalogue track by any of its names, the track in an ``.npy`` file, or one of the site's own by its slug.
 
     The database is asked last, so that the other two need none. Raises UserFault for a file that is not a track and for
     a track whose shape nobody here knows, Refusal of ``track_not_found``, ``track_database`` and ``file_unreadable``.
     """
-    for track in CATALOGUE:
-        if track.slug == name:
-            return FoundTrack(track.geometry())
+    named = find(name)
+    if named is not None:
+        return FoundTrack(named.track.geometry())
     path = Path(name)
     if path.suffix == ".npy":
         try:
@@ -62,8 +61,8 @@ def _imported(name: str) -> FoundTrack:
             problem = " ".join(str(error).split())[:200]
             fault = UserFault("track_database", name=name, problem=problem, known=", ".join(catalogue))
             raise Refusal(fault) from error
-    nearest = get_close_matches(name, {*catalogue, *own}, n=NEAREST, cutoff=0)
-    raise Refusal(UserFault("track_not_found", name=name, nearest=", ".join(nearest), known=", ".join(catalogue)))
+    closest = ", ".join(nearest(name, own))
+    raise Refusal(UserFault("track_not_found", name=name, nearest=closest, known=", ".join(catalogue)))
 
 
 def has_database() -> bool:

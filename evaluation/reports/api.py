@@ -22,6 +22,7 @@ from paddock.errors import UserFault
 from paddock.errors.reasons import REASONS
 from paddock.rules.report import KINDS, MOST_SEED, kind_of, percent_of
 from tracks.models import Track
+from tracks.selectors import nearest_names, track_named
 
 from ..models import State
 from . import services
@@ -299,7 +300,7 @@ def _detail(request: Request, public_id: str) -> dict[str, Any]:
 
 
 def _track(slug: str) -> Track:
-    track = Track.objects.filter(slug=slug).first()
+    track = track_named(slug)
     if track is None:
-        raise UserFault("report_track_gone", track=slug)
+        raise UserFault("report_track_gone", track=slug, nearest=nearest_names(slug))
     return track

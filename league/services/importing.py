@@ -2,7 +2,7 @@
 
 An imported race is a league race with ``imported_at``: its entries have standings and no submissions. What the record
 says besides stands in :mod:`league.models.record`. Racers become accounts that nobody can log in to. A track is found
-by its address or name; where none is here, only its name is kept, never a shape.
+by its address or any of its names; without a match only the name is kept, never a shape.
 """
 
 from __future__ import annotations
@@ -20,13 +20,14 @@ from django.utils.text import slugify
 from accounts.models import Racer
 from accounts.models.racer import ALIAS_VALIDATORS
 from paddock.errors import UserFault
+from paddock.geometry.catalogue.names import direction_in
 from races.errors import RaceRefused
 from races.models import DuelFormat, Entry, Opponents, Race, RaceKind, RaceType
 from races.models.race import RESERVED_SLUGS as RACE_PAGES
 from races.ranking import LAST, NOT_CLASSIFIED, drawn_rank
 from races.services.standings import recompute_fastest
-from tracks.models import Direction, Track
-from tracks.services import free_slug as free_track_slug
+from tracks.models import Track
+from tracks.services import recorded_track
 
 from ..history import ReadRace, ReadSeason, ResultRow, read_folder
 from ..history.form import NO_SCORE
@@ -71,7 +72,7 @@ def _import_season(read: ReadSeason, now: datetime, settings: dict[str, Any]) ->
     season = _make_season(read, settings)
     RecordedSeason.objects.create(season=season, label=read.label, digest=read.digest, imported_at=now)
     racers = _racers(read, now)
-    tracks = {name: _track(name, now) for name in sorted({race.row.track for race in read.races})}
+    tracks = {name: recorded_track(name, now=now) for name in sorted({race.row.track for race in read.races})}
     rounds = []
     for position, race in enumerate(read.races, start=1):
         made = _make_race(race, position, tracks[race.row.track], now)
@@ -135,22 +136,6 @@ def _free_alias(alias: str, record_id: str, taken: set[str]) -> str:
     return free
 
 
-def _track(name: str, now: datetime) -> Track:
-    """The track of this address or name, or a row that has nothing but the name."""
-    for lookup in ({"slug": name}, {"slug": slugify(name).replace("_", "-")}, {"name__iexact": name}):
-        found = Track.objects.filter(**lookup).order_by("pk").first()
-        if found is not None:
-            return found
-    return Track.objects.create(
-        slug=free_track_slug(name),
-        name=name,
-        npy=b"",
-        fingerprint=f"unknown:{hashlib.sha256(name.encode()).hexdigest()[:48]}",
-        direction=Direction.CCW,
-        created_at=now,
-    )
-
-
 def _make_race(read: ReadRace, position: int, track: Track, now: datetime) -> Race:
     row = read.row
     title = _TITLES.get(row.stage)
@@ -162,6 +147,7 @@ def _make_race(read: ReadRace, position: int, track: Track, now: datetime) -> Ra
         division=DIVISION_OF[row.stage],
         name=row.name if title is None else f"{row.name[: 61 - len(title)]} · {title}",
         track=track,
+        direction=direction_in(row.track) or track.direction,
         race_type=row.race_type,
         ranking_method=row.ranking_method,
         **row.laps_of_the_race,

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import contextlib
-import difflib
 import json
 import os
 import platform
@@ -18,6 +17,7 @@ from typing import Any
 from paddock import exact
 from paddock.errors import PaddockError, PlatformFault, UserFault, fault_from_dict
 from paddock.geometry.catalogue import CATALOGUE
+from paddock.geometry.catalogue.names import find, nearest
 from paddock.geometry.npy import MAX_BYTES, read_npy
 from paddock.geometry.track import TrackGeometry
 from paddock.rules.race import LIVE_LAPS, RUN_RULES, RaceRules
@@ -76,14 +76,13 @@ def _of_the_site(site: Site, slug: str) -> TrackGeometry:
 
 
 def track_here(name: str) -> TrackGeometry:
-    """A track of the catalogue by its address, or an ``.npy`` file. Raises UserFault."""
-    for track in CATALOGUE:
-        if track.slug == name:
-            return track.geometry()
+    """A track of the catalogue by any of its names, or an ``.npy`` file. Raises UserFault."""
+    named = find(name)
+    if named is not None:
+        return named.track.geometry()
     path = Path(name)
     if path.suffix != ".npy":
-        nearest = difflib.get_close_matches(name, [track.slug for track in CATALOGUE], n=3, cutoff=0)
-        raise UserFault("track_unknown", name=name, nearest=", ".join(nearest))
+        raise UserFault("track_unknown", name=name, nearest=", ".join(nearest(name)))
     try:
         with path.open("rb") as file:
             return read_npy(file.read(MAX_BYTES + 1), path.stem)

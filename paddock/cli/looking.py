@@ -8,7 +8,7 @@ import sys
 from typing import Any
 
 from paddock.errors import UserFault
-from paddock.geometry.catalogue import CATALOGUE
+from paddock.geometry.catalogue.names import holding, nearest
 
 from .asking import Call, race_of
 from .settings import address
@@ -100,8 +100,7 @@ def tracks(asked: Call, options: argparse.Namespace) -> int:
     if asked.site_named() or asked.settings.usual:
         found = asked.site().pages("/tracks/", search=options.search, sort=options.sort)
     else:
-        words = options.search.lower()
-        found = [_own_track(track) for track in CATALOGUE if words in f"{track.slug} {track.name.lower()}"]
+        found = [_own_track(track) for track in holding(options.search)]
     rows = [
         (
             each["slug"],
@@ -114,7 +113,8 @@ def tracks(asked: Call, options: argparse.Namespace) -> int:
         for each in found
     ]
     head = ("track", "length", "width", "corners", "difficulty", "name")
-    asked.speaker.result(found, table(head, rows) if rows else "No tracks.")
+    none = f"No tracks. The closest names are: {', '.join(nearest(options.search))}."
+    asked.speaker.result(found, table(head, rows) if rows else none)
     return 0
 
 

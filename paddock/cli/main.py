@@ -88,7 +88,9 @@ def parser() -> argparse.ArgumentParser:
     where.add_argument(
         "--race", default="", metavar="RACE", help="by the rules of this race, and compare with the site"
     )
-    where.add_argument("--track", default="", metavar="TRACK", help="on a track of the catalogue, or an .npy file")
+    where.add_argument(
+        "--track", default="", metavar="TRACK", help="on a track of the catalogue by any of its names, or an .npy file"
+    )
     one.add_argument("--rule", action="append", default=[], metavar="NAME=VALUE", help="with --track: a rule of a run")
     one.add_argument("--look", default="", choices=("official", "textures", "bold"), help="with --track")
     one.add_argument("--rival", action="append", default=[], metavar="FILE", help="another car in the same race")

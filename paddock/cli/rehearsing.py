@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from paddock.errors import UserFault
+from paddock.geometry.catalogue.names import direction_in
 from paddock.rules.race import RUN_RULES, BoxPlace, RaceRules
 from paddock.rules.speed import SpeedCommand
 from paddock.simulator.camera.theme import OFFICIAL
@@ -29,7 +30,8 @@ def evaluate(asked: Call, options: argparse.Namespace) -> int:
         site, slug = race_of(asked, options.race)
         where = where_of(site, site.get(f"/races/{slug}/specification/"))
     else:
-        rules = _rules(options.rule)
+        direction = direction_in(options.track)
+        rules = _rules([*([f"direction={direction}"] if direction else []), *options.rule])
         where = Where(track_here(options.track).in_direction(rules.direction), options.look or OFFICIAL.name, rules)
     own = list(parts_of([Path(name) for name in options.model]).values())
     cars = [{"files": list(map(str, own)), "checkpoint": options.checkpoint}]

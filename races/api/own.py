@@ -18,7 +18,8 @@ from accounts.who import racer_of
 from core.bodies import Body, read_as, refuse_fields
 from evaluation.models import State
 from paddock.rules.race import MAX_CARS, OWN_RULES
-from tracks.models import Track
+from tracks.api import NAME_HELP, TrackField
+from tracks.selectors import track_named
 
 from .. import services
 from ..models import OwnEvaluation, RaceType
@@ -33,9 +34,7 @@ class NewOwnSerializer(with_rules(Body, OWN_RULES, rules=OWN_RULES, asked=True))
     """A run: a model on a track with rules, each of which may be left out; or a model as in a race."""
 
     model = serializers.CharField(max_length=12, help_text="A model of yours, or one that is shared: its public id.")
-    track = serializers.SlugRelatedField(
-        slug_field="slug", queryset=Track.objects.all(), required=False, help_text="The track's slug."
-    )
+    track = TrackField(required=False)
     race = serializers.CharField(
         max_length=80, required=False, help_text="Instead of a track and rules: as in this race (its slug), alone."
     )
@@ -97,7 +96,7 @@ class OwnSummarySerializer(serializers.Serializer):
         parameters=[
             OpenApiParameter("state", enum=State.values),
             OpenApiParameter("race_type", enum=RaceType.values),
-            OpenApiParameter("track", str, description="The track's slug."),
+            OpenApiParameter("track", str, description=NAME_HELP),
             OpenApiParameter("model", str, description="The model's public id."),
             OpenApiParameter("race", str, description="The slug of the race that they were driven as in."),
         ],
@@ -113,7 +112,10 @@ class OwnRunsView(generics.ListAPIView):
     serializer_class = OwnSummarySerializer
 
     def get_queryset(self) -> QuerySet[OwnEvaluation]:
-        return own_runs_of(self.request.user, **read_as(OwnFilterSerializer, self.request.query_params))
+        wanted = read_as(OwnFilterSerializer, self.request.query_params)
+        if named := track_named(wanted.get("track", "")):
+            wanted["track"] = named.slug
+        return own_runs_of(self.request.user, **wanted)
 
     @extend_schema(
         operation_id="create_evaluation",

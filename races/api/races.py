@@ -18,7 +18,7 @@ from accounts.who import racer_of
 from core.bodies import Body, read_as, refuse_fields
 from paddock.errors import UserFault
 from paddock.rules.race import RULES
-from tracks.models import Track
+from tracks.api import TrackField
 
 from .. import services
 from ..audit import log
@@ -137,9 +137,7 @@ class RaceChangeSerializer(with_rules(Body, RULES, asked=True)):  # type: ignore
         required=False,
         help_text="Whoever joins accepts them first; a change asks everybody anew.",
     )
-    track = serializers.SlugRelatedField(
-        slug_field="slug", queryset=Track.objects.all(), required=False, help_text="The track's slug."
-    )
+    track = TrackField(required=False)
     physical = serializers.BooleanField(required=False, help_text="Real cars, timed at the track.")
     session_s = serializers.IntegerField(required=False, min_value=SESSION_S[0], max_value=SESSION_S[1])
     minimum_lap_ms = serializers.IntegerField(required=False, min_value=MINIMUM_LAP_MS[0], max_value=MINIMUM_LAP_MS[1])
@@ -177,7 +175,7 @@ class NewRaceSerializer(RaceChangeSerializer):
     """A race. What is left out has the default that a read race shows."""
 
     name = serializers.CharField(max_length=64)
-    track = serializers.SlugRelatedField(slug_field="slug", queryset=Track.objects.all(), help_text="The track's slug.")
+    track = TrackField()
     opens_at = serializers.DateTimeField()
     closes_at = serializers.DateTimeField()
     division = serializers.ChoiceField(

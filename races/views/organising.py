@@ -27,7 +27,7 @@ from races.selectors.terms import with_accepted_terms
 from races.services.races import has_submissions
 from races.spectators import spectator_token
 from races.validation import changed_fields
-from tracks.models import Track
+from tracks.selectors import track_named
 
 from .common import organised_race, tell_fault
 
@@ -40,8 +40,8 @@ def race_new(request: HttpRequest) -> HttpResponse:
     """Make a community race."""
     now = timezone.now()
     initial: dict[str, object] = {}
-    if Track.objects.filter(slug=request.GET.get("track", "")).exists():
-        initial["track"] = request.GET["track"]
+    if track := track_named(request.GET.get("track", "")):
+        initial["track"] = track.slug
     groups = groups_to_hold_for(racer_of(request))
     if wanted := groups.filter(slug=request.GET.get("group", "")).first():
         initial |= {"group": wanted.pk} | ({} if wanted.is_listed else {"visibility": Visibility.INVITATION})

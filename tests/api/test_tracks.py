@@ -120,5 +120,5 @@ def test_a_track_shows_its_record_and_how_often_it_was_raced(alice, bob, as_race
     drive(race, alice, laps(9000, 8000, 8500), now)
     drive(race, bob, laps(7000, 7500, 7900), now)
     figures = as_racer(None).get(f"{ADDRESS}{race.track.slug}/").data["figures"]
-    assert figures == {"record": 7000, "raced": 1}
+    assert figures == {"record": 7000, "record_reverse": None, "raced": 1}
     assert as_racer(None).get(ADDRESS, {"sort": "raced"}).data["results"][0]["figures"] == figures

@@ -31,6 +31,7 @@ from races.api.evaluations import EvaluationSerializer
 from races.models import Race, RaceType
 from races.rules.serializers import with_rules
 from races.selectors import races_visible_to
+from tracks.api import TrackField
 from tracks.models import Track
 from training.checks import refusals
 from training.endings import how_it_ended
@@ -161,11 +162,8 @@ class CreateSerializer(
 
     name = serializers.CharField(max_length=64, help_text="1 to 64 letters, digits and hyphens.")
     description = serializers.CharField(required=False, allow_blank=True, max_length=255)
-    track = serializers.SlugRelatedField(
-        slug_field="slug", queryset=Track.objects.exclude(length_m=None), help_text="The track's slug."
-    )
-    more_tracks = serializers.SlugRelatedField(
-        slug_field="slug",
+    track = TrackField(queryset=Track.objects.exclude(length_m=None))
+    more_tracks = TrackField(
         queryset=Track.objects.exclude(length_m=None),
         many=True,
         required=False,
@@ -184,8 +182,7 @@ class CreateSerializer(
         "algorithm are taken over unless one of them is sent.",
     )
     submit_to_race = serializers.CharField(required=False, max_length=80, help_text="The slug of a race.")
-    evaluate_on = serializers.SlugRelatedField(
-        slug_field="slug",
+    evaluate_on = TrackField(
         queryset=Track.objects.exclude(length_m=None),
         required=False,
         help_text="The slug of a track on which the best model is driven for you when it is done: three laps.",

@@ -215,7 +215,7 @@ def submit(package: Path, race: str) -> int:
 def main(arguments: list[str] | None = None) -> int:
     """The command line; its exit status."""
     parser = argparse.ArgumentParser(description="Train a car and pack it for the site.")
-    parser.add_argument("--track", default="oval", help="a slug of the catalogue or an .npy file (default: oval)")
+    parser.add_argument("--track", default="oval", help="a name of the catalogue or an .npy file (default: oval)")
     parser.add_argument("--direction", default="ccw", choices=("ccw", "cw"))
     parser.add_argument("--steps", type=int, default=150_000, help="control steps of all cars at most")
     parser.add_argument("--cars", type=int, default=16)

@@ -33,6 +33,7 @@ from evaluation.pipeline import CompetitorOutcome, EvaluationOutcome, RaceJob, R
 from evaluation.rivals import check_rivals
 from evaluation.told import sentences
 from paddock.errors import PaddockError, UserFault, fault_from_dict
+from paddock.geometry.catalogue.names import direction_in
 from paddock.geometry.track import TrackGeometry
 from paddock.packages.read import UploadPart
 from paddock.rules.race import MAX_CARS
@@ -177,6 +178,8 @@ def _asked(options: dict[str, Any]) -> FoundRace:
             problem = f"{', '.join(given)} belong to --track: a race has its own"
             raise Refusal(UserFault("command_line", problem=problem))
         return find_race(options["race"])
+    if options["direction"] is None:
+        options["direction"] = direction_in(options["track"])
     rules = rules_of(options)
     return FoundRace(find_track(options["track"]), rules, *ranking_of(options))
 

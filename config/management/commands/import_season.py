@@ -70,4 +70,5 @@ def _lines(proof: dict[str, Any]) -> list[str]:
             for name, of in (("order", "pairs"), ("scores", "checked"), ("promotion", "checked"), ("finale", "places"))
         ),
         f"championship: {proof['championship']} racers",
+        *(f"note: {note}" for note in proof["notes"]),
     ]

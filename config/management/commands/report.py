@@ -23,6 +23,7 @@ from evaluation.reports.planning import LEAGUE
 from evaluation.venue import Venue
 from paddock.errors import PaddockError, UserFault
 from paddock.geometry.catalogue import CATALOGUE
+from paddock.geometry.catalogue.names import direction_in
 from paddock.geometry.track import TrackGeometry
 from paddock.rules.race import DIRECTIONS
 from paddock.rules.report import MOST_SEED
@@ -130,7 +131,7 @@ def _drives(options: dict[str, Any]) -> tuple[list[LapDrive], dict[int, TrackGeo
         found = find_track(options["variations_on"])
         if found.geometry.is_open:
             raise UserFault("report_no_way_round", track=found.geometry.name)
-        way = options["direction"] or found.geometry.direction
+        way = options["direction"] or direction_in(options["variations_on"]) or found.geometry.direction
         venue = Venue(found.geometry.in_direction(way), way, found.look)
         for one in variations(seed, venue.track.length):
             check_placed(venue.track, one, THEMES[venue.look])

@@ -25,7 +25,8 @@ class CatalogueTrack:
     ``file``: what the official simulator calls it, and its file here without ``.npy``; ``fingerprint``, ``length_m``,
     ``width_m`` (median), ``direction``: of its geometry; ``corners`` and ``difficulty``: see
     :func:`paddock.geometry.character.character_of`; ``is_open``: driven from start to end; ``description``: English,
-    marked for translation, empty where name and shape say all.
+    marked for translation, empty where name and shape say all; ``also``: further files and names of the same road in
+    the official simulator.
     """
 
     slug: str
@@ -39,6 +40,12 @@ class CatalogueTrack:
     difficulty: int
     is_open: bool = False
     description: str = ""
+    also: tuple[str, ...] = ()
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Every name of the track, see :mod:`.names`; the address first."""
+        return (self.slug, self.name, self.file, *self.also)
 
     @property
     def npy(self) -> bytes:
@@ -76,6 +83,7 @@ def _entry(row: dict[str, str]) -> CatalogueTrack:
         difficulty=int(row["difficulty"]),
         is_open=row["is_open"] == "yes",
         description=DESCRIPTIONS.get(row["slug"], ""),
+        also=tuple(row["also"].split("|")) if row["also"] else (),
     )
 
 

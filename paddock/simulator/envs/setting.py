@@ -205,8 +205,9 @@ def race_setting(
     randomise: Randomisation | Mapping[str, float] | None = None,
     **rules: Any,
 ) -> Setting:
-    """``track``: a geometry, a slug of the catalogue or the path of a .npy file. ``metadata``: a
-    ``model_metadata.json``. ``start``: "fixed" on the finish line or "random", anywhere on the centre line.
+    """``track``: a geometry, a name of the catalogue (``penbay_open`` as well) or the path of a .npy file.
+    ``metadata``: a ``model_metadata.json``. ``start``: "fixed" on the finish line or "random", anywhere on the centre
+    line.
     ``observation``: "dict" has an entry for each sensor; "box" is the reading of the only sensor itself; "rgb" the same
     as three equal channels, for wrappers that want a colour picture. ``more_tracks``: each episode drives on ``track``
     or one of these, drawn from the seed of ``reset``; a pair names the look of one as well.
@@ -220,7 +221,7 @@ def race_setting(
     usual = rules_of_episodes(race_type)
     if unknown := rules.keys() - usual.keys():
         raise TypeError(f"{race_type} takes no {', '.join(sorted(unknown))}; its rules are {', '.join(usual)}")
-    told = RaceRules(race_type=race_type, seed=layout_seed or 0, **{**usual, **rules})
+    told = RaceRules(race_type=race_type, seed=layout_seed or 0, **{**usual, **_direction_of(track), **rules})
     if start not in ("fixed", "random"):
         raise ValueError(f"start must be 'fixed' or 'random', not {start!r}")
     checked = check_metadata(metadata)
@@ -244,6 +245,14 @@ def race_setting(
         for ground in (ground for each in ways for ground in each):
             lay_out(ground.track, setting.rules)  # refuse now what every episode would be refused for
     return setting
+
+
+def _direction_of(track: Track) -> dict[str, str]:
+    """The direction that a track's name asks for, as ``reInvent2019_wide_cw`` does."""
+    from paddock.geometry.catalogue.names import direction_in
+
+    direction = direction_in(track) if isinstance(track, str) else None
+    return {"direction": direction} if direction else {}
 
 
 def _ways(track: Track, direction: str, theme: Theme, both: bool) -> tuple[PreparedTrack, ...]:
@@ -277,17 +286,19 @@ def check_metadata(metadata: Mapping[str, Any]) -> ModelMetadata:
 
 
 def load_track(track: Track) -> TrackGeometry:
-    """A geometry as it is, one of the catalogue by its slug, or one from a .npy file. Raises ValueError for a slug that
-    is neither in the catalogue nor a file, UserFault for a file that is refused."""
+    """A geometry as it is, one of the catalogue by any of its names, or one from a .npy file. Raises ValueError for a
+    name that is neither in the catalogue nor a file, UserFault for a file that is refused."""
     if isinstance(track, TrackGeometry):
         return track
     if isinstance(track, str) and not track.endswith(".npy"):
         from paddock.geometry.catalogue import CATALOGUE
+        from paddock.geometry.catalogue.names import find, nearest
 
-        for entry in CATALOGUE:
-            if entry.slug == track:
-                return entry.geometry()
-        raise ValueError(f"no track {track!r}; the catalogue has {', '.join(entry.slug for entry in CATALOGUE)}")
+        found = find(track)
+        if found is not None:
+            return found.track.geometry()
+        known = ", ".join(entry.slug for entry in CATALOGUE)
+        raise ValueError(f"no track {track!r}; the closest names are {', '.join(nearest(track))}; all tracks: {known}")
     from paddock.geometry.npy import read_npy
 
     path = Path(track)
