@@ -148,7 +148,8 @@ def _refuse_files(folder: Path, rows: Sequence[RaceRow]) -> None:
 def _numbers(rows: Sequence[RaceRow]) -> dict[int, int]:
     """The number of each row's round. Races of the same name are one round as far as their stages differ, and a finale
     is of the last pro race of its name that closed before it, or without one of its name of the last pro race that
-    closed before it and has no finale yet; single races are rounds of their own. Numbered as they open."""
+    closed before it and has no finale yet, or else opened before it; single races are rounds of their own. Numbered as
+    they open."""
     rounds: list[dict[Stage, RaceRow]] = []
     for row in sorted(rows, key=lambda row: (row.opens_at, row.stage == Stage.FINALE, row.row)):
         same = [
@@ -162,7 +163,12 @@ def _numbers(rows: Sequence[RaceRow]) -> dict[int, int]:
                 for one in rounds
                 if row.stage not in one and Stage.PRO in one and one[Stage.PRO].closes_at <= row.opens_at
             ]
-            same = [one for one in closed if one in same] or same or closed
+            opened = [
+                one
+                for one in rounds
+                if row.stage not in one and Stage.PRO in one and one[Stage.PRO].opens_at <= row.opens_at
+            ]
+            same = [one for one in closed if one in same] or same or closed or opened
         if row.stage == Stage.SINGLE or not same:
             rounds.append({row.stage: row})
         else:

@@ -142,8 +142,9 @@ def _held_divisions(round_: Round, racers: list[int]) -> set[int]:
 
 
 def _qualified_before(round_: Round) -> set[int]:
-    """Who had qualified for the championship when the round's race closed."""
-    places = ChampionshipPlace.objects.filter(season=round_.season_id).exclude(round=round_.pk)
+    """Ids of the racers with a championship place when the round's race closed. The finale of the same number follows
+    from the round, whatever times a record gives it."""
+    places = ChampionshipPlace.objects.filter(season=round_.season_id).exclude(round__number=round_.number)
     earlier = places.filter(round__race__closes_at__lte=round_.race.closes_at)
     return set(earlier.values_list("racer_id", flat=True))
 

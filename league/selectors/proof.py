@@ -4,11 +4,12 @@ from __future__ import annotations
 
 from bisect import bisect_right, insort
 from collections.abc import Iterable, Sequence
+from datetime import UTC, datetime
 from itertools import groupby
 from operator import itemgetter
 from typing import Any
 
-from races.models import Entry
+from races.models import Entry, Race
 from races.selectors.boards import ORDER
 
 from ..models import ChampionshipPlace, FinalePlace, Membership, Round, Season, Stage
@@ -24,7 +25,8 @@ def proof_of(season: Season) -> dict[str, Any]:
     those whose recorded score is the time that the race is ranked by. ``promotion``: of those recorded in a pro race,
     whom our rule had promoted from an open race that closed before it opened. ``finale``: of those recorded in a
     finale, who is in the field that our rule forms of its qualifier. ``championship``: how many qualify by our rule.
-    ``differences``: who is not where the record has them, by race.
+    ``differences``: who is not where the record has them, by race. ``notes``: sentences about what the record itself
+    contradicts or leaves out.
     """
     recorded = season.rounds.filter(race__record__isnull=False).select_related("race")
     rounds = list(recorded.order_by("race__record__position"))
@@ -48,6 +50,7 @@ def proof_of(season: Season) -> dict[str, Any]:
         "finale": dict(zip(("places", "agree"), finale, strict=True)),
         "championship": ChampionshipPlace.objects.filter(season=season).count(),
         "differences": {"promotion": unpromoted, "finale": outside},
+        "notes": [*_times_of_finales(rounds), *_promoted_before(season, rounds, unpromoted)],
     }
 
 
@@ -60,7 +63,7 @@ def total_proof(proofs: Sequence[dict[str, Any]]) -> dict[str, Any]:
             total[name] = {key: sum(value[key] for value in values) for key in values[0]}
         else:
             total[name] = sum(values)
-    return total | {"seasons": list(proofs)}
+    return total | {"notes": [note for proof in proofs for note in proof["notes"]], "seasons": list(proofs)}
 
 
 def _recorded(round_: Round) -> list[tuple[int, int, bool, bool]]:
@@ -126,6 +129,49 @@ def _finale(season: Season, rounds: Iterable[Round]) -> tuple[Pairs, list[dict[s
             if (round_.number, racer) not in field:
                 outside.append({"race": round_.race.slug, "racer": alias})
     return (places, places - len(outside)), outside
+
+
+def _times_of_finales(rounds: Sequence[Round]) -> list[str]:
+    """Finales whose recorded times contradict their pro race or their submissions."""
+    notes = []
+    pro = {round_.number: round_.race for round_ in rounds if round_.stage == Stage.PRO}
+    for round_ in rounds:
+        if round_.stage != Stage.FINALE:
+            continue
+        race, before = round_.race, pro.get(round_.number)
+        if before is not None and race.closes_at < before.closes_at:
+            notes.append(
+                f"{race.slug}: the finale closes {_minute(race.closes_at)}, before its pro race {before.slug} closes "
+                f"{_minute(before.closes_at)}."
+            )
+        late = Entry.objects.filter(race=race, record__isnull=False, achieved_at__gt=race.closes_at).count()
+        if late:
+            closes = _minute(race.closes_at)
+            notes.append(f"{race.slug}: the finale closes {closes}, before the submission of {late} of its results.")
+    return notes
+
+
+def _minute(moment: datetime) -> str:
+    return f"{moment.astimezone(UTC):%Y-%m-%d %H:%M} UTC"
+
+
+def _promoted_before(season: Season, rounds: Sequence[Round], unpromoted: Sequence[dict[str, str]]) -> list[str]:
+    """A season that began with promoted racers: its first pro race opened before any open race of it had closed."""
+    first = min((round_.race for round_ in rounds if round_.stage == Stage.PRO), key=_opens, default=None)
+    if first is None or not unpromoted:
+        return []
+    closed = [one for one in rounds if one.stage == Stage.OPEN and one.race.closes_at <= first.opens_at]
+    held = sum(one["race"] == first.slug for one in unpromoted)
+    if closed or not held:
+        return []
+    return [
+        f"{season.slug}: the season began with promoted racers: {held} raced in {first.slug} before any open race had "
+        "closed. Promotions can agree only in part."
+    ]
+
+
+def _opens(race: Race) -> datetime:
+    return race.opens_at
 
 
 def _racers(round_: Round) -> list[tuple[int, str]]:
