@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
-from django.db.models import Count, Min, Q
+from collections.abc import Callable
+
+from django.db.models import Count, OuterRef, Q, QuerySet, Subquery
 from django.db.models.functions import Now
 from django.utils.translation import pgettext_lazy
 
@@ -10,16 +12,39 @@ from core import times
 from tracks.figures import TrackFigure, register_figure
 from tracks.models import Track
 
-from .models import Visibility
+from .models import Race, RaceType, Visibility
+from .models.rules import usual
 
-# Races that everybody sees and that have begun; of those with times from elsewhere the track's record is none
-_HELD = Q(races__visibility=Visibility.PUBLIC, races__cancelled_at=None, races__opens_at__lte=Now())
-_DRIVEN_HERE = _HELD & Q(races__imported_at=None)
+_SHOWN = {"visibility": Visibility.PUBLIC, "cancelled_at": None, "opens_at__lte": Now()}  # to everybody, and begun
+_HELD = Q(**{f"races__{name}": value for name, value in _SHOWN.items()})
 
 
-def _record(track: Track) -> str:
-    record = getattr(track, "record_ms", None)
-    return times.clock(record) if record else ""
+def standard_races() -> QuerySet[Race]:
+    """The races whose laps compare across races: simulated time trials of this site by standard rules, that is with no
+    cheaper off track than usual and no racer who sets the car's speed."""
+    fair = Race.objects.filter(
+        **_SHOWN,
+        race_type=RaceType.TIME_TRIAL,
+        physical=False,
+        imported_at=None,
+        off_track_penalty_ms__gte=usual("off_track_penalty_ms"),
+        fastest_lap_ms__isnull=False,
+    )
+    return fair.exclude(live_event__speed_control=True)
+
+
+def _record(*, reverse: bool) -> Subquery:
+    """The fastest lap of a classified car in standard races of one direction: the file's, or the other."""
+    raced = standard_races().filter(Q(direction=OuterRef("direction"), _negated=reverse), track=OuterRef("pk"))
+    return Subquery(raced.order_by("fastest_lap_ms").values("fastest_lap_ms")[:1])
+
+
+def _clock(column: str) -> Callable[[Track], str]:
+    def shown(track: Track) -> str:
+        record = getattr(track, column, None)
+        return times.clock(record) if record else ""
+
+    return shown
 
 
 def register() -> None:
@@ -29,8 +54,17 @@ def register() -> None:
             "record",
             pgettext_lazy("of a track", "Record"),
             "record_ms",
-            _record,
-            annotation=Min("races__fastest_lap_ms", filter=_DRIVEN_HERE),
+            _clock("record_ms"),
+            annotation=_record(reverse=False),
+        )
+    )
+    register_figure(
+        TrackFigure(
+            "record_reverse",
+            pgettext_lazy("of a track", "Record in reverse"),
+            "record_reverse_ms",
+            _clock("record_reverse_ms"),
+            annotation=_record(reverse=True),
         )
     )
     register_figure(
