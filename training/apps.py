@@ -20,7 +20,8 @@ class TrainingConfig(AppConfig):
         from core.pages import register_slots
         from evaluation import proof
 
-        from . import events, queues, streams  # noqa: F401 - its kinds of events are known from the start
+        # kinds of events and the reasons that a sandboxed process reports are known from the start
+        from . import events, queues, sb3, streams  # noqa: F401
         from .quotas import AT_ONCE, FILES, MINUTES
 
         register(AT_ONCE)

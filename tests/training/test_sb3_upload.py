@@ -184,7 +184,7 @@ def test_it_is_admitted_in_the_sandbox_and_never_read_outside(kind, monkeypatch)
         (lambda: (saved("PPO, flat"), CONTINUOUS), "sb3_actions"),
         (lambda: (saved("PPO, flat"), car(DISCRETE, "STEREO_CAMERAS")), "sb3_observation"),
         (lambda: (saved("PPO, flat"), car(DISCRETE, "FRONT_FACING_CAMERA", "LIDAR")), "sb3_observation"),
-        (lambda: (stacked(), DISCRETE), "sb3_observation"),
+        (lambda: (stacked(), DISCRETE), "sb3_frame_stack"),
         (lambda: (other_extractor(), DISCRETE), "sb3_custom"),
         (lambda: (with_data(saved("PPO, flat"), use_sde=True), DISCRETE), "sb3_custom"),
     ],

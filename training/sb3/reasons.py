@@ -21,7 +21,11 @@ register(
         ),
         "sb3_observation": _(
             "The policy was trained on %(found)s; the sensors in model_metadata.json give %(expected)s. What a wrapper "
-            "did to the picture (stacking, resizing) is not in the zip: export the policy with it to ONNX."
+            "did to the picture (such as resizing) is not in the zip: export the policy with it to ONNX."
+        ),
+        "sb3_frame_stack": _(
+            "The policy was trained on the last %(count)s observations of %(sensor)s (VecFrameStack). A car here decides "
+            "by the present one alone: train it without VecFrameStack."
         ),
         "sb3_actions": _(
             "The policy answers %(found)s values, the action space in model_metadata.json needs %(expected)s. Upload "

@@ -72,7 +72,7 @@ def rebuild(shapes: Mapping[str, tuple[int, ...]], array: Array, facts: PolicyFa
     """
     family = next((one for one in _FAMILIES if one.sign in shapes), None)
     if family is None:
-        raise UserFault("sb3_custom", what="a policy thatis not one of PPO, A2C, SAC, TD3, DDPG and DQN")
+        raise UserFault("sb3_custom", what="a policy that is not one of PPO, A2C, SAC, TD3, DDPG and DQN")
     if not any(name.startswith(family.eyes) for name in shapes):
         family = replace(family, eyes="features_extractor.")  # before 2.0, and what all share
     policy = _Policy(family, shapes, array, facts, metadata)
@@ -268,9 +268,22 @@ def _unknown(name: str) -> UserFault:
 
 def _check_box(spec: InputSpec, box: Any) -> None:
     shape = spec.channels_first[1:]
+    if stacked := _stacked(spec, box.shape):
+        raise UserFault("sb3_frame_stack", count=stacked, sensor=spec.sensor)
     if box.shape != shape or box.dtype != ("uint8" if spec.is_picture else "float32"):
         expected = f"{spec.sensor} {list(shape)} {'uint8' if spec.is_picture else 'float32'}"
         raise UserFault("sb3_observation", found=str(box), expected=expected)
+
+
+def _stacked(spec: InputSpec, shape: tuple[int, ...]) -> int:
+    """How many observations VecFrameStack joined in one of this shape, along the first axis or the last; 0 for none."""
+    for one, axis in ((spec.channels_first[1:], 0), (spec.shape, -1)):
+        if len(shape) == len(one) and shape[axis] > one[axis] and not shape[axis] % one[axis]:
+            rest = list(shape)
+            rest[axis] = one[axis]
+            if tuple(rest) == one:
+                return shape[axis] // one[axis]
+    return 0
 
 
 def _layouts(metadata: ModelMetadata) -> Iterable[NetworkLayout]:
