@@ -44,7 +44,7 @@ class UploadForm(forms.Form):
         allow_empty_file=True,
         max_length=None,
         error_messages={"required": _("Choose a model's archive, or a network and its model_metadata.json.")},
-        widget=FilesInput(attrs={"accept": ".gz,.tgz,.tar,.zip,.onnx,.data,.onnx_data,.bin,.json,.pb"}),
+        widget=FilesInput(attrs={"accept": ".gz,.tgz,.tar,.xz,.bz2,.zip,.onnx,.data,.onnx_data,.bin,.json,.pb"}),
     )
     name = forms.CharField(
         label=_("Name"),

@@ -7,6 +7,7 @@ Format: protobuf.dev, "Encoding".
 
 from __future__ import annotations
 
+import unicodedata
 from collections.abc import Iterator
 
 VARINT, FIXED64, BYTES, FIXED32 = 0, 1, 2, 5
@@ -118,7 +119,13 @@ def number(value: int | memoryview) -> int:
     return value
 
 
+def is_space(letter: str) -> bool:
+    """Whether a letter is a space of any width."""
+    return unicodedata.category(letter) == "Zs"
+
+
 def printable(name: str, limit: int = 80) -> str:
-    """A stranger's name made fit for a sentence: printable ASCII only, cut to ``limit`` characters."""
-    kept = "".join(c if " " <= c <= "~" else "?" for c in name[:limit])
+    """A stranger's name made fit for a sentence: letters of any script, but nothing that controls how text is shown;
+    cut to ``limit`` characters."""
+    kept = "".join(c if c.isprintable() else " " if is_space(c) else "?" for c in name[:limit])
     return kept + ("..." if len(name) > limit else "")

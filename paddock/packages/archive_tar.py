@@ -1,4 +1,4 @@
-"""A strict reader of .tar.gz and .tar car archives, as a stream.
+"""A strict reader of tars, as a stream; :mod:`.compressed` unpacks it.
 
 Our own, because the standard library reads a header extension of any length into memory and offers links, sparse
 files and devices that no car needs. Accepted: ustar, GNU long names and pax headers that only carry times, owners
@@ -8,7 +8,6 @@ and names. Format: POSIX.1-2017 pax; GNU tar manual, "Basic Tar Format".
 from __future__ import annotations
 
 import io
-import zlib
 from collections.abc import Callable, Iterable, Iterator
 from typing import Protocol
 
@@ -67,11 +66,11 @@ def scan_tar(
             catalogue.folder(raw)
             source.skip(size + padding)
         elif kind in _FILES:
-            name = catalogue.file(raw, size)
+            member = _Member(source, size)
+            name = catalogue.file(raw, size, member.is_copy_of(kept))
             if name is not None and keep(name, size):
-                kept[name] = source.take(size)
-                size = 0
-            source.skip(size + padding)
+                kept[name] = member.read()
+            source.skip(member.left + padding)
         else:
             raise UserFault("unexpected_member", member="a link or device")
 
@@ -113,52 +112,6 @@ class TarArchive:
         return {name: self._kept[name] for name in names}
 
 
-class Readable(Protocol):
-    """Something that gives its bytes in order."""
-
-    def read(self, size: int, /) -> bytes:
-        """At most ``size`` bytes, none at the end."""
-
-
-def plain_chunks(head: bytes, stream: Readable, limits: PackageLimits) -> Iterator[bytes]:
-    """The bytes of an uncompressed tar: ``head`` (already read from it) and the rest of ``stream``."""
-    total = len(head)
-    yield head
-    while chunk := stream.read(_CHUNK):
-        total += len(chunk)
-        if total > limits.expanded_bytes:
-            raise UserFault("expanded_size")
-        yield chunk
-
-
-def gzip_chunks(head: bytes, stream: Readable, limits: PackageLimits) -> Iterator[bytes]:
-    """Unpack one gzip member piece by piece, within the limits of size and ratio. Zeros may follow it, nothing else."""
-    engine = zlib.decompressobj(16 + zlib.MAX_WBITS)
-    packed = unpacked = 0
-    chunk = head
-    while chunk:
-        packed += len(chunk)
-        behind = chunk if engine.eof else b""
-        while not engine.eof:
-            try:
-                out = engine.decompress(chunk, _CHUNK)
-            except zlib.error as error:
-                raise UserFault("archive_corrupt") from error
-            chunk = engine.unconsumed_tail
-            unpacked += len(out)
-            allowed = max(limits.expansion_free_bytes, limits.expansion_ratio * packed)
-            if unpacked > min(limits.expanded_bytes, allowed):
-                raise UserFault("expanded_size")
-            if not out:
-                break
-            yield out
-        if (behind or engine.unused_data).strip(b"\0"):
-            raise UserFault("archive_corrupt")
-        chunk = stream.read(_CHUNK)
-    if not engine.eof:
-        raise UserFault("archive_corrupt")
-
-
 class _Source:
     """Takes exact amounts out of a stream of chunks."""
 
@@ -191,6 +144,22 @@ class _Source:
             rest = next(self._chunks, b"")
             if not rest:
                 return
+
+
+class _Member:
+    """One file of a tar, which is read at most once."""
+
+    def __init__(self, source: _Source, size: int) -> None:
+        self._source = source
+        self.left = size
+
+    def read(self) -> bytes:
+        size, self.left = self.left, 0
+        return self._source.take(size)
+
+    def is_copy_of(self, kept: dict[str, bytes]) -> Callable[[str], bool]:
+        """Whether it equals an earlier file, as far as that one was kept."""
+        return lambda name: name in kept and self.read() == kept[name]
 
 
 def _check(header: bytes) -> tuple[bytes, int]:

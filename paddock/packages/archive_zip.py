@@ -13,6 +13,7 @@ import struct
 import zlib
 from collections.abc import Iterable
 from dataclasses import dataclass
+from functools import partial
 from typing import BinaryIO
 
 from paddock.errors import UserFault
@@ -57,14 +58,14 @@ class ZipArchive:
         self._refuse_overlap(entries, directory)
         total = 0
         for entry in entries:
-            if entry.name.endswith(b"/"):
+            if entry.name.endswith((b"/", b"\\")):
                 catalogue.folder(entry.name)
                 if entry.size or entry.packed > 2:
                     raise UserFault("archive_corrupt")
                 continue
             if entry.mode & _TYPE_MASK not in (0, _REGULAR):
                 raise UserFault("unexpected_member", member="a link or device")
-            name = catalogue.file(entry.name, entry.size)
+            name = catalogue.file(entry.name, entry.size, partial(self._has_sum, entry.crc))
             total += entry.size
             if total > limits.expanded_bytes or _ratio_exceeded(entry, limits):
                 raise UserFault("expanded_size")
@@ -75,6 +76,9 @@ class ZipArchive:
     def read(self, names: Iterable[str]) -> dict[str, bytes]:
         """The content of these files, each checked by its length and checksum."""
         return {name: self._inflate(self._entries[name]) for name in names}
+
+    def _has_sum(self, crc: int, name: str) -> bool:
+        return self._entries[name].crc == crc
 
     def _at(self, offset: int, size: int) -> bytes:
         """``size`` bytes from ``offset`` on, or fewer at the end."""

@@ -6,13 +6,17 @@ An archive may be
 - a training's folder of either: ``model/model_<iteration>.pb`` beside checkpoints, logs, metrics and notes. The best
   one by ``deepracer_checkpoints.json`` is taken, else the last, else the one that the racer asks for;
 - an ONNX file with its metadata, and the file of its weights where the exporter put them beside it;
-- what ``model.save`` of stable-baselines3 writes: ``policy.pth`` and ``data``, of a dozen members.
+- what ``model.save`` of stable-baselines3 writes: ``policy.pth`` and ``data``, of a dozen members;
+- another archive, alone or beside its metadata (:func:`inner_archive`).
 
-Each may lie in folders. What is not needed is not read. Layouts: deepracer.md 1.1.
+Each may lie in folders, and have names in other letters' case or as browsers and file managers number copies
+(``model_metadata (1).json``). Equal copies of one file count once. What is not needed is not read. Layouts:
+deepracer.md 1.1.
 """
 
 from __future__ import annotations
 
+import hashlib
 import json
 import re
 from collections.abc import Callable, Iterable, Mapping
@@ -29,16 +33,28 @@ CHECKPOINTS = "deepracer_checkpoints.json"
 _DATA = "data"  # what a zip of stable-baselines3 says of itself, as JSON
 BEST, LAST, ASKED = "best", "last", "asked"
 
-_CAR = re.compile(r"(.*/)?model\.pb\Z", re.DOTALL)
-_ITERATION = re.compile(r"(?P<folder>.*/)?model_(?P<number>\d{1,9})\.pb\Z", re.DOTALL)
-_ONNX = re.compile(r".*\.onnx\Z", re.IGNORECASE | re.DOTALL)
+_FLAGS = re.IGNORECASE | re.DOTALL
+_COPY = r"( ?\(\d{1,3}\)| - copy( \(\d{1,3}\))?| copy( \d{1,3})?)?"
+_CAR = re.compile(rf"(.*/)?model{_COPY}\.pb\Z", _FLAGS)
+_ITERATION = re.compile(r"(?P<folder>.*/)?model_(?P<number>\d{1,9})\.pb\Z", _FLAGS)
+_ONNX = re.compile(r".*\.onnx\Z", _FLAGS)
+_METADATA = re.compile(rf"(.*/)?model_metadata{_COPY}\.json\Z", _FLAGS)
+_CHECKPOINTS = re.compile(rf"(.*/)?deepracer_checkpoints{_COPY}\.json\Z", _FLAGS)
 _POLICY = re.compile(r"(.*/)?policy\.pth\Z", re.DOTALL)
 _PICKLED = re.compile(r"([^/]+/)?data\.pkl\Z")  # of torch.save and TorchScript: the zip's own name, then this
-_RAW_CHECKPOINT = re.compile(
-    r"(.*/)?(\.coach_checkpoint|checkpoint|.*\.ckpt(-\d+)?(\.(index|meta|data.*))?)\Z", re.DOTALL
+_RAW_CHECKPOINT = re.compile(r"(.*/)?(\.coach_checkpoint|checkpoint|.*\.ckpt(-\d+)?(\.(index|meta|data.*))?)\Z", _FLAGS)
+_ARCHIVE = re.compile(r".*\.(tar|tgz|tbz2?|txz|zip|gz|bz2|xz)\Z", _FLAGS)
+_FOREIGN = (
+    (re.compile(r".*\.tflite\Z", _FLAGS), "TensorFlow Lite"),
+    (re.compile(r"(.*/)?saved_model\.pb\Z", _FLAGS), "TensorFlow SavedModel"),
+    (re.compile(r".*\.(h5|hdf5|keras)\Z", _FLAGS), "Keras"),
+    (re.compile(r".*\.safetensors\Z", _FLAGS), "safetensors"),
 )
 _STEP = re.compile(r"(\d{1,9})_Step-\d{1,18}\.ckpt\Z")
 _NAMED = 3  # files that a sentence names
+_COMPARED = 8  # copies of one network that are compared
+
+Read = Callable[[str], bytes]
 
 
 @dataclass(frozen=True)
@@ -56,8 +72,7 @@ class Choice:
 
 def is_wanted_early(name: str) -> bool:
     """Whether the choice, or a car without a choice, needs this file: a stream keeps it in passing."""
-    base = name.rsplit("/", 1)[-1]
-    return base in (METADATA, CHECKPOINTS, _DATA)
+    return bool(_METADATA.match(name) or _CHECKPOINTS.match(name)) or name.rsplit("/", 1)[-1] == _DATA
 
 
 def is_network(name: str) -> bool:
@@ -65,14 +80,19 @@ def is_network(name: str) -> bool:
     return any(pattern.match(name) for pattern in (_CAR, _ITERATION, _ONNX, _POLICY))
 
 
-def choose(
-    sizes: Mapping[str, int], read: Callable[[str], bytes], limits: PackageLimits, checkpoint: str = ""
-) -> Choice:
-    """Choose from the names in an archive. ``read`` gives the content of a small file; ``checkpoint`` is what the
-    racer asks for: ``best``, ``last``, an iteration's number, or nothing.
+def inner_archive(sizes: Iterable[str]) -> str | None:
+    """The only archive in an archive without a network."""
+    names = list(sizes)
+    archives = [name for name in names if _ARCHIVE.match(name)]
+    return archives[0] if len(archives) == 1 and not any(is_network(name) for name in names) else None
 
-    Raises UserFault ``model_missing``, ``several_networks``, ``duplicate_member``, ``training_folder_incomplete``,
-    ``checkpoint_missing``, ``checkpoints_unreadable``, ``torch_file``.
+
+def choose(sizes: Mapping[str, int], read: Read, limits: PackageLimits, checkpoint: str = "") -> Choice:
+    """Choose from the names in an archive. ``read`` gives the content of a file; ``checkpoint`` is what the racer asks
+    for: ``best``, ``last``, an iteration's number, or nothing.
+
+    Raises UserFault ``model_missing``, ``network_format``, ``several_networks``, ``duplicate_member``,
+    ``training_folder_incomplete``, ``checkpoint_missing``, ``checkpoints_unreadable``, ``torch_file``.
     """
     reason = ""
     cars = [name for name in sizes if _CAR.match(name)]
@@ -82,54 +102,77 @@ def choose(
     if len(policies) == 1 and not (checkpoint or cars or iterations or onnx):
         (network,) = policies
         folder = _folder(network)
-        return Choice(network, _metadata_of(folder, sizes), (folder + _DATA,), kind=SB3)
+        return Choice(network, metadata_of(folder, sizes, read), (folder + _DATA,), kind=SB3)
     if checkpoint or (iterations and not cars and not onnx):
         network, reason = _iteration(iterations, sizes, read, limits, checkpoint)
-    elif len(cars) + len(onnx) == 1:
-        (network,) = cars + onnx
     elif cars or onnx:
-        raise UserFault("several_networks", members=_list(cars + onnx))
+        network = _only_one(cars + onnx, sizes, read)
     elif policies:
         raise UserFault("several_networks", members=_list(policies))
-    elif any(_PICKLED.match(name) for name in sizes):
-        raise UserFault("torch_file")
-    elif any(_RAW_CHECKPOINT.match(name) for name in sizes):
-        raise UserFault("training_folder_incomplete", missing="model/model_<iteration>.pb")
     else:
-        raise UserFault("model_missing")
+        raise _nothing(sizes)
     folder = _folder(network)
     weights = [name for name in sizes if _folder(name) == folder and is_weights_file(name)] if network in onnx else []
-    return Choice(network, _metadata_of(folder, sizes), tuple(weights), reason)
+    return Choice(network, metadata_of(folder, sizes, read), tuple(weights), reason)
 
 
-def _metadata_of(folder: str, sizes: Iterable[str]) -> str | None:
+def _nothing(sizes: Iterable[str]) -> UserFault:
+    """Why there is no network in an archive, as far as its names tell."""
+    names = list(sizes)
+    if any(_PICKLED.match(name) for name in names):
+        return UserFault("torch_file")
+    if any(_RAW_CHECKPOINT.match(name) for name in names):
+        return UserFault("training_folder_incomplete", missing="model/model_<iteration>.pb")
+    folded = {name.casefold() for name in names}
+    for name in names:
+        if name.casefold().endswith(".xml") and name.casefold()[:-4] + ".bin" in folded:
+            return UserFault("network_format", format="OpenVINO", member=printable(name))
+        for pattern, said in _FOREIGN:
+            if pattern.match(name):
+                return UserFault("network_format", format=said, member=printable(name))
+    return UserFault("model_missing", found=list_names(names))
+
+
+def _only_one(names: list[str], sizes: Mapping[str, int], read: Read) -> str:
+    """The first of these networks, if the others are equal copies of it."""
+    first, *others = names
+    if others:
+        same = len(names) <= _COMPARED and len({sizes[name] for name in names}) == 1
+        if not same or len({hashlib.sha256(read(name)).digest() for name in names}) > 1:
+            raise UserFault("several_networks", members=_list(names))
+    return first
+
+
+def metadata_of(folder: str, sizes: Mapping[str, int], read: Read) -> str | None:
     """The metadata nearest to the network: in its folder or one above it, else the only one there is."""
-    found = [name for name in sizes if name.rsplit("/", 1)[-1] == METADATA]
+    found = [name for name in sizes if _METADATA.match(name)]
     while True:
         for place in (folder, f"{folder}custom_files/"):  # where DeepRacer-for-Cloud keeps what a training began with
-            if place + METADATA in found:
-                return place + METADATA
+            here = [name for name in found if _folder(name).casefold() == place.casefold()]
+            named = [name for name in here if name[len(place) :].casefold() == METADATA]  # rather than a copy's number
+            if here:
+                return _only_metadata(named or here, read)
         if not folder:
             break
         folder = _folder(folder[:-1])
-    if len(found) > 1:
+    return _only_metadata(found, read) if found else None
+
+
+def _only_metadata(names: list[str], read: Read) -> str:
+    if len(names) > 1 and (len(names) > _COMPARED or len({read(name) for name in names}) > 1):
         raise UserFault("duplicate_member", member=METADATA)
-    return found[0] if found else None
+    return names[0]
 
 
 def _iteration(
-    iterations: Mapping[str, int],
-    sizes: Mapping[str, int],
-    read: Callable[[str], bytes],
-    limits: PackageLimits,
-    checkpoint: str,
+    iterations: Mapping[str, int], sizes: Mapping[str, int], read: Read, limits: PackageLimits, checkpoint: str
 ) -> tuple[str, str]:
     """The frozen graph of one iteration of a training, and why this one."""
     if not iterations:
         raise UserFault("checkpoint_missing", checkpoint=printable(checkpoint, 20), found="none")
     folders = {_folder(name) for name in iterations}
     if len(folders) > 1:
-        raise UserFault("several_networks", members=_list(iterations))
+        return _only_one(list(iterations), sizes, read), LAST
     (folder,) = folders
     by_number = {number: name for name, number in iterations.items()}
     if len(by_number) != len(iterations):  # model_7.pb and model_07.pb
@@ -142,8 +185,8 @@ def _iteration(
         if number not in by_number:
             raise _no_checkpoint(checkpoint, by_number)
         return by_number[number], ASKED
-    record = folder + CHECKPOINTS
-    if record not in sizes:
+    record = next((name for name in sizes if _CHECKPOINTS.match(name) and _folder(name) == folder), None)
+    if record is None:
         if checkpoint:
             raise UserFault("training_folder_incomplete", missing=f"model/{CHECKPOINTS}")
         return last, LAST
@@ -153,18 +196,24 @@ def _iteration(
     if best in by_number:
         return by_number[best], BEST
     if checkpoint:
-        raise _no_checkpoint(str(best), by_number)
+        raise _no_checkpoint(BEST if best is None else str(best), by_number)
     return last, LAST
 
 
-def best_iteration(data: bytes) -> int:
+def best_iteration(data: bytes) -> int | None:
     """The iteration of the best checkpoint by ``deepracer_checkpoints.json``: ``{"best_checkpoint": {"name":
-    "13_Step-25173.ckpt", ...}, ...}``. Raises UserFault ``checkpoints_unreadable``."""
+    "13_Step-25173.ckpt", ...}, ...}``; None where it names none, as before the first evaluation. Raises UserFault
+    ``checkpoints_unreadable``."""
     try:
         record = json.loads(data.decode("utf-8-sig"))
-        name = record["best_checkpoint"]["name"]
-    except (ValueError, RecursionError, KeyError, TypeError) as error:
-        raise UserFault("checkpoints_unreadable", problem="best_checkpoint is not there") from error
+    except (ValueError, RecursionError) as error:
+        raise UserFault("checkpoints_unreadable", problem="not JSON") from error
+    if not isinstance(record, dict):
+        raise UserFault("checkpoints_unreadable", problem="best_checkpoint is not there")
+    best = record.get("best_checkpoint")
+    name = best.get("name") if isinstance(best, dict) else best
+    if name is None or name == "" or (isinstance(name, str) and not name.strip()):
+        return None
     found = _STEP.match(name) if isinstance(name, str) else None
     if found is None:
         raise UserFault("checkpoints_unreadable", problem=f"best_checkpoint is {printable(str(name), 40)}")
@@ -178,6 +227,11 @@ def _no_checkpoint(asked: str, numbers: Iterable[int]) -> UserFault:
 def _folder(name: str) -> str:
     """The folder that a file lies in, with its slash; empty at the top."""
     return name[: name.rfind("/") + 1]
+
+
+def list_names(names: Iterable[str]) -> str:
+    """What an upload holds, for a sentence."""
+    return _list(names, 5) or "-"
 
 
 def _list(names: Iterable[str], limit: int = _NAMED) -> str:

@@ -5,22 +5,28 @@ from __future__ import annotations
 import re
 
 TENSORFLOW, ONNX, SB3 = "tensorflow", "onnx", "sb3"
-GZIP, ZIP, TAR, JSON, BINARY = "gzip", "zip", "tar", "json", "binary"
-ARCHIVES = (GZIP, ZIP, TAR)
+GZIP, XZ, BZIP2, ZIP, TAR, JSON, BINARY = "gzip", "xz", "bzip2", "zip", "tar", "json", "binary"
+COMPRESSED = (GZIP, XZ, BZIP2)
+ARCHIVES = (*COMPRESSED, ZIP, TAR)
 CAR, OPENVINO = "car", "openvino"  # what a model is written as for others
 EXPORTS = (CAR, OPENVINO)
 HEAD = 512  # bytes that :func:`sniff` and :func:`network_kind` want to see
 
 _BYTE_ORDER_MARK = b"\xef\xbb\xbf"
+_BZIP2 = re.compile(rb"BZh[1-9](1AY&SY|\x17rE8P\x90)")  # a first block, or the end of an empty stream
 _PICKLED = re.compile(rb"\x80[\x02-\x05]")  # a pickle of protocol 2 and later: what torch wrote before its zips
 # torch writes car.onnx.data, onnx's own helper whatever it is told; optimum model.onnx_data
 _WEIGHTS = re.compile(r".*(\.onnx\.data|\.data|\.onnx_data|\.bin|\.weights)\Z", re.IGNORECASE | re.DOTALL)
 
 
 def sniff(head: bytes) -> str:
-    """:data:`GZIP`, :data:`ZIP`, :data:`TAR`, :data:`JSON`, or :data:`BINARY` (perhaps a network)."""
+    """One of :data:`ARCHIVES`, :data:`JSON`, or :data:`BINARY` (perhaps a network)."""
     if head.startswith(b"\x1f\x8b"):
         return GZIP
+    if head.startswith(b"\xfd7zXZ\0"):
+        return XZ
+    if _BZIP2.match(head):
+        return BZIP2
     if head.startswith((b"PK\x03\x04", b"PK\x05\x06", b"PK\x07\x08")):
         return ZIP
     if head[257:262] == b"ustar":
@@ -44,6 +50,17 @@ def network_kind(model: bytes) -> str | None:
     if first in (0x08, 0x12, 0x1A, 0x22, 0x28, 0x32, 0x3A, 0x42) and not model.startswith((b"BZ", b'"', b"(", b":")):
         return ONNX
     return None
+
+
+def foreign_format(head: bytes) -> str:
+    """The name of a network's format that cannot be read here, by a file's first bytes; empty for any other file."""
+    if head[4:8] == b"TFL3":
+        return "TensorFlow Lite"
+    if head.startswith(b"\x89HDF\r\n\x1a\n"):
+        return "Keras (HDF5)"
+    if re.match(rb"(\xef\xbb\xbf)?\s*(<\?xml[^>]*>\s*)?<net\s", head):
+        return "OpenVINO"
+    return ""
 
 
 def is_pickle(head: bytes) -> bool:

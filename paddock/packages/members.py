@@ -7,33 +7,40 @@ Packing tools add a leading ``./``, folders around everything, folder entries an
 from __future__ import annotations
 
 import re
+from collections.abc import Callable
 
 from paddock.errors import UserFault
-from paddock.network.wire import printable
+from paddock.network.wire import is_space, printable
 
 from .limits import PackageLimits
 
 _DROPPINGS = re.compile(r"(.*/)?(\.DS_Store|Thumbs\.db|desktop\.ini|\._[^/]*)\Z")
+_JOINERS = "\u200c\u200d"  # within words of some scripts, and within emoji
+
+
+def decoded(raw: bytes) -> str:
+    """A member's name as text: UTF-8, or what Windows and old tools write, whose letters nothing depends on."""
+    try:
+        return raw.decode("utf-8")
+    except UnicodeDecodeError:
+        return raw.decode("cp437").replace("\xa0", "\ufffd").replace("\\/", "/")  # half of a Japanese letter
 
 
 def clean_name(raw: bytes, limits: PackageLimits) -> str:
-    """The member's path in plain form, without a leading ``./``. Refuses every path trick."""
-    try:
-        name = raw.decode("utf-8")
-    except UnicodeDecodeError:
-        name = ""
+    """The member's path in plain form, without a leading ``./``. Refuses every path trick. A backslash separates
+    folders, as PowerShell writes it."""
+    name = decoded(raw).replace("\\", "/")
     while name.startswith("./"):
         name = name[2:]
     parts = name.rstrip("/").split("/")
     if (
         len(raw) > limits.member_name_bytes
-        or not name.isprintable()
-        or "\\" in name
+        or not all(letter.isprintable() or letter in _JOINERS or is_space(letter) for letter in name)
         or (name not in ("", ".") and any(part in ("", ".", "..") for part in parts))
-        or (not name and raw not in (b"./", b"."))
+        or (not name and raw not in (b"./", b".", b".\\"))
         or re.match(r"[A-Za-z]:", name)
     ):
-        raise UserFault("unexpected_member", member=printable(raw[:1000].decode("utf-8", "replace")))
+        raise UserFault("unexpected_member", member=printable(decoded(raw[:1000])))
     return name
 
 
@@ -42,7 +49,7 @@ class Catalogue:
 
     def __init__(self, limits: PackageLimits) -> None:
         self._limits = limits
-        self._folded: set[str] = set()
+        self._folded: dict[str, str] = {}
         self._members = 0
         self.sizes: dict[str, int] = {}
 
@@ -51,8 +58,9 @@ class Catalogue:
         self._count()
         clean_name(raw, self._limits)
 
-    def file(self, raw: bytes, size: int) -> str | None:
-        """The clean name of a file; None for a dropping.
+    def file(self, raw: bytes, size: int, is_copy: Callable[[str], bool]) -> str | None:
+        """The clean name of a file; None for a dropping and for an equal copy of a file that is already here, which
+        ``is_copy`` (the earlier one's name) tells.
 
         Raises UserFault ``unexpected_member``, ``duplicate_member`` or ``too_many_members``.
         """
@@ -60,9 +68,11 @@ class Catalogue:
         name = clean_name(raw, self._limits)
         if name.startswith("__MACOSX/") or _DROPPINGS.match(name):
             return None
-        if name.casefold() in self._folded:
+        first = self._folded.setdefault(name.casefold(), name)
+        if first in self.sizes:
+            if self.sizes[first] == size and is_copy(first):
+                return None
             raise UserFault("duplicate_member", member=printable(name))
-        self._folded.add(name.casefold())
         self.sizes[name] = size
         return name
 

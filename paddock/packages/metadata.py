@@ -27,8 +27,9 @@ NETWORKS = (
     "DEEP_CONVOLUTIONAL_NETWORK_DEEP",
 )
 ALGORITHMS = ("clipped_ppo", "sac")
+_ALIASES = {"ppo": "clipped_ppo", "clippedppo": "clipped_ppo", "soft_actor_critic": "sac"}
 DISCRETE, CONTINUOUS = "discrete", "continuous"
-MAX_ACTIONS = 100
+MAX_ACTIONS = 500  # the field has no limit
 _KEYS = ("steering_angle", "speed")
 _VALUE_LIMIT = 1000.0
 _DEPTH_LIMIT = 8
@@ -96,7 +97,9 @@ def parse_metadata(data: bytes, limits: PackageLimits = DEFAULT_LIMITS) -> Model
     raw = _load(data)
     if not isinstance(raw, dict):
         raise UserFault("metadata_not_object")
-    kind = _choice(raw, "action_space_type", (DISCRETE, CONTINUOUS), "metadata_action_space_type")
+    raw = {key: value for key, value in raw.items() if value is not None}  # null is as good as missing
+    kinds = (CONTINUOUS, DISCRETE) if isinstance(raw.get("action_space"), dict) else (DISCRETE, CONTINUOUS)
+    kind = _choice(raw, "action_space_type", kinds, "metadata_action_space_type")
     algorithm = _choice(raw, "training_algorithm", ALGORITHMS, "metadata_algorithm")
     if algorithm == "sac" and kind != CONTINUOUS:
         raise UserFault("metadata_algorithm")
@@ -161,19 +164,25 @@ def _unique_keys(pairs: list[tuple[str, object]]) -> dict:
 
 
 def _choice(raw: dict, key: str, known: tuple[str, ...], code: str) -> str:
-    """A word out of ``known``, the first if missing; letters' case and blanks do not matter, as in the original."""
-    value = raw.get(key, known[0])
-    word = value.strip().lower() if isinstance(value, str) else ""
+    """A word out of ``known``, the first if missing or empty; letters' case and blanks do not matter, as in the
+    original."""
+    value = raw.get(key, "")
+    if not isinstance(value, str):
+        raise UserFault(code)
+    word = value.strip().lower().replace(" ", "_").replace("-", "_") or known[0]
+    word = _ALIASES.get(word, word)
     if word not in known:
         raise UserFault(code)
     return word
 
 
 def _network(raw: dict) -> str:
+    """The depth for the record; any other name counts as the field's default, because the network itself is read."""
     value = raw.get("neural_network", NETWORKS[0])
-    if value not in NETWORKS:
-        raise UserFault("metadata_network", known=", ".join(NETWORKS))
-    return value
+    if not isinstance(value, str):
+        raise UserFault("metadata_network")
+    word = value.strip().upper()
+    return word if word in NETWORKS else NETWORKS[0]
 
 
 def _version_and_sensors(raw: dict) -> tuple[str, tuple[str, ...]]:

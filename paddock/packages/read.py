@@ -7,21 +7,24 @@ from __future__ import annotations
 
 import hashlib
 import io
-from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, field
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from typing import Any, BinaryIO
 
 from paddock.errors import UserFault
+from paddock.network.wire import printable
 
 from . import choose, kinds
-from .archive_tar import TarArchive, gzip_chunks, plain_chunks
+from .archive_tar import TarArchive
 from .archive_zip import ZipArchive
+from .compressed import Unpacked
 from .kinds import ONNX, SB3, TENSORFLOW, network_kind
 from .limits import DEFAULT_LIMITS, PackageLimits
 
 __all__ = ["ONNX", "SB3", "TENSORFLOW", "RawPackage", "UploadPart", "network_kind", "read_upload"]
 
 _CHUNK = 64 * 1024
+_NESTED = 2  # how deep archives may lie in each other
 _NETWORK, _METADATA, _WEIGHTS = "network", "metadata", "weights"
 
 
@@ -58,10 +61,12 @@ class _Metered:
         self.stream = part.stream
         self._meter = meter
         self.digest = hashlib.sha256()
+        self.size = 0
 
     def read(self, size: int) -> bytes:
         chunk = self.stream.read(size)
         self._meter.add(len(chunk))
+        self.size += len(chunk)
         self.digest.update(chunk)
         return chunk
 
@@ -101,8 +106,8 @@ class _Meter:
 def read_upload(
     files: Sequence[UploadPart], limits: PackageLimits = DEFAULT_LIMITS, *, checkpoint: str = ""
 ) -> RawPackage:
-    """Read one archive (.tar.gz, .tar, .zip), with ``model_metadata.json`` beside it if it has none; or loose files: a
-    network, its metadata, and the weights of an ONNX file that keeps them outside.
+    """Read one archive (.zip, .tar; the latter as .gz, .xz or .bz2, too), with ``model_metadata.json`` beside it if it
+    has none; or loose files: a network, its metadata, and the weights of an ONNX file that keeps them outside.
 
     ``checkpoint``: which one of a training's folder, see :func:`.choose.choose`. Memory stays below twice the network's
     size. Raises UserFault with a code of the upload section.
@@ -149,35 +154,88 @@ def _read_packed(
     part, head = parts[place], heads[place]
     archive = _open(roles[place], head, part, limits)
     part.exhaust()  # whatever follows the archive counts and is part of the digest
-    choice = choose.choose(archive.sizes, lambda name: archive.read([name])[name], limits, checkpoint)
-    names = [choice.network, *choice.weights]
-    if sum(archive.sizes[name] for name in names) > limits.model_bytes:
-        raise UserFault("model_too_large", limit_mb=limits.model_bytes >> 20)
-    beside = len(parts) == 2
-    if choice.metadata is not None:
-        if beside:
-            raise UserFault("upload_parts")
-        if archive.sizes[choice.metadata] > limits.metadata_bytes:
-            raise UserFault("metadata_too_large", limit_kb=limits.metadata_bytes // 1000)
-        names.append(choice.metadata)
-    members = archive.read(names)
-    metadata = members.get(choice.metadata or "")
+    found = _find(archive, part.size, limits, checkpoint)
     digest = part.digest.hexdigest()
-    if beside:
+    metadata = found.metadata
+    if len(parts) == 2:
+        if metadata is not None:
+            raise UserFault("upload_parts")
         metadata = parts[1 - place].read_all(heads[1 - place], limits.metadata_bytes)
         digest = _joint_digest(bytes.fromhex(digest), hashlib.sha256(metadata).digest())
-    ignored = tuple(name for name in archive.sizes if name not in names)
+    choice = found.choice
     return _package(
-        members[choice.network],
+        found.members[choice.network],
         metadata,
         limits,
+        found=choose.list_names(found.names),
         source_sha256=digest,
-        weights={name.rsplit("/", 1)[-1]: members[name] for name in choice.weights},
+        weights={name.rsplit("/", 1)[-1]: found.members[name] for name in choice.weights},
         taken=choice.network,
         reason=choice.reason,
         kind=choice.kind,
-        ignored=ignored,
+        ignored=tuple(name for name in found.names if name not in found.members),
     )
+
+
+@dataclass(frozen=True)
+class _Found:
+    """The car in an archive: its files by name (``members``), all names, the metadata where there is any."""
+
+    choice: choose.Choice
+    members: dict[str, bytes]
+    names: list[str]
+    metadata: bytes | None
+
+
+def _find(
+    archive: TarArchive | ZipArchive, packed: int, limits: PackageLimits, checkpoint: str, depth: int = 0
+) -> _Found:
+    """``packed``: the size of the upload itself, against which whatever comes out of it is measured."""
+
+    def read(name: str) -> bytes:
+        return archive.read([name])[name]
+
+    sizes = archive.sizes
+    inner = choose.inner_archive(sizes) if depth < _NESTED else None
+    if inner is not None:
+        beside = choose.metadata_of("", sizes, read)
+        metadata = None if beside is None else _small(beside, sizes, read, limits)
+        found = _find_inner(inner, archive, packed, limits, checkpoint, depth)
+        names = [*(name for name in sizes if name not in (inner, beside)), *found.names]
+        return replace(found, names=names, metadata=metadata if found.metadata is None else found.metadata)
+    choice = choose.choose(sizes, read, limits, checkpoint)
+    wanted = [choice.network, *choice.weights]
+    if sum(sizes[name] for name in wanted) > limits.model_bytes:
+        raise UserFault("model_too_large", limit_mb=limits.model_bytes >> 20)
+    if choice.metadata is not None:
+        if sizes[choice.metadata] > limits.metadata_bytes:
+            raise UserFault("metadata_too_large", limit_kb=limits.metadata_bytes // 1000)
+        wanted.append(choice.metadata)
+    members = archive.read(wanted)
+    return _Found(choice, members, list(sizes), members.get(choice.metadata or ""))
+
+
+def _find_inner(
+    name: str, outer: TarArchive | ZipArchive, packed: int, limits: PackageLimits, checkpoint: str, depth: int
+) -> _Found:
+    """The car in the only archive that an archive holds, within the limits that are left of the upload's."""
+    if outer.sizes[name] > limits.model_bytes:
+        raise UserFault("expanded_size")
+    content = outer.read([name])[name]
+    allowed = max(limits.expansion_free_bytes, limits.expansion_ratio * packed)
+    within = replace(limits, expanded_bytes=min(limits.expanded_bytes, allowed))
+    part = _Metered(UploadPart(name, io.BytesIO(content)), _Meter(limits))
+    head = part.read_exactly(kinds.HEAD)
+    kind = kinds.sniff(head)
+    if kind not in kinds.ARCHIVES:
+        raise UserFault("model_missing", found=choose.list_names(outer.sizes))
+    return _find(_open(kind, head, part, within), packed, within, checkpoint, depth + 1)
+
+
+def _small(name: str, sizes: Mapping[str, int], read: choose.Read, limits: PackageLimits) -> bytes:
+    if sizes[name] > limits.metadata_bytes:
+        raise UserFault("metadata_too_large", limit_kb=limits.metadata_bytes // 1000)
+    return read(name)
 
 
 class _Early:
@@ -189,13 +247,27 @@ def _open(kind: str, head: bytes, part: _Metered, limits: PackageLimits) -> TarA
     if kind == kinds.ZIP:
         part.exhaust()
         return ZipArchive(part.stream, limits)
-    unpack = gzip_chunks if kind == kinds.GZIP else plain_chunks
+    unpacked = Unpacked(head, part, limits)
+    if unpacked.kind == kinds.ZIP:
+        return ZipArchive(io.BytesIO(_whole(unpacked, limits)), limits)
+    if said := kinds.foreign_format(unpacked.head):
+        raise UserFault("network_format", format=said, member=printable(part.name))
 
     def again() -> Iterator[bytes]:
         part.stream.seek(0)
-        return unpack(part.stream.read(kinds.HEAD), part.stream, limits)
+        return Unpacked(part.stream.read(kinds.HEAD), part.stream, limits).chunks
 
-    return TarArchive(unpack(head, part, limits), again, limits, _Early)
+    return TarArchive(unpacked.chunks, again, limits, _Early)
+
+
+def _whole(unpacked: Unpacked, limits: PackageLimits) -> bytes:
+    """A zip that was compressed once more; it is read from its end, so all of it is held."""
+    whole = io.BytesIO()
+    for chunk in unpacked.chunks:
+        whole.write(chunk)
+        if whole.tell() > limits.model_bytes:
+            raise UserFault("expanded_size")
+    return whole.getvalue()
 
 
 def _read_loose(roles: list[str], parts: list[_Metered], heads: list[bytes], limits: PackageLimits) -> RawPackage:
@@ -206,6 +278,8 @@ def _read_loose(roles: list[str], parts: list[_Metered], heads: list[bytes], lim
     weights: dict[str, bytes] = {}
     left = limits.model_bytes
     for role, part, head in zip(roles, parts, heads, strict=True):
+        if role == _NETWORK and (said := kinds.foreign_format(head)):
+            raise UserFault("network_format", format=said, member=printable(part.name))
         if role == _NETWORK and network_kind(head) is None:
             raise UserFault("torch_file" if kinds.is_pickle(head) else "not_a_model")
         content = part.read_all(head, limits.metadata_bytes if role == _METADATA else left)
@@ -226,7 +300,12 @@ def _read_loose(roles: list[str], parts: list[_Metered], heads: list[bytes], lim
     digests = [hashlib.sha256(found.get(role, b"")).digest() for role in (_NETWORK, _METADATA)]
     digests += [hashlib.sha256(weights[name]).digest() for name in sorted(weights)]
     return _package(
-        found.get(_NETWORK), found.get(_METADATA), limits, source_sha256=_joint_digest(*digests), weights=weights
+        found.get(_NETWORK),
+        found.get(_METADATA),
+        limits,
+        found=choose.list_names(part.name for part in parts),
+        source_sha256=_joint_digest(*digests),
+        weights=weights,
     )
 
 
@@ -235,22 +314,21 @@ def _joint_digest(*digests: bytes) -> str:
 
 
 def _package(
-    model: bytes | None, metadata: bytes | None, limits: PackageLimits, kind: str = "", **rest: Any
+    model: bytes | None, metadata: bytes | None, limits: PackageLimits, kind: str = "", found: str = "", **rest: Any
 ) -> RawPackage:
     if kind == SB3:
         if metadata is None:
             raise UserFault("sb3_metadata_missing")
     elif model is not None:
-        found = network_kind(model)
-        if found is None:
+        kind = network_kind(model) or ""
+        if not kind:
             raise UserFault("not_a_model") if model else UserFault("empty")
-        kind = found
         if rest["weights"] and kind != ONNX:
             raise UserFault("upload_parts")
     if metadata is None:
-        raise UserFault("metadata_missing" if model is not None else "model_missing")
+        raise UserFault("metadata_missing" if model is not None else "model_missing", found=found)
     if len(metadata) > limits.metadata_bytes:
         raise UserFault("metadata_too_large", limit_kb=limits.metadata_bytes // 1000)
     if model is None:
-        raise UserFault("model_missing")
+        raise UserFault("model_missing", found=found)
     return RawPackage(kind, model, metadata, **rest)

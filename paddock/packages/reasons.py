@@ -13,18 +13,23 @@ register(
             "there are checkpoints (.ckpt), logs or videos in it, leave them out."
         ),
         "not_a_model": _(
-            "This is not a model. Upload a model.tar.gz, or an .onnx file together with its model_metadata.json."
+            "This is not a model. Upload a model.tar.gz or a .zip (.rar and .7z are not read), or an .onnx file "
+            "together with its model_metadata.json."
         ),
         "upload_parts": _(
             "These files cannot be combined. Upload one archive, or one network with its "
             "model_metadata.json (and the .onnx.data file if the .onnx file has external weights)."
         ),
         "model_missing": _(
-            "The upload contains no network. Expected: agent/model.pb in a model archive, "
+            "The upload contains no network. Found: %(found)s. Expected: agent/model.pb in a model archive, "
             "model/model_<iteration>.pb in a training folder, or one .onnx file in a zip."
         ),
         "metadata_missing": _(
-            "model_metadata.json is missing. Add it: it lists the actions and sensors of the network."
+            "model_metadata.json is missing. Found: %(found)s. Add it: it lists the actions and sensors of the network."
+        ),
+        "network_format": _(
+            "%(member)s is a network in %(format)s format, which cannot be read here. Upload the model.pb or .onnx "
+            "file that it was made from."
         ),
         "torch_file": _(
             "PyTorch files (.pt, .pth) contain Python objects and are not accepted. Upload the zip "
@@ -108,7 +113,7 @@ register(
             "A car has exactly one camera (FRONT_FACING_CAMERA, LEFT_CAMERA, STEREO_CAMERAS or observation) "
             "and at most one lidar, each named once."
         ),
-        "metadata_network": _("neural_network must be one of %(known)s."),
+        "metadata_network": _("neural_network must be a name. Write it in quotation marks, or leave the key out."),
         "metadata_algorithm": _(
             "training_algorithm must be clipped_ppo or sac, and sac drives a continuous action space only."
         ),

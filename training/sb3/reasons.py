@@ -24,8 +24,8 @@ register(
             "did to the picture (such as resizing) is not in the zip: export the policy with it to ONNX."
         ),
         "sb3_frame_stack": _(
-            "The policy was trained on the last %(count)s observations of %(sensor)s (VecFrameStack). A car here decides "
-            "by the present one alone: train it without VecFrameStack."
+            "The policy was trained on the last %(count)s observations of %(sensor)s (VecFrameStack). A car here "
+            "decides by the present one alone: train it without VecFrameStack."
         ),
         "sb3_actions": _(
             "The policy answers %(found)s values, the action space in model_metadata.json needs %(expected)s. Upload "

@@ -53,6 +53,40 @@ def test_case_and_blanks_do_not_matter() -> None:
     assert metadata.output_size == 2
 
 
+def test_more_actions_than_a_console_offered_are_read() -> None:
+    many = [{"steering_angle": angle % 60 - 30, "speed": 1 + angle % 4} for angle in range(108)]
+    assert parse(action_space=many).output_size == 108
+    assert parse(action_space=many * 4).output_size == 432
+
+
+@needs_shared
+def test_a_real_file_of_108_actions_is_read() -> None:
+    assert parse_metadata((SHARED / "failing" / "14-108-actions.json").read_bytes()).output_size == 108
+
+
+@pytest.mark.parametrize("name", [None, "", "TRANSFORMER", "my own network", " deep_convolutional_network_shallow "])
+def test_a_networks_name_is_for_the_record_only(name: str | None) -> None:
+    assert parse(neural_network=name).network == "DEEP_CONVOLUTIONAL_NETWORK_SHALLOW"
+    assert parse(neural_network="deep_convolutional_network_deep").network == "DEEP_CONVOLUTIONAL_NETWORK_DEEP"
+
+
+@pytest.mark.parametrize("name", ["PPO", "ppo", None, "", "Clipped PPO", "clipped-ppo", "ClippedPPO", "CLIPPED_PPO"])
+def test_an_algorithm_may_have_its_usual_name(name: str | None) -> None:
+    assert parse(training_algorithm=name).algorithm == "clipped_ppo"
+
+
+@pytest.mark.parametrize("missing", [{}, {"action_space_type": None}, {"action_space_type": ""}])
+def test_the_form_of_the_action_space_tells_its_type(missing: dict) -> None:
+    assert parse(action_space=CONTINUOUS, **missing).action_space_type == "continuous"
+    assert parse(action_space=CONTINUOUS, training_algorithm="sac", **missing).algorithm == "sac"
+    assert parse(**missing).action_space_type == "discrete"
+
+
+def test_null_is_as_good_as_missing() -> None:
+    keys = ("action_space_type", "sensor", "neural_network", "training_algorithm", "version", "lidar_config")
+    assert parse(**dict.fromkeys(keys)) == parse()
+
+
 def test_a_byte_order_mark_is_accepted() -> None:
     assert parse_metadata(b"\xef\xbb\xbf" + json.dumps({"action_space": ACTIONS}).encode()).output_size == 2
 
