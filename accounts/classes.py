@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 from allauth.core.internal import ratelimit
 from django.core.exceptions import PermissionDenied
 from django.db import transaction
-from django.db.models import Count, QuerySet
+from django.db.models import Count, Exists, OuterRef, Q, QuerySet
 from django.http import HttpRequest
 from django.utils.crypto import salted_hmac
 from django.utils.translation import gettext_lazy as _
@@ -21,13 +21,14 @@ from paddock.errors import UserFault
 
 from .aliases import is_reserved
 from .groups.services import free_slug
-from .models import ClassLearner, Classroom, GroupMember, Racer, RacerGroup
+from .models import ClassLearner, Classroom, ClassTeacher, GroupMember, Racer, RacerGroup
 from .quotas import Quota, limit_of, used_by
 
 if TYPE_CHECKING:
     from django.contrib.auth.models import AnonymousUser
 
 MOST_NAME = 80
+MOST_TEACHERS = 5  # beside the first one
 # Without what looks like something else: 31 of them to the power of 12 are 59 bits.
 LETTERS = "ABCDEFGHJKLMNPQRSTUVWXYZ23456789".replace("L", "")
 LENGTH = 12
@@ -49,13 +50,30 @@ class Card:
 
 
 def can_teach(viewer: Racer | AnonymousUser | None, classroom: Classroom) -> bool:
-    """Whether the viewer sees a class with the names of its learners: its teacher, and nobody else, admins neither.
+    """Whether the viewer sees a class with the names of its learners: its teachers, and nobody else, admins neither.
     Twin of :func:`classes_taught_by`."""
-    return isinstance(viewer, Racer) and classroom.group.leader_id == viewer.pk
+    if can_lead_class(viewer, classroom):
+        return True
+    return isinstance(viewer, Racer) and ClassTeacher.objects.filter(classroom=classroom, racer=viewer).exists()
 
 
 def classes_taught_by(viewer: Racer | AnonymousUser | None) -> QuerySet[Classroom]:
     """Twin of :func:`can_teach`."""
+    found = Classroom.objects.select_related("group")
+    if not isinstance(viewer, Racer):
+        return found.none()
+    second = Exists(ClassTeacher.objects.filter(classroom=OuterRef("pk"), racer=viewer))
+    return found.filter(Q(group__leader=viewer) | second)
+
+
+def can_lead_class(viewer: Racer | AnonymousUser | None, classroom: Classroom) -> bool:
+    """Whether the viewer deletes a class and chooses its other teachers: its first teacher. Twin of
+    :func:`classes_led_by`."""
+    return isinstance(viewer, Racer) and classroom.group.leader_id == viewer.pk
+
+
+def classes_led_by(viewer: Racer | AnonymousUser | None) -> QuerySet[Classroom]:
+    """Twin of :func:`can_lead_class`."""
     found = Classroom.objects.select_related("group")
     return found.filter(group__leader=viewer) if isinstance(viewer, Racer) else found.none()
 
@@ -104,10 +122,11 @@ def add_learners(*, classroom: Classroom, by: Racer, names: Iterable[str], now: 
     Raises UserFault("class_not_yours" | "class_too_many").
     """
     _require_teacher(classroom, by)
-    hold(by)
+    leader = classroom.group.leader or by
+    hold(leader)
     names = list(names)
-    limit = limit_of(by, LEARNERS.name)
-    if used_by(by, LEARNERS.name, now) + len(names) > limit:
+    limit = limit_of(leader, LEARNERS.name)
+    if used_by(leader, LEARNERS.name, now) + len(names) > limit:
         raise UserFault("class_too_many", limit=limit)
     cards = []
     for name in names:
@@ -190,6 +209,40 @@ def change_plan(*, classroom: Classroom, by: Racer, plan: Iterable[str]) -> None
     classroom.save(update_fields=["plan"])
 
 
+@transaction.atomic
+def add_teacher(*, classroom: Classroom, by: Racer, alias: str, now: datetime) -> ClassTeacher:
+    """Let another racer teach the class as well. Doing it again changes nothing.
+
+    Raises UserFault("class_not_yours" | "class_teacher_unknown" | "class_too_many_teachers").
+    """
+    _require_leader(classroom, by)
+    hold(classroom.group)
+    racer = Racer.objects.filter(alias__iexact=alias.strip(), is_active=True, is_house=False).first()
+    if racer is None or racer.pk == classroom.group.leader_id or is_learner(racer):
+        raise UserFault("class_teacher_unknown")
+    others = ClassTeacher.objects.filter(classroom=classroom).exclude(racer=racer)
+    if others.count() >= MOST_TEACHERS:
+        raise UserFault("class_too_many_teachers", limit=MOST_TEACHERS)
+    teacher, _made = ClassTeacher.objects.get_or_create(classroom=classroom, racer=racer, defaults={"added_at": now})
+    GroupMember.objects.update_or_create(
+        group=classroom.group,
+        racer=racer,
+        defaults={"confirmed_at": now, "confirmed_by": by},
+        create_defaults={"asked_at": now, "confirmed_at": now, "confirmed_by": by},
+    )
+    return teacher
+
+
+@transaction.atomic
+def remove_teacher(*, classroom: Classroom, by: Racer, racer: Racer) -> None:
+    """Take a second teacher out of the class; they may leave by themselves. Raises UserFault("class_not_yours")."""
+    if by.pk != racer.pk:
+        _require_leader(classroom, by)
+    removed, _rows = ClassTeacher.objects.filter(classroom=classroom, racer=racer).delete()
+    if removed:
+        GroupMember.objects.filter(group=classroom.group, racer=racer).delete()
+
+
 def _new_code() -> str:
     return "".join(secrets.choice(LETTERS) for _ in range(LENGTH))
 
@@ -200,6 +253,11 @@ def _free_alias() -> tuple[str, str]:
         alias = "-".join(words)
         if not is_reserved(alias) and not Racer.objects.filter(alias__iexact=alias).exists():
             return alias, f"{alias}@learner.invalid"
+
+
+def _require_leader(classroom: Classroom, by: Racer) -> None:
+    if not can_lead_class(by, classroom):
+        raise UserFault("class_not_yours")
 
 
 def _require_teacher(classroom: Classroom, by: Racer) -> None:

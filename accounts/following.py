@@ -17,7 +17,8 @@ from django.utils.translation import gettext_lazy as _
 from core.locks import hold
 from paddock.errors import UserFault
 
-from .models import ClassLearner, Follow, Racer
+from .classes import can_teach, classes_taught_by
+from .models import ClassLearner, ClassTeacher, Follow, Racer
 from .quotas import Quota, limit_of
 
 if TYPE_CHECKING:
@@ -30,7 +31,7 @@ COUNTED = 20  # followers that others are told the number of; beyond it stands "
 
 def can_follow(viewer: Viewer, racer: Racer) -> bool:
     """Whether the viewer may follow a racer: somebody else whose account is active and no house car's. Who is in a
-    class follows, and is followed by, only who is in it and its teacher. Twin of :func:`racers_to_follow`."""
+    class follows, and is followed by, only who is in it and its teachers. Twin of :func:`racers_to_follow`."""
     if not isinstance(viewer, Racer) or viewer.pk == racer.pk or racer.is_house:
         return False
     if not (viewer.is_active and racer.is_active):
@@ -41,8 +42,8 @@ def can_follow(viewer: Viewer, racer: Racer) -> bool:
     if mine is not None and theirs is not None:
         return mine.classroom_id == theirs.classroom_id
     if mine is not None:
-        return mine.classroom.group.leader_id == racer.pk
-    return theirs is not None and theirs.classroom.group.leader_id == viewer.pk
+        return can_teach(racer, mine.classroom)
+    return theirs is not None and can_teach(viewer, theirs.classroom)
 
 
 def racers_to_follow(viewer: Viewer) -> QuerySet[Racer]:
@@ -52,8 +53,10 @@ def racers_to_follow(viewer: Viewer) -> QuerySet[Racer]:
     others = Racer.objects.filter(is_active=True, is_house=False).exclude(pk=viewer.pk)
     mine = _class_of(viewer)
     if mine is None:
-        return others.filter(Q(learner=None) | Q(learner__classroom__group__leader=viewer))
-    return others.filter(Q(learner__classroom=mine.classroom_id) | Q(pk=mine.classroom.group.leader_id, learner=None))
+        return others.filter(Q(learner=None) | Q(learner__classroom__in=classes_taught_by(viewer)))
+    second = ClassTeacher.objects.filter(classroom=mine.classroom_id).values("racer")
+    teachers = Q(pk=mine.classroom.group.leader_id) | Q(pk__in=second)
+    return others.filter(Q(learner__classroom=mine.classroom_id) | teachers & Q(learner=None))
 
 
 def can_see_follow(viewer: Viewer, follow: Follow) -> bool:

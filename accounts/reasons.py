@@ -10,6 +10,13 @@ register(
         "sign_up_invitation": _("This invitation is used up or has expired. Ask the sender for a new one."),
         "class_names": _("Write one name a line, of at most %(limit)s characters each. Nobody was added."),
         "class_no_teacher": _("An account of a class has no classes of its own."),
+        "class_learner_in_duels": _(
+            "The car of %(racer)s is in drawn duels of %(race)s. Cancel and delete that race, or delete the class."
+        ),
+        "class_teacher_unknown": _(
+            "No racer of this alias can teach the class: it is unknown, the first teacher's, or a learner's."
+        ),
+        "class_too_many_teachers": _("A class has at most %(limit)s teachers beside the first one."),
         "class_not_yours": _("Only the teacher of the class may do this."),
         "class_too_many": _("You may have %(limit)s learners in all your classes. Ask an operator for more."),
         "class_too_many_codes": _("There were too many wrong codes from here. Wait five minutes."),

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, TypeGuard
 
 from django.db.models import Exists, OuterRef, Q, QuerySet
 
-from ..models import GroupMember, Racer, RacerGroup
+from ..models import ClassTeacher, GroupMember, Racer, RacerGroup
 
 if TYPE_CHECKING:
     from django.contrib.auth.models import AnonymousUser
@@ -73,14 +73,18 @@ def inside(group: RacerGroup) -> QuerySet[GroupMember]:
 
 
 def may_hold_for(racer: Racer | None, group: RacerGroup) -> bool:
-    """Whether the racer may hold a race for this group alone: for listed ones anybody, for others who leads them."""
-    return group.is_listed or can_lead(racer, group)
+    """Whether the racer may hold a race for this group alone: for listed ones anybody, for others who leads them, for a
+    class its second teachers too. Twin of :func:`groups_to_hold_for`."""
+    if group.is_listed or can_lead(racer, group):
+        return True
+    return _known(racer) and ClassTeacher.objects.filter(classroom__group=group, racer=racer.pk).exists()
 
 
 def groups_to_hold_for(racer: Racer) -> QuerySet[RacerGroup]:
     """The groups for which the racer may hold races. Twin of :func:`may_hold_for`."""
     groups = RacerGroup.objects.all()
-    return groups if racer.is_staff else groups.filter(Q(is_listed=True) | Q(leader=racer.pk))
+    second = Exists(ClassTeacher.objects.filter(classroom__group=OuterRef("pk"), racer=racer.pk))
+    return groups if racer.is_staff else groups.filter(Q(is_listed=True) | Q(leader=racer.pk) | second)
 
 
 def _known(racer: Viewer) -> TypeGuard[Racer]:

@@ -2,7 +2,7 @@
 have logged in from, and what their tokens may do."""
 
 from .access import MOST, KnownAddress, RacerQuota, SignUpInvitation, TokenGrant
-from .classroom import ClassLearner, Classroom
+from .classroom import ClassLearner, Classroom, ClassTeacher
 from .follow import Follow
 from .group import GroupMember, RacerGroup
 from .racer import ALIAS_PATTERN, ALIAS_VALIDATORS, Racer, RacerManager
@@ -13,6 +13,7 @@ __all__ = [
     "ALIAS_VALIDATORS",
     "MOST",
     "ClassLearner",
+    "ClassTeacher",
     "Classroom",
     "Follow",
     "GroupMember",

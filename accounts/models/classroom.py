@@ -31,6 +31,25 @@ class Classroom(models.Model):
         return reverse("classroom", args=[self.group.slug])
 
 
+class ClassTeacher(models.Model):
+    """A second teacher of a class, who does all that its first one does but deleting it and choosing teachers."""
+
+    classroom = models.ForeignKey(Classroom, models.CASCADE, related_name="teachers", verbose_name=_("class"))
+    racer = models.ForeignKey(
+        settings.AUTH_USER_MODEL, models.CASCADE, related_name="classes_taught", verbose_name=_("racer")
+    )
+    added_at = models.DateTimeField(_("added"))
+
+    class Meta:
+        verbose_name = _("second teacher of a class")
+        verbose_name_plural = _("second teachers of classes")
+        ordering = ["pk"]
+        constraints = [models.UniqueConstraint(fields=["classroom", "racer"], name="class_teacher_once")]
+
+    def __str__(self) -> str:
+        return f"{self.classroom}: {self.racer}"
+
+
 class ClassLearner(models.Model):
     """An account in a class. The real name is the teacher's to see; of the code that logs in only a digest is kept."""
 

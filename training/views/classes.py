@@ -22,7 +22,7 @@ from django.views.decorators.debug import sensitive_post_parameters
 from django.views.decorators.http import require_http_methods
 
 from accounts import classes as services
-from accounts.models import ClassLearner
+from accounts.models import ClassLearner, Classroom
 from accounts.quotas import usage_of
 from accounts.who import racer_of
 from core.addresses import origin_of
@@ -31,7 +31,7 @@ from core.once import first_time, new_once, not_this_time
 from paddock.errors import UserFault
 from races.selectors import races_visible_to
 from races.spoilers import spoilers_of
-from training.classes.deleting import delete_class
+from training.classes.deleting import delete_class, remove_learner
 from training.classes.progress import progress_of
 from training.classes.series import series_of
 from training.lessons import BY_SLUG, LESSONS
@@ -117,6 +117,17 @@ def classroom(request: HttpRequest, slug: str) -> HttpResponse:
             services.change_plan(classroom=shown, by=by, plan=plan)
             messages.success(request, _("Saved."))
             return redirect(shown)
+        if do in ("add-teacher", "remove-teacher"):
+            return _change_teachers(request, shown, do)
+        if do == "take-out":
+            learners = list(shown.learners.select_related("racer").filter(racer__in=only))
+            if not learners or "sure" not in request.POST:
+                messages.error(request, _("Tick the learners, and confirm that their accounts are deleted."))
+                return redirect(shown)
+            for learner in learners:
+                remove_learner(classroom=shown, by=by, racer=learner.racer)
+                messages.success(request, _("%(name)s is out of the class.") % {"name": learner.real_name})
+            return redirect(shown)
         if do == "delete":
             if request.POST.get("confirm") != shown.group.name:
                 messages.error(request, _("Write the name of the class to delete it."))
@@ -129,15 +140,29 @@ def classroom(request: HttpRequest, slug: str) -> HttpResponse:
         add_fault(names, fault) if names.is_bound else messages.error(request, explain(fault))
     context = {
         "classroom": shown,
+        "leads": services.can_lead_class(by, shown),
+        "teachers": shown.teachers.select_related("racer"),
         "rows": progress_of(shown),
         "series": series_of(shown, timezone.now(), spoilers_of(request).hidden),
         "races": races_visible_to(request.user).filter(group=shown.group),
         "form": names,
         "once": new_once(),
         "plan": ClassForm(initial={"name": shown.group.name, "plan": shown.plan}),
-        "usage": usage_of(by, timezone.now(), only=[services.LEARNERS.name]),
+        "usage": usage_of(shown.group.leader or by, timezone.now(), only=[services.LEARNERS.name]),
     }
     return render(request, "training/classes/class.html", context, status=422 if names.errors else 200)
+
+
+def _change_teachers(request: HttpRequest, shown: Classroom, do: str) -> HttpResponse:
+    by, alias = racer_of(request), request.POST.get("alias", "")
+    if do == "add-teacher":
+        teacher = services.add_teacher(classroom=shown, by=by, alias=alias, now=timezone.now())
+        messages.success(request, _("%(alias)s teaches the class, too.") % {"alias": teacher.racer.alias})
+        return redirect(shown)
+    teacher = get_object_or_404(shown.teachers.select_related("racer"), racer__alias=alias)
+    services.remove_teacher(classroom=shown, by=by, racer=teacher.racer)
+    messages.success(request, _("%(alias)s no longer teaches the class.") % {"alias": teacher.racer.alias})
+    return redirect("classrooms" if teacher.racer_id == by.pk else shown)
 
 
 def _cards(request: HttpRequest, shown: Any, cards: list[services.Card]) -> HttpResponse:
