@@ -59,7 +59,7 @@ class Migration(migrations.Migration):
             fields=[
                 ('id', models.BigAutoField(auto_created=True, primary_key=True, serialize=False, verbose_name='ID')),
                 ('name', models.CharField(choices=accounts.quotas.name_choices, max_length=40, verbose_name='quota')),
-                ('limit', models.PositiveIntegerField(help_text="Replaces the site's limit. 0 means none.", validators=[django.core.validators.MinValueValidator(0)], verbose_name='limit')),
+                ('limit', models.PositiveIntegerField(help_text="In place of the site's. 0 means none at all.", validators=[django.core.validators.MinValueValidator(0)], verbose_name='limit')),
                 ('racer', models.ForeignKey(on_delete=django.db.models.deletion.CASCADE, related_name='quotas', to=settings.AUTH_USER_MODEL, verbose_name='racer')),
             ],
             options={
@@ -72,12 +72,12 @@ class Migration(migrations.Migration):
             fields=[
                 ('id', models.BigAutoField(auto_created=True, primary_key=True, serialize=False, verbose_name='ID')),
                 ('code', models.CharField(default=accounts.models.access.new_code, editable=False, max_length=32, unique=True, verbose_name='code')),
-                ('note', models.CharField(blank=True, help_text="For admins: the intended recipient.", max_length=100, verbose_name='note')),
-                ('uses', models.PositiveIntegerField(default=1, help_text="Number of racers who can sign up with it.", verbose_name='racers')),
+                ('note', models.CharField(blank=True, help_text='For admins: who it is for.', max_length=100, verbose_name='note')),
+                ('uses', models.PositiveIntegerField(default=1, help_text='How many may sign up with it.', verbose_name='racers')),
                 ('used', models.PositiveIntegerField(default=0, editable=False, verbose_name='signed up')),
                 ('expires_at', models.DateTimeField(verbose_name='expires')),
-                ('made_at', models.DateTimeField(editable=False, verbose_name="created")),
-                ('made_by', models.ForeignKey(editable=False, null=True, on_delete=django.db.models.deletion.SET_NULL, related_name='+', to=settings.AUTH_USER_MODEL, verbose_name="created by")),
+                ('made_at', models.DateTimeField(editable=False, verbose_name='made')),
+                ('made_by', models.ForeignKey(editable=False, null=True, on_delete=django.db.models.deletion.SET_NULL, related_name='+', to=settings.AUTH_USER_MODEL, verbose_name='made by')),
             ],
             options={
                 'verbose_name': 'invitation to sign up',

@@ -17,10 +17,10 @@ class Migration(migrations.Migration):
             name='TokenGrant',
             fields=[
                 ('token', models.OneToOneField(on_delete=django.db.models.deletion.CASCADE, primary_key=True, related_name='grant', serialize=False, to=settings.KNOX_TOKEN_MODEL, verbose_name='token')),
-                ('may_read', models.BooleanField(verbose_name="can read")),
-                ('may_race', models.BooleanField(verbose_name="can race")),
-                ('may_train', models.BooleanField(verbose_name="can train")),
-                ('may_organise', models.BooleanField(verbose_name="can organise")),
+                ('may_read', models.BooleanField(verbose_name='may read')),
+                ('may_race', models.BooleanField(verbose_name='may race')),
+                ('may_train', models.BooleanField(verbose_name='may train')),
+                ('may_organise', models.BooleanField(verbose_name='may organise')),
                 ('last_used_at', models.DateTimeField(editable=False, null=True, verbose_name='last used')),
             ],
             options={

@@ -23,7 +23,7 @@ class Migration(migrations.Migration):
                 ('description', models.TextField(blank=True, max_length=500, verbose_name='description')),
                 ('is_listed', models.BooleanField(default=False, help_text='Everybody sees it and who is in it, and may filter boards by it.', verbose_name='listed')),
                 ('code', models.CharField(default=accounts.models.access.new_code, editable=False, max_length=32, unique=True, verbose_name='code')),
-                ('made_at', models.DateTimeField(verbose_name="created")),
+                ('made_at', models.DateTimeField(verbose_name='made')),
                 ('leader', models.ForeignKey(blank=True, null=True, on_delete=django.db.models.deletion.SET_NULL, related_name='groups_led', to=settings.AUTH_USER_MODEL, verbose_name='leader')),
             ],
             options={

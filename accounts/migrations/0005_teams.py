@@ -48,7 +48,7 @@ class Migration(migrations.Migration):
                 ('name', models.CharField(max_length=64, validators=[django.core.validators.RegexValidator('^[^\\x00-\\x1f\\x7f]*\\S[^\\x00-\\x1f\\x7f]*\\Z', 'Write a name on one line.', code='one_line')], verbose_name='name')),
                 ('key', models.CharField(editable=False, max_length=200, unique=True)),
                 ('code', models.CharField(default=accounts.models.access.new_code, editable=False, max_length=32, unique=True, verbose_name='code')),
-                ('made_at', models.DateTimeField(verbose_name="created")),
+                ('made_at', models.DateTimeField(verbose_name='made')),
                 ('captain', models.ForeignKey(blank=True, null=True, on_delete=django.db.models.deletion.SET_NULL, related_name='+', to=settings.AUTH_USER_MODEL, verbose_name='captain')),
             ],
             options={
@@ -61,7 +61,7 @@ class Migration(migrations.Migration):
             name='TeamInvitation',
             fields=[
                 ('id', models.BigAutoField(auto_created=True, primary_key=True, serialize=False, verbose_name='ID')),
-                ('made_at', models.DateTimeField(verbose_name="created")),
+                ('made_at', models.DateTimeField(verbose_name='made')),
                 ('racer', models.ForeignKey(on_delete=django.db.models.deletion.CASCADE, related_name='team_invitations', to=settings.AUTH_USER_MODEL, verbose_name='racer')),
                 ('team', models.ForeignKey(on_delete=django.db.models.deletion.CASCADE, related_name='invitations', to='accounts.team', verbose_name='team')),
             ],

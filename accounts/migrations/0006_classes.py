@@ -18,7 +18,7 @@ class Migration(migrations.Migration):
             fields=[
                 ('id', models.BigAutoField(auto_created=True, primary_key=True, serialize=False, verbose_name='ID')),
                 ('plan', models.JSONField(blank=True, default=list, verbose_name='lesson plan')),
-                ('made_at', models.DateTimeField(verbose_name="created")),
+                ('made_at', models.DateTimeField(verbose_name='made')),
                 ('group', models.OneToOneField(on_delete=django.db.models.deletion.PROTECT, related_name='classroom', to='accounts.racergroup', verbose_name='group')),
             ],
             options={

@@ -13,11 +13,11 @@ class Migration(migrations.Migration):
         migrations.AddField(
             model_name='trainedmodel',
             name='source_file',
-            field=models.FileField(blank=True, db_default='', default='', help_text="Empty for models trained here, and for uploads from before files were kept.", max_length=255, upload_to='uploads/', verbose_name="uploaded file"),
+            field=models.FileField(blank=True, db_default='', default='', help_text='Empty for a model that was made here, and for one that was uploaded before uploads were kept.', max_length=255, upload_to='uploads/', verbose_name='the upload itself'),
         ),
         migrations.AddField(
             model_name='trainedmodel',
             name='source_name',
-            field=models.CharField(blank=True, db_default='', default='', max_length=255, verbose_name="file name of the upload"),
+            field=models.CharField(blank=True, db_default='', default='', max_length=255, verbose_name='name of the upload'),
         ),
     ]

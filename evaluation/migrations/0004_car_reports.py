@@ -59,7 +59,7 @@ class Migration(migrations.Migration):
                 ("engine", models.CharField(blank=True, max_length=32, verbose_name="engine")),
                 ("grade", models.CharField(blank=True, max_length=1, verbose_name="grade")),
                 ("runs_sha256", models.CharField(blank=True, max_length=64, verbose_name="sha-256 of the runs")),
-                ("asked_at", models.DateTimeField(default=django.utils.timezone.now, verbose_name="requested at")),
+                ("asked_at", models.DateTimeField(default=django.utils.timezone.now, verbose_name="asked for")),
                 ("started_at", models.DateTimeField(blank=True, null=True, verbose_name="started")),
                 ("ended_at", models.DateTimeField(blank=True, null=True, verbose_name="ended")),
                 ("deleted_at", models.DateTimeField(blank=True, null=True, verbose_name="deleted")),
@@ -121,11 +121,11 @@ class Migration(migrations.Migration):
                     models.PositiveSmallIntegerField(
                         db_default=0,
                         default=0,
-                        help_text="Number of failures while other jobs succeeded.",
+                        help_text="How often it failed alone, while others passed.",
                         verbose_name="kills",
                     ),
                 ),
-                ("failed_at", models.DateTimeField(blank=True, null=True, verbose_name="last platform failure")),
+                ("failed_at", models.DateTimeField(blank=True, null=True, verbose_name="last failed by our fault")),
                 ("number", models.PositiveSmallIntegerField(verbose_name="number")),
                 (
                     "state",

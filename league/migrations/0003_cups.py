@@ -74,7 +74,7 @@ class Migration(migrations.Migration):
         migrations.AlterField(
             model_name='notice',
             name='kind',
-            field=models.CharField(choices=[('opens', 'a race opens'), ('closes', 'a race closes in a day'), ('result', 'a result is in'), ('lost_lead', 'the lead is lost'), ('promoted', 'promoted'), ('finale', 'in the finale'), ('qualified', 'qualified for the championship'), ('official', 'results are official'), ('message', "an announcement from the organisers"), ('cancelled', 'a race is cancelled'), ('disqualified', 'disqualified by the stewards'), ('restored', "reinstated by the stewards"), ('retimed', "your time changed with a new engine"), ('cup', 'a cup of the day is over')], max_length=12, verbose_name='kind'),
+            field=models.CharField(choices=[('opens', 'a race opens'), ('closes', 'a race closes in a day'), ('result', 'a result is in'), ('lost_lead', 'the lead is lost'), ('promoted', 'promoted'), ('finale', 'in the finale'), ('qualified', 'qualified for the championship'), ('official', 'results are official'), ('message', 'a word from the organisers'), ('cancelled', 'a race is cancelled'), ('disqualified', 'disqualified by the stewards'), ('restored', 'put back by the stewards'), ('retimed', 'a new engine changed your time'), ('cup', 'a cup of the day is over')], max_length=12, verbose_name='kind'),
         ),
         migrations.AddConstraint(
             model_name='notice',

@@ -26,8 +26,7 @@ class Migration(migrations.Migration):
         migrations.AddField(
             model_name='race',
             name='terms',
-            field=models.TextField(blank=True, db_default='', default='', help_text=("Racers must accept them before joining. After a change, everyone must accept them "
-        "again."), max_length=8000, verbose_name='terms to accept'),
+            field=models.TextField(blank=True, db_default='', default='', help_text='Whoever joins accepts them first. Once you change them, everybody accepts them anew.', max_length=8000, verbose_name='terms to accept'),
         ),
         migrations.AddField(
             model_name='race',
@@ -40,7 +39,7 @@ class Migration(migrations.Migration):
                 ('id', models.BigAutoField(auto_created=True, primary_key=True, serialize=False, verbose_name='ID')),
                 ('version', models.PositiveSmallIntegerField(verbose_name='version')),
                 ('text', models.TextField(max_length=8000, verbose_name='terms')),
-                ('written_at', models.DateTimeField(default=django.utils.timezone.now, verbose_name="written at")),
+                ('written_at', models.DateTimeField(default=django.utils.timezone.now, verbose_name='written')),
                 ('race', models.ForeignKey(db_index=False, on_delete=django.db.models.deletion.CASCADE, related_name='terms_written', to='races.race', verbose_name='race')),
             ],
             options={

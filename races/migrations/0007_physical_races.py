@@ -40,7 +40,7 @@ class Migration(migrations.Migration):
                 ('id', models.UUIDField(default=uuid.uuid4, editable=False, primary_key=True, serialize=False)),
                 ('name', models.CharField(max_length=64, validators=[django.core.validators.RegexValidator('^[^\\x00-\\x1f\\x7f]*\\S[^\\x00-\\x1f\\x7f]*\\Z', 'Write a name on one line.', code='one_line')], verbose_name='name')),
                 ('claim', models.CharField(default=races.models.timing.new_claim, editable=False, max_length=24, unique=True)),
-                ('made_at', models.DateTimeField(default=django.utils.timezone.now, verbose_name="created")),
+                ('made_at', models.DateTimeField(default=django.utils.timezone.now, verbose_name='made')),
                 ('linked_at', models.DateTimeField(blank=True, null=True, verbose_name='taken over')),
             ],
             options={
@@ -115,7 +115,7 @@ class Migration(migrations.Migration):
                 ('name', models.CharField(max_length=64, validators=[django.core.validators.RegexValidator('^[^\\x00-\\x1f\\x7f]*\\S[^\\x00-\\x1f\\x7f]*\\Z', 'Write a name on one line.', code='one_line')], verbose_name='name')),
                 ('token_sha256', models.CharField(editable=False, max_length=64, unique=True)),
                 ('hint', models.CharField(editable=False, max_length=12)),
-                ('made_at', models.DateTimeField(default=django.utils.timezone.now, verbose_name="created")),
+                ('made_at', models.DateTimeField(default=django.utils.timezone.now, verbose_name='made')),
                 ('revoked_at', models.DateTimeField(blank=True, null=True, verbose_name='revoked')),
                 ('seen_at', models.DateTimeField(blank=True, null=True, verbose_name='last seen')),
             ],

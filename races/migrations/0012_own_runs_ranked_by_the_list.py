@@ -14,7 +14,7 @@ class Migration(migrations.Migration):
         migrations.AlterField(
             model_name='ownevaluation',
             name='minimum_laps',
-            field=models.PositiveSmallIntegerField(default=3, help_text='The average is taken over this many consecutive complete laps.', validators=[django.core.validators.MinValueValidator(1), django.core.validators.MaxValueValidator(20)], verbose_name="Consecutive laps to be classified"),
+            field=models.PositiveSmallIntegerField(default=3, help_text='The average is taken over this many consecutive complete laps.', validators=[django.core.validators.MinValueValidator(1), django.core.validators.MaxValueValidator(20)], verbose_name='Laps in a row to be classified'),
         ),
         migrations.AlterField(
             model_name='ownevaluation',

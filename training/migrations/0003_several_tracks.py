@@ -32,17 +32,17 @@ class Migration(migrations.Migration):
         migrations.AddField(
             model_name='trainingjob',
             name='alternate_direction',
-            field=models.BooleanField(db_default=False, default=False, help_text="Every second episode runs in the other direction.", verbose_name='Alternate direction'),
+            field=models.BooleanField(db_default=False, default=False, help_text='Every second episode of a car goes the other way round.', verbose_name='Alternate direction'),
         ),
         migrations.AddField(
             model_name='trainingjob',
             name='random_colours',
-            field=models.PositiveSmallIntegerField(db_default=0, default=0, help_text="Grey values of road, lines, field, walls, boxes and cars.", validators=[django.core.validators.MaxValueValidator(100)], verbose_name='Colours'),
+            field=models.PositiveSmallIntegerField(db_default=0, default=0, help_text='The greys of road, lines, field, walls, boxes and cars.', validators=[django.core.validators.MaxValueValidator(100)], verbose_name='Colours'),
         ),
         migrations.AddField(
             model_name='trainingjob',
             name='random_latency',
-            field=models.PositiveSmallIntegerField(db_default=0, default=0, help_text="Actions take effect up to 0.2 s late.", validators=[django.core.validators.MaxValueValidator(100)], verbose_name='Latency'),
+            field=models.PositiveSmallIntegerField(db_default=0, default=0, help_text='What the car is told it does up to 0.2 s later.', validators=[django.core.validators.MaxValueValidator(100)], verbose_name='Latency'),
         ),
         migrations.AddField(
             model_name='trainingjob',
@@ -52,12 +52,12 @@ class Migration(migrations.Migration):
         migrations.AddField(
             model_name='trainingjob',
             name='random_sensors',
-            field=models.PositiveSmallIntegerField(db_default=0, default=0, help_text="Grain in the camera picture and noise in lidar distances.", validators=[django.core.validators.MaxValueValidator(100)], verbose_name='Sensor noise'),
+            field=models.PositiveSmallIntegerField(db_default=0, default=0, help_text="Grain in the camera's picture, and wavering distances.", validators=[django.core.validators.MaxValueValidator(100)], verbose_name='Sensor noise'),
         ),
         migrations.AddField(
             model_name='trainingjob',
             name='random_start',
-            field=models.PositiveSmallIntegerField(db_default=0, default=0, help_text="Start off the centre line, at an angle.", validators=[django.core.validators.MaxValueValidator(100)], verbose_name='Start'),
+            field=models.PositiveSmallIntegerField(db_default=0, default=0, help_text='Beside the centre line, and turned away from it.', validators=[django.core.validators.MaxValueValidator(100)], verbose_name='Start'),
         ),
         migrations.AddConstraint(
             model_name='trainingjob',

@@ -13,12 +13,12 @@ class Migration(migrations.Migration):
         migrations.AddField(
             model_name='trainingjob',
             name='bot_lane_change_least_ms',
-            field=models.PositiveIntegerField(db_default=3000, default=3000, help_text="Each bot draws times between the two limits from the seed.", verbose_name='Between two lane changes at least in milliseconds'),
+            field=models.PositiveIntegerField(db_default=3000, default=3000, help_text='Each bot draws its moments between the two from the seed.', verbose_name='Between two lane changes at least in milliseconds'),
         ),
         migrations.AddField(
             model_name='trainingjob',
             name='bot_lane_change_m',
-            field=models.FloatField(db_default=1.0, default=1.0, help_text="Shorter means a more sudden lane change.", verbose_name="Length of a lane change (m)"),
+            field=models.FloatField(db_default=1.0, default=1.0, help_text='The shorter, the more suddenly a bot is in the other lane.', verbose_name='Metres of a lane change'),
         ),
         migrations.AddField(
             model_name='trainingjob',
@@ -28,6 +28,6 @@ class Migration(migrations.Migration):
         migrations.AddField(
             model_name='trainingjob',
             name='standing_laps',
-            field=models.BooleanField(db_default=False, default=False, help_text="The car returns to the start after each lap. Otherwise it drives on without stopping.", verbose_name="Standing start for every lap"),
+            field=models.BooleanField(db_default=False, default=False, help_text='After each lap the car is put back to the start; otherwise laps are driven without a stop.', verbose_name='Every lap from a standing start'),
         ),
     ]
