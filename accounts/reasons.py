@@ -10,9 +10,6 @@ register(
         "sign_up_invitation": _("This invitation is used up or has expired. Ask the sender for a new one."),
         "class_names": _("Write one name a line, of at most %(limit)s characters each. Nobody was added."),
         "class_no_teacher": _("An account of a class has no classes of its own."),
-        "class_learner_in_duels": _(
-            "The car of %(racer)s is in drawn duels of %(race)s. Cancel and delete that race, or delete the class."
-        ),
         "class_teacher_unknown": _(
             "No racer of this alias can teach the class: it is unknown, the first teacher's, or a learner's."
         ),

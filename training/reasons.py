@@ -108,6 +108,9 @@ register(
             "The model to be cloned has the network %(has)s, this vehicle %(wanted)s. Choose a vehicle with the same "
             "network."
         ),
+        "class_learner_in_duels": _(
+            "The car of %(racer)s is in drawn duels of %(race)s. Cancel and delete that race, or delete the class."
+        ),
         "clone_actions": _(
             "The model to be cloned chooses among %(has)s, this training among %(wanted)s. Their values may differ, "
             "their number and kind may not."
