@@ -62,7 +62,7 @@ def scan_tar(
             long_name = named or long_name
             continue
         raw, long_name = long_name or _name(header), None
-        if kind == _FOLDER:
+        if kind == _FOLDER or (kind in _FILES and raw.endswith(b"/")):
             catalogue.folder(raw)
             source.skip(size + padding)
         elif kind in _FILES:
@@ -165,7 +165,7 @@ class _Member:
 def _check(header: bytes) -> tuple[bytes, int]:
     """The type and the size of a header block with a right checksum."""
     total = sum(header[:148]) + 8 * 32 + sum(header[156:])
-    if _octal(header[148:156]) != total or header[257:262] != b"ustar":
+    if _octal(header[148:156]) != total or header[257:262] not in (b"ustar", bytes(5)):  # the latter is of Unix V7
         raise UserFault("archive_corrupt")
     return header[156:157], _octal(header[124:136])
 

@@ -36,7 +36,7 @@ BEST, LAST, ASKED = "best", "last", "asked"
 _FLAGS = re.IGNORECASE | re.DOTALL
 _COPY = r"( ?\(\d{1,3}\)| - copy( \(\d{1,3}\))?| copy( \d{1,3})?)?"
 _CAR = re.compile(rf"(.*/)?model{_COPY}\.pb\Z", _FLAGS)
-_ITERATION = re.compile(r"(?P<folder>.*/)?model_(?P<number>\d{1,9})\.pb\Z", _FLAGS)
+_ITERATION = re.compile(rf"(.*/)?model_(?P<number>\d{{1,9}}){_COPY}\.pb\Z", _FLAGS)
 _ONNX = re.compile(r".*\.onnx\Z", _FLAGS)
 _METADATA = re.compile(rf"(.*/)?model_metadata{_COPY}\.json\Z", _FLAGS)
 _CHECKPOINTS = re.compile(rf"(.*/)?deepracer_checkpoints{_COPY}\.json\Z", _FLAGS)
@@ -174,17 +174,18 @@ def _iteration(
     if len(folders) > 1:
         return _only_one(list(iterations), sizes, read), LAST
     (folder,) = folders
-    by_number = {number: name for name, number in iterations.items()}
-    if len(by_number) != len(iterations):  # model_7.pb and model_07.pb
-        raise UserFault("several_networks", members=_list(iterations))
+    names: dict[int, list[str]] = {}
+    for name, number in iterations.items():  # model_7.pb, model_07.pb and model_7 (1).pb
+        names.setdefault(number, []).append(name)
+    by_number = {number: _only_one(alike, sizes, read) for number, alike in names.items()}
     last = by_number[max(by_number)]
     if checkpoint == LAST:
         return last, ASKED
     if checkpoint not in ("", BEST):
-        number = int(checkpoint) if checkpoint.isascii() and checkpoint.isdigit() and len(checkpoint) < 10 else -1
-        if number not in by_number:
+        wanted = int(checkpoint) if checkpoint.isascii() and checkpoint.isdigit() and len(checkpoint) < 10 else -1
+        if wanted not in by_number:
             raise _no_checkpoint(checkpoint, by_number)
-        return by_number[number], ASKED
+        return by_number[wanted], ASKED
     record = next((name for name in sizes if _CHECKPOINTS.match(name) and _folder(name) == folder), None)
     if record is None:
         if checkpoint:

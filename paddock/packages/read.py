@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import hashlib
 import io
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any, BinaryIO
 
@@ -187,9 +187,7 @@ class _Found:
     metadata: bytes | None
 
 
-def _find(
-    archive: TarArchive | ZipArchive, packed: int, limits: PackageLimits, checkpoint: str, depth: int = 0
-) -> _Found:
+def _find(archive: _Archive, packed: int, limits: PackageLimits, checkpoint: str, depth: int = 0) -> _Found:
     """``packed``: the size of the upload itself, against which whatever comes out of it is measured."""
 
     def read(name: str) -> bytes:
@@ -215,9 +213,7 @@ def _find(
     return _Found(choice, members, list(sizes), members.get(choice.metadata or ""))
 
 
-def _find_inner(
-    name: str, outer: TarArchive | ZipArchive, packed: int, limits: PackageLimits, checkpoint: str, depth: int
-) -> _Found:
+def _find_inner(name: str, outer: _Archive, packed: int, limits: PackageLimits, checkpoint: str, depth: int) -> _Found:
     """The car in the only archive that an archive holds, within the limits that are left of the upload's."""
     if outer.sizes[name] > limits.model_bytes:
         raise UserFault("expanded_size")
@@ -243,7 +239,21 @@ class _Early:
     is_wanted = staticmethod(choose.is_wanted_early)
 
 
-def _open(kind: str, head: bytes, part: _Metered, limits: PackageLimits) -> TarArchive | ZipArchive:
+class _OneFile:
+    """A network that is compressed without an archive, such as ``model.onnx.gz``."""
+
+    def __init__(self, name: str, content: bytes) -> None:
+        self.sizes = {name: len(content)}
+        self._content = content
+
+    def read(self, names: Iterable[str]) -> dict[str, bytes]:
+        return dict.fromkeys(names, self._content)
+
+
+_Archive = TarArchive | ZipArchive | _OneFile
+
+
+def _open(kind: str, head: bytes, part: _Metered, limits: PackageLimits) -> _Archive:
     if kind == kinds.ZIP:
         part.exhaust()
         return ZipArchive(part.stream, limits)
@@ -252,6 +262,8 @@ def _open(kind: str, head: bytes, part: _Metered, limits: PackageLimits) -> TarA
         return ZipArchive(io.BytesIO(_whole(unpacked, limits)), limits)
     if said := kinds.foreign_format(unpacked.head):
         raise UserFault("network_format", format=said, member=printable(part.name))
+    if unpacked.kind == kinds.BINARY and (network := network_kind(unpacked.head)):
+        return _OneFile("model.pb" if network == TENSORFLOW else "model.onnx", _whole(unpacked, limits))
 
     def again() -> Iterator[bytes]:
         part.stream.seek(0)
@@ -261,7 +273,7 @@ def _open(kind: str, head: bytes, part: _Metered, limits: PackageLimits) -> TarA
 
 
 def _whole(unpacked: Unpacked, limits: PackageLimits) -> bytes:
-    """A zip that was compressed once more; it is read from its end, so all of it is held."""
+    """What is read as a whole: a network, and a zip that was compressed once more, which is read from its end."""
     whole = io.BytesIO()
     for chunk in unpacked.chunks:
         whole.write(chunk)

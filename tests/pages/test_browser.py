@@ -174,7 +174,7 @@ def test_a_training_folder_is_uploaded_and_a_checkpoint_chosen(page: playwright.
     page.locator("input[type=file]").set_input_files(tmp_path / name)
     page.get_by_label("Checkpoint").fill("4")
     page.get_by_role("main").get_by_role("button", name="Upload").click()
-    playwright.expect(page.get_by_text("model_4.pb, as you chose")).to_be_visible()
+    playwright.expect(page.get_by_text("model_4.pb, as chosen")).to_be_visible()
     playwright.expect(page.get_by_text("files ignored")).to_be_visible()
 
 

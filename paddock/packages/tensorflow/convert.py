@@ -31,6 +31,7 @@ from .values import DEAD, Dead, Flow, Known, Tensor, Value
 _FLOAT = np.dtype("<f4")
 _SOURCES = ("Const", "Placeholder")
 _BRANCHES, _CALLS = ("If", "StatelessIf"), ("PartitionedCall", "StatefulPartitionedCall")
+_SAME_CAMERA = {"observation": "FRONT_FACING_CAMERA", "FRONT_FACING_CAMERA": "observation"}  # the oldest files' name
 _MOST_CALLS = 16  # of functions within functions
 
 
@@ -179,7 +180,7 @@ class _Conversion:
         dtype = node.attributes.dtype("dtype")
         if dtype is not None and dtype.kind == "b":
             return Known(np.array(False))
-        spec = self._specs.get(sensor)
+        spec = self._specs.get(sensor) or self._specs.get(_SAME_CAMERA.get(sensor, ""))
         if spec is None:
             self._strangers.append(sensor)
             raise self._wrong_inputs()
@@ -193,6 +194,7 @@ class _Conversion:
             )  # fmt: skip
         if dtype not in (_FLOAT, np.dtype("u1")):
             raise Contradiction
+        sensor = spec.sensor
         if sensor not in self._read:
             stored_dtype = np.dtype("u1") if spec.is_picture else _FLOAT
             self._read[sensor] = self.context.emit.input(sensor, spec.channels_last, stored_dtype)

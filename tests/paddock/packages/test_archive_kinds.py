@@ -130,6 +130,24 @@ def test_a_bomb_in_layers_stays_within_the_memory_limits() -> None:
         assert peak < 24 << 20
 
 
+@pytest.mark.parametrize("pack", [gzip, lzma.compress, bz2.compress])
+def test_a_compressed_network_beside_its_metadata_is_read(pack: Pack) -> None:
+    for graph in (GRAPH + bytes(2000), b"\x08" + GRAPH[1:] + bytes(2000)):
+        assert read([("model.gz", pack(graph)), META]).model == graph
+
+
+def test_a_tar_of_unix_v7_is_read() -> None:
+    old = bytearray()
+    for name, content in (("agent/", b""), ("agent/model.pb", GRAPH), META):
+        header = bytearray(512)
+        header[: len(name)] = name.encode()
+        header[100:148] = b"0000644\0" + b"0000000\0" * 2 + f"{len(content):011o}\0".encode() + b"00000000000\0"
+        header[148:156] = b" " * 8
+        header[148:156] = f"{sum(header):06o}\0 ".encode()
+        old += header + content + bytes(-len(content) % 512)
+    assert taken(gzip(bytes(old) + bytes(1024))).model == GRAPH
+
+
 # --- names
 
 
@@ -206,6 +224,15 @@ def test_equal_copies_of_a_network_count_once() -> None:
         assert taken(content).model == GRAPH
         assert taken(content).taken == "agent/model.pb"
     files[2] = ("backup/model.pb", GRAPH[::-1])
+    with pytest.raises(UserFault) as fault:
+        taken(zipped(*files))
+    assert fault.value.code == "several_networks"
+
+
+def test_an_iterations_equal_copies_count_once() -> None:
+    files = [("model/model_3.pb", GRAPH), ("model/model_3 (1).pb", GRAPH), ("model/model_1.pb", b"\x0a\x04old!"), META]
+    assert taken(zipped(*files)).taken == "model/model_3.pb"
+    files[1] = ("model/model_3 (1).pb", GRAPH + b"1")
     with pytest.raises(UserFault) as fault:
         taken(zipped(*files))
     assert fault.value.code == "several_networks"

@@ -59,6 +59,22 @@ def test_a_graph_of_tensorflow_answers_as_tensorflow_does(name: str) -> None:
 
 
 @pytest.mark.parametrize(
+    ("name", "said"),
+    [
+        ("sac_slices-shallow-FRONT_FACING_CAMERA-first", "observation"),
+        ("sac_slices-shallow-observation-first", "FRONT_FACING_CAMERA"),
+    ],
+)
+def test_both_names_of_the_front_camera_are_the_same(name: str, said: str) -> None:
+    """A car may have been exported with one and kept metadata with the other."""
+    case = CASES[name]
+    metadata = metadata_of(made.Case(case.head, case.depth, (said,)))
+    (frame,) = (made.frame(sensor) for sensor in case.sensors)
+    answer = ours(admit(archive()[f"{name}.pb"], metadata), {said: frame})
+    np.testing.assert_allclose(answer, expected_of(name), atol=2e-5, rtol=2e-4)
+
+
+@pytest.mark.parametrize(
     "name", ["sac_slices-shallow-FRONT_FACING_CAMERA-first", "sac_slices-deep-FRONT_FACING_CAMERA-SECTOR_LIDAR-second"]
 )
 def test_a_sliced_sac_head_is_admitted_and_exported(name: str) -> None:
