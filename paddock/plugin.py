@@ -20,8 +20,14 @@ _NAMES = ("TimeTrial", "ObjectAvoidance", "HeadToHead")
 
 
 def register_envs() -> None:
-    """Register the environments; those that are known already stay as they are."""
+    """Register the environments, here and in processes that this one starts with :mod:`multiprocessing`; those that are
+    known already stay as they are."""
+    from multiprocessing.process import current_process
+
     from gymnasium.envs.registration import register, registry
+
+    # what multiprocessing itself hands on to every child: without it one that is spawned knows no environment
+    getattr(current_process(), "_config", {})["paddock"] = _InChildren()
 
     for name in _NAMES:
         if f"Paddock/{name}-v1" not in registry:
@@ -30,6 +36,18 @@ def register_envs() -> None:
                 entry_point=f"paddock.simulator.envs:{name}Env",
                 vector_entry_point=f"paddock.simulator.vector:{name}VectorEnv",
             )
+
+
+class _InChildren:
+    """Calls :func:`watch` where it is unpickled."""
+
+    def __reduce__(self) -> tuple[Any, tuple[()]]:
+        return _in_child, ()
+
+
+def _in_child() -> _InChildren:
+    watch()
+    return _InChildren()
 
 
 def watch() -> None:

@@ -59,4 +59,5 @@ def unknown_track(name: str) -> str:
     """A sentence for a name that no track has, with the closest names."""
     names = nearest_names(name)
     known = gettext("The closest names are: %(names)s.") % {"names": names} if names else ""
-    return f"{gettext('There is no track %(name)s.') % {'name': name[:64]}} {known}".strip()
+    shown = name[:64].encode("utf-8", "replace").decode()
+    return f"{gettext('There is no track %(name)s.') % {'name': shown}} {known}".strip()

@@ -21,7 +21,7 @@ from paddock.exact import is_pinned
 
 from .action import Action
 from .competitor import Competitor
-from .envs.drive import Drive, StepOutcome
+from .envs.drive import OPTIONS, Drive, NotCopied, StepOutcome, check_options
 from .envs.setting import Readings, Setting, head_to_head, object_avoidance, time_trial
 from .envs.single import RENDER_MODES, RacingEnv, picture
 from .stage import PreparedTrack
@@ -30,7 +30,7 @@ from .world import World, new_world
 _Infos = dict[str, Any]
 
 
-class RacingVectorEnv(VectorEnv[Readings | np.ndarray, np.ndarray, np.ndarray]):
+class RacingVectorEnv(NotCopied, VectorEnv[Readings | np.ndarray, np.ndarray, np.ndarray]):
     """Many cars on a track, one for each sub-environment. Its children are registered, one for each race type.
 
     ``autoreset_mode`` is Gymnasium's. NEXT_STEP (the default): the step after an episode's last one ignores the action,
@@ -99,9 +99,10 @@ class RacingVectorEnv(VectorEnv[Readings | np.ndarray, np.ndarray, np.ndarray]):
     ) -> tuple[Readings | np.ndarray, _Infos]:
         """Start an episode of every car, or of those in ``options["reset_mask"]`` (bool, one for each car).
 
-        ``options["start_m"]``: as in a single environment, for all.
+        ``options["start_m"]``: as in a single environment, for all. Raises ValueError for any other option.
         """
         options = dict(options or {})
+        check_options(options, (*OPTIONS, "reset_mask"))
         mask = _mask(options.pop("reset_mask", None), self.num_envs)
         seeds = self._seeds(seed)
         if self._world is None:

@@ -97,7 +97,7 @@ def test_the_closest_names_come_first(name, close):
 
 def test_the_environment_takes_every_name():
     for name, direction in (("reinvent_base", "ccw"), ("penbay_open_cw", "cw")):
-        env = gymnasium.make("Paddock/TimeTrial-v0", track=name)
+        env = gymnasium.make("Paddock/TimeTrial-v1", track=name)
         assert env.unwrapped.setting.rules.direction == direction
         assert env.unwrapped.setting.ground.track.name == find(name).track.name
         env.close()

@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import replace
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, NoReturn
 
 import numpy as np
 
@@ -34,7 +34,28 @@ class StepOutcome(NamedTuple):
     info: dict[str, Any]
 
 
-class Drive:
+OPTIONS = ("start_m", "astray")
+
+
+def check_options(options: Mapping[str, Any] | None, known: Iterable[str]) -> None:
+    """Raises ValueError for options of ``reset`` that do not exist."""
+    if unknown := [str(name) for name in options or {} if name not in known]:
+        raise ValueError(f"reset has no option {', '.join(unknown)}; its options are {', '.join(known)}")
+
+
+class NotCopied:
+    """An environment, whose world lives in the memory of the physics engine: it cannot be copied or pickled."""
+
+    def __reduce_ex__(self, protocol: Any) -> NoReturn:
+        """Raises TypeError for ``copy.copy``, ``copy.deepcopy`` and ``pickle``, with what to do instead."""
+        raise TypeError(
+            f"{type(self).__name__} cannot be copied or pickled, because its world belongs to this process. Make "
+            "another environment with the same arguments, gymnasium.make(env.spec), and reset it with the same seed; "
+            "give another process a function that makes its environment, as gymnasium.vector.AsyncVectorEnv takes it."
+        )
+
+
+class Drive(NotCopied):
     """One car on a stage of its own. A step is :meth:`command`, a step of the world, and :meth:`judge`."""
 
     def __init__(self, setting: Setting, world: World | None = None) -> None:
@@ -77,8 +98,10 @@ class Drive:
         ``options``: ``start_m``, see :meth:`Setting.start_m`; ``astray``, a function of ``rng`` that returns how the
         car stands there: shares of the road's width and radians, both to the left.
 
-        Raises UserFault ``boxes_do_not_fit`` when random boxes find no room on this track.
+        Raises ValueError for any other option, UserFault ``boxes_do_not_fit`` when random boxes find no room on this
+        track.
         """
+        check_options(options, OPTIONS)
         setting = self._setting
         ground = setting.ground_of(self._episodes, rng)
         start_m = setting.start_m(rng, options or {}, ground)

@@ -128,6 +128,7 @@ class Setting:
         track = (ground or self.ground).track
         last = track.length - OPEN_ROOM_M if track.is_open else track.length
         asked = options.get("start_m")
+        drawn = callable(asked)
         if callable(asked):
             asked = asked(track, rng)
         if asked is not None:
@@ -136,6 +137,8 @@ class Setting:
                 raise ValueError(f"start_m must be a finite number of metres, not {start}")
             if track.is_open and not 0.0 <= start <= last:
                 raise ValueError(f"start_m on this open track must be 0 to {last:.2f}, not {start}")
+            if not drawn and not 0.0 <= start < track.length:
+                raise ValueError(f"start_m on this track must be at least 0 and below {last:.2f}, not {start}")
             return start
         return float(rng.uniform(0.0, last)) if self.random_start else self.rules.start_m
 
@@ -241,6 +244,9 @@ def race_setting(
         randomise=Randomisation.of(randomise),
         ways=() if len(ways) == len(ways[0]) == 1 else ways,
     )
+    shortest = min(ground.track.length for each in ways for ground in each)
+    if not 0.0 <= told.start_m < shortest:
+        raise ValueError(f"start_m must be at least 0 and below {shortest:.2f}, not {told.start_m}")
     if setting.rules.boxes or setting.rules.bots or layout_seed is not None:
         for ground in (ground for each in ways for ground in each):
             lay_out(ground.track, setting.rules)  # refuse now what every episode would be refused for

@@ -11,13 +11,13 @@ from paddock.exact import is_pinned
 from paddock.geometry.track import TrackGeometry
 
 from ..clock import STEP_MS
-from .drive import Drive
+from .drive import Drive, NotCopied
 from .setting import Readings, Setting, head_to_head, object_avoidance, time_trial
 
 RENDER_MODES = ("rgb_array",)
 
 
-class RacingEnv(gymnasium.Env[Any, Any]):
+class RacingEnv(NotCopied, gymnasium.Env[Any, Any]):
     """A car on a track. Not registered itself: its children are, one for each race type.
 
     Observation: a dict with one entry for each sensor of the metadata (a camera: uint8 (120, 160, 1), stereo cameras 2
@@ -54,7 +54,10 @@ class RacingEnv(gymnasium.Env[Any, Any]):
     def reset(
         self, *, seed: int | None = None, options: dict[str, Any] | None = None
     ) -> tuple[Readings | np.ndarray, dict[str, Any]]:
-        """Start an episode. ``options={"start_m": metres}`` sets the start on the centre line."""
+        """Start an episode. ``options={"start_m": metres}`` sets the start on the centre line.
+
+        Raises ValueError for an unknown option and for a start that is not on the lap.
+        """
         super().reset(seed=seed)
         info = self._drive.begin(self.np_random, options)
         self._readings = self._drive.observe()
