@@ -83,6 +83,12 @@ def is_learner(racer: object) -> bool:
     return isinstance(racer, Racer) and ClassLearner.objects.filter(racer=racer).exists()
 
 
+def remember_no_learner(racer: object) -> None:
+    """Keep with the racer that they are no account of a class, which another query has told already."""
+    if isinstance(racer, Racer):
+        ClassLearner._meta.get_field("racer").remote_field.set_cached_value(racer, None)
+
+
 def _learners(racers: Collection[int] | None, now: datetime) -> Mapping[int, float]:
     found = ClassLearner.objects.filter(classroom__group__leader__isnull=False).order_by()
     if racers is not None:

@@ -48,6 +48,7 @@ class LeagueConfig(AppConfig):
                 "settings.notices": "league/parts/tab_notices.html",
                 "settings.webhooks": "league/parts/tab_webhooks.html",
                 "race.crumb": "league/parts/race_crumb.html",
+                "race.division": "league/parts/race_division.html",
                 "race.organise": "league/parts/to_invited.html",
                 "race.side": "league/parts/race_side.html",
                 "race.cancelling": "league/parts/cancelling.html",

@@ -19,6 +19,7 @@ from django.views.decorators.http import require_GET, require_POST, require_safe
 
 from config.health import readiness
 from core.templatetags.site import THEMES
+from league.selectors.overview import current_season
 
 A_YEAR_S = 365 * 24 * 3600
 
@@ -26,7 +27,9 @@ A_YEAR_S = 365 * 24 * 3600
 @require_safe
 def about(request: HttpRequest) -> HttpResponse:
     """How it works and the rules."""
-    return render(request, "config/about.html", {"upload_limit_mb": settings.UPLOAD_LIMIT_MB})
+    season = current_season(timezone.now())
+    percent = f"{season.promotion_percent.normalize():f}" if season else None
+    return render(request, "config/about.html", {"upload_limit_mb": settings.UPLOAD_LIMIT_MB, "percent": percent})
 
 
 @require_safe

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from datetime import datetime
 from typing import TYPE_CHECKING, TypeAlias, TypedDict
@@ -53,17 +53,31 @@ def round_of(race: Race, racer: Racer | None = None) -> ShownRound | None:
     """
     if race.kind != RaceKind.LEAGUE:
         return None
-    if racer is None and hasattr(race, "_round_shown"):
+    if hasattr(race, "_round_shown") and (racer is None or getattr(race, "_round_reader", None) == racer.pk):
         return race._round_shown
-    rounds = Round.objects.filter(race=race).select_related("season")
+    _read_rounds([race], racer)
+    return race._round_shown
+
+
+def read_rounds(races: Sequence[Race], racer: Racer) -> None:
+    """Read the rounds of these races for a page that asks :func:`round_of` about each with ``racer``: one query."""
+    _read_rounds(races, racer)
+    for race in races:
+        race._round_reader = racer.pk
+
+
+def _read_rounds(races: Sequence[Race], racer: Racer | None) -> None:
+    league = [race for race in races if race.kind == RaceKind.LEAGUE]
+    rounds = Round.objects.filter(race__in=league).select_related("season")
     rounds = rounds.annotate(has_decisions=Exists(StewardDecision.objects.filter(round=OuterRef("pk"))))
     if racer is not None:
         own = Membership.objects.filter(season=OuterRef("season"), racer=racer).order_by().values("division")[:1]
         rounds = rounds.annotate(reader_division=Coalesce(Subquery(own), Value("")))
-    race._round_shown = rounds.first()
-    if race._round_shown is not None:
-        race._round_shown.race = race
-    return race._round_shown
+    found = {round_.race_id: round_ for round_ in rounds} if league else {}
+    for race in league:
+        race._round_shown = found.get(race.pk)
+        if race._round_shown is not None:
+            race._round_shown.race = race
 
 
 def due_rounds(now: datetime) -> QuerySet[Round]:

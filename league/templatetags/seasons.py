@@ -11,6 +11,7 @@ from django.utils.safestring import SafeString, mark_safe
 
 from accounts.models import Racer
 from league.models import Round, Season
+from league.rules.divisions import entry_rule
 from league.selectors import decisions_of
 from league.selectors.boards import BoardCut, board_cut, round_of
 from league.services.organising import cancelling_says, removal_says
@@ -27,6 +28,13 @@ DECISIONS = 20
 def round_shown(race: Race) -> Round | None:
     """The round that a race is; none for community races."""
     return round_of(race)
+
+
+@register.filter
+def division_words(race: Race) -> str:
+    """Whose a league race is and how a racer comes into it, by the rules of its season where it has one."""
+    round_ = round_of(race)
+    return entry_rule(race.division, round_ and round_.stage, round_ and round_.season)
 
 
 @register.simple_tag

@@ -12,23 +12,24 @@ from django.views.decorators.http import require_safe
 from evaluation.models import Evaluation
 from evaluation.selectors import models_of
 from league.selectors.cups import cup_now, stage_of
+from league.selectors.home import home_races
 from league.selectors.steps import first_steps, league_race_now
 from races.engines import hidden_runs
 from races.selectors import podiums, racing_now, to_beat, upcoming
 
-RACES = 6
 UPCOMING = 5
 OWN = 5
 
 
 @require_safe
 def home(request: HttpRequest) -> HttpResponse:
-    """Open races with their podiums, the next races; my models and latest runs."""
+    """Open races that the reader may enter, with their podiums; the next races; my models and latest runs."""
     now = timezone.now()
-    races = list(racing_now(now, request.user)[:RACES])
-    leading = podiums(races)
+    shown = home_races(racing_now(now, request.user), request.user, now)
+    leading = podiums(shown.cards)
     context: dict[str, Any] = {
-        "races": races,
+        "races": shown.cards,
+        "folded": shown.folded,
         "podiums": leading,
         "to_beat": to_beat(leading),
         "upcoming": list(upcoming(now, request.user)[:UPCOMING]),
@@ -43,6 +44,6 @@ def home(request: HttpRequest) -> HttpResponse:
             "models": list(models_of(request.user)[:OWN]),
             "runs": list(mine[:OWN]),
             "steps": first_steps(request.user, now),
-            "league_race": league_race_now(races),
+            "league_race": league_race_now(shown.cards),
         }
     return render(request, "league/home.html", context)
