@@ -222,7 +222,7 @@ class Evaluation(Job):
         default=False,
         db_default=False,
         editable=False,
-        help_text=_("Computed ahead of its show: nobody knows of it before."),
+        help_text=_("Computed before the show and kept secret until then."),
     )
 
     state = models.CharField(_("state"), max_length=8, choices=State.choices, default=State.QUEUED)

@@ -87,7 +87,7 @@ def told_instead(notice: Notice) -> str:
         return ""
     name = notice.params.get("race") or notice.params.get("season") or ""
     if not name:
-        return _("There is news that would tell results which you hide.")
+        return _("There is news about results that you hide.")
     return _("There is news of %(race)s, which you have not watched yet.") % {"race": named(name)}
 
 

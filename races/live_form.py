@@ -42,7 +42,7 @@ class LiveForm(forms.Form):
     time_zone = forms.ChoiceField(label=_("Time zone"))
     rounds = forms.IntegerField(label=_("Rounds"), min_value=1, max_value=MOST_ROUNDS, initial=2)
     attempt_ms = SecondsField(
-        label=_("Seconds of an attempt"),
+        label=_("Seconds per attempt"),
         help_text=_("So long each car drives; what it is ranked by is the race's rule."),
         min_value=LEAST_ATTEMPT_MS // 1000,
         max_value=MOST_ATTEMPT_MS // 1000,
@@ -64,15 +64,19 @@ class LiveForm(forms.Form):
     )
     order = forms.ChoiceField(label=_("Order"), choices=LiveOrder.choices, initial=LiveOrder.SLOWEST_FIRST)
     gap_s = forms.IntegerField(
-        label=_("Seconds between two runs"), min_value=0, max_value=MOST_GAP_S, initial=20, help_text=_("By itself.")
+        label=_("Seconds between two runs"),
+        min_value=0,
+        max_value=MOST_GAP_S,
+        initial=20,
+        help_text=_("Automatic runs only."),
     )
     auto_run = forms.BooleanField(
-        label=_("Runs by itself"),
+        label=_("Automatic"),
         required=False,
-        help_text=_("It begins in time and calls and launches the next by itself."),
+        help_text=_("The event starts on time and runs automatically."),
     )
     roll_call = forms.BooleanField(
-        label=_("Roll call"), required=False, help_text=_("Who has not said that they are here is held back.")
+        label=_("Roll call"), required=False, help_text=_("Racers who have not checked in are held.")
     )
 
     speed_control = forms.BooleanField(

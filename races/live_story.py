@@ -114,7 +114,7 @@ def _sector(at: datetime, alias: str, event: dict[str, Any], so_far: int, known:
         return
     needs, last = known.fastest[0] - so_far, known.own_sectors.get((alias, SECTORS))
     if needs <= 0:
-        yield Sentence(at, "needs", _("%(racer)s cannot have the fastest lap this time.") % {"racer": alias})
+        yield Sentence(at, "needs", _("No fastest lap for %(racer)s.") % {"racer": alias})
     elif last is None or needs == last:
         words = _("%(racer)s needs %(time)s in the last sector for the fastest lap.")
         yield Sentence(at, "needs", words % _in(alias, needs, 0))
@@ -158,13 +158,13 @@ def _outcome(run: DrivenRun, known: _Known) -> Iterator[Sentence]:
     held = known.best.get(run.alias)
     if held is not None and held.key <= run.standing.key:
         place = before.index(run.alias) + 1
-        yield Sentence(at, "place", _("%(racer)s stays in place %(place)s.") % {"racer": run.alias, "place": place})
+        yield Sentence(at, "place", _("%(racer)s stays at place %(place)s.") % {"racer": run.alias, "place": place})
         return
     known.best[run.alias] = run.standing
     after = known.ranked()
     place = after.index(run.alias) + 1
     if place > 1 or not run.standing.classified:
-        yield Sentence(at, "place", _("%(racer)s is in place %(place)s.") % {"racer": run.alias, "place": place})
+        yield Sentence(at, "place", _("%(racer)s: place %(place)s.") % {"racer": run.alias, "place": place})
     elif before and before[0] != run.alias:
         words = _("New leader: %(racer)s, before %(other)s.")
         yield Sentence(at, "leader", words % {"racer": run.alias, "other": before[0]})

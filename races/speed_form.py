@@ -15,7 +15,7 @@ _LABELS = {
     "absolute": _("Always, in m/s"),
     "percent_max": _("Per cent of 4 m/s"),
     "offset": _("More or less, in m/s"),
-    "model_speed": _("As the model wants"),
+    "model_speed": _("Model speed"),
 }
 
 

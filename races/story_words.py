@@ -32,7 +32,7 @@ def incident(kind: str) -> str:
         "crashed": _("%(racer)s hits something in lap %(lap)s."),
         "immobilized": _("%(racer)s stands still in lap %(lap)s."),
         "reversed": _("%(racer)s drives the wrong way in lap %(lap)s."),
-        "time_up": _("The time of %(racer)s is up."),
+        "time_up": _("%(racer)s's time is up."),
     }[kind]
 
 

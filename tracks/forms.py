@@ -33,7 +33,7 @@ class ImportTrackForm(forms.Form):
         choices=TrackLook.choices,
         initial=TrackLook.OFFICIAL,
         required=False,
-        help_text=_("What cameras see of it: lines, dashes, greys and the wall. It stays as it is for good."),
+        help_text=_("Appearance for cameras: lines, dashes, greys and the wall. Cannot be changed later."),
     )
 
     def clean_look(self) -> str:

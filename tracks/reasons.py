@@ -8,10 +8,8 @@ register(
     "user",
     {
         # tracks that racers import
-        "track_known": _("This very track is here already, as %(name)s. Use that one."),
-        "track_limit": _(
-            "You have imported %(limit)s tracks, as many as one racer may. Race on one of those here, or ask an admin."
-        ),
+        "track_known": _("This track already exists as %(name)s. Use that one."),
+        "track_limit": _("You have reached the limit of %(limit)s imported tracks. Use one of them, or ask an admin."),
         "track_name": _("Give the track a name of 1 to %(limit)s characters on one line."),
         "track_look": _("Invalid look of a track. Choose one of: %(looks)s."),
         "track_slug": _(

@@ -95,7 +95,7 @@ def import_track_page(request: HttpRequest) -> HttpResponse:
         except UserFault as fault:
             add_fault(form, fault)
         else:
-            messages.success(request, _("The track is imported. Anybody can hold a race on it now."))
+            messages.success(request, _("Track imported. Anyone can create a race on it now."))
             return redirect(made)
     context = {"form": form, "limit": limit_of(racer_of(request), TRACKS.name)}
     return render(request, "tracks/import.html", context, status=422 if form.errors else 200)

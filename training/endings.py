@@ -30,20 +30,20 @@ def _why(job: TrainingJob, reader: Racer | AnonymousUser) -> str:
     match job.ended_because:
         case EndReason.TIME:
             return ngettext(
-                "Its %(count)s minute of training was used up.",
-                "Its %(count)s minutes of training were used up.",
+                "Time limit reached (%(count)s minute)",
+                "Time limit reached (%(count)s minutes)",
                 job.stop_minutes,
             ) % {"count": job.stop_minutes}
         case EndReason.STEPS:
             return ngettext(
-                "It had driven the %(count)s step that it was to drive.",
-                "It had driven the %(count)s steps that it was to drive.",
+                "Step limit reached (%(count)s)",
+                "Step limit reached (%(count)s)",
                 job.stop_steps or 0,
             ) % {"count": f"{job.stop_steps or 0:,}"}
         case EndReason.CLEAN_LAPS:
             return ngettext(
-                "It drove %(count)s clean lap, as it was to do.",
-                "It drove %(count)s clean laps in a row, as it was to do.",
+                "Goal reached: %(count)s clean lap",
+                "Goal reached: %(count)s clean laps in a row",
                 job.stop_clean_laps or 0,
             ) % {"count": job.stop_clean_laps or 0}
         case EndReason.STOPPED:
@@ -56,9 +56,7 @@ def _why(job: TrainingJob, reader: Racer | AnonymousUser) -> str:
 def _stopped(job: TrainingJob, reader: Racer | AnonymousUser) -> str:
     begun = job.started_at is not None
     if job.stopped_by_id is not None and job.stopped_by_id != job.owner_id:
-        return (
-            _("An admin of this site stopped it.") if begun else _("An admin of this site stopped it before it began.")
-        )
+        return _("Stopped by an admin") if begun else _("Stopped by an admin before it started")
     if reader.pk == job.owner_id:
-        return _("You stopped it.") if begun else _("You stopped it before it began.")
-    return _("Its owner stopped it.") if begun else _("Its owner stopped it before it began.")
+        return _("Stopped by you") if begun else _("Stopped by you before it started")
+    return _("Stopped by its owner") if begun else _("Stopped by its owner before it started")

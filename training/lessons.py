@@ -34,13 +34,13 @@ LESSONS = (
     Lesson(
         "agent",
         _("Agent and environment"),
-        _("Who learns, from what, and what a training is."),
+        _("The learner, its environment, and the training loop."),
         (_try(_("Train a first car"), name="first-car"),),
     ),
     Lesson(
         "three-ways",
         _("Three ways to learn"),
-        _("From answers, from likeness, from consequences."),
+        _("Supervised, unsupervised and reinforcement learning."),
         (
             _try(_("Learn from consequences"), name="from-consequences"),
             _try(_("Learn with a wrong aim"), name="wrong-aim", lesson="slow"),
@@ -49,7 +49,7 @@ LESSONS = (
     Lesson(
         "state-and-action",
         _("State and action"),
-        _("What the car sees fifteen times a second, and what it may do."),
+        _("What the car observes 15 times a second, and its actions."),
         (
             _try(_("Train with five actions"), name="five-actions"),
             _try(
@@ -65,7 +65,7 @@ LESSONS = (
     Lesson(
         "reward",
         _("Reward"),
-        _("The one number that says what you want."),
+        _("One number that defines the goal."),
         (
             _try(_("Reward the centre line"), name="centre-line", example="follow_centre_line"),
             _try(_("Reward being on the road"), name="inside-borders", example="stay_inside_borders"),
@@ -98,7 +98,7 @@ LESSONS = (
     Lesson(
         "exploration",
         _("Exploration and exploitation"),
-        _("Why a car that learns drives worse than it could."),
+        _("Why a car in training drives below its best."),
         (
             _try(_("Explore a little"), name="little-entropy", beta_entropy="0"),
             _try(_("Explore a lot"), name="much-entropy", beta_entropy="0.3"),

@@ -22,7 +22,7 @@ register(
     "user",
     {
         "vehicle_name_taken": _("You have another vehicle named “%(name)s”. Choose another name."),
-        "vehicle_limit": _("Your garage has %(limit)s vehicles, as many as it may have. Delete one first."),
+        "vehicle_limit": _("You have reached the limit of %(limit)s vehicles. Delete one first."),
         "vehicle_not_yours": _("This vehicle is not in your garage. Choose one of yours."),
         "vehicle_sensors": _("A vehicle has one camera (%(cameras)s) and at most one lidar (%(lidars)s)."),
         "vehicle_lidar": _(
@@ -77,8 +77,7 @@ register(
         "training_best_metric": _("The best model is the best by progress, reward or lap_time."),
         "training_seed": _("The seed must be a whole number from 0 to 2147483647."),
         "training_evaluate_on": _(
-            "When it is done, the model cannot be driven on %(track)s among what it is trained among: %(problem)s "
-            "Choose another track, or none."
+            "The test drive after training is not possible on %(track)s: %(problem)s Choose another track, or none."
         ),
         "training_course": _(
             "The race type and what stands on the track contradict each other (%(problem)s). Object avoidance has "
@@ -86,12 +85,11 @@ register(
         ),
         "training_reward_missing": _("Write a reward function, or choose one of the examples."),
         "training_jobs_at_once": _(
-            "You have %(limit)s trainings that wait or run, as many as you may have at once. Stop one, or wait for its "
-            "end."
+            "You have reached the limit of %(limit)s trainings at a time. Stop one, or wait for its end."
         ),
         "training_minutes_left": _(
-            "Of the %(limit)s minutes of training that you have each month %(left)s are left (what waits or runs is "
-            "taken off in full). Choose a shorter training."
+            "%(left)s of %(limit)s training minutes are left this month (queued and running "
+            "trainings count in full). Choose a shorter training."
         ),
         "training_no_model": _(
             "This training has no such model, or not any more. Wait for its first iteration, or choose the other one."
@@ -116,8 +114,8 @@ register(
             "their number and kind may not."
         ),
         "clone_not_ours": _(
-            "This model's network is not built like the ones that are trained here, so its weights cannot be learned "
-            "on. Clone a model that was trained on this site, one of the house's, or one of the console's with its "
+            "This model's network differs from the networks trained here, so it cannot be trained "
+            "further. Clone a model trained on this site, a house car, or a console model with the "
             "shallow network and a camera."
         ),
         "training_memory": _(
@@ -125,8 +123,8 @@ register(
             "function from step to step."
         ),
         "training_diverged": _(
-            "The training lost its way: the numbers of its network grew beyond all bounds. Choose a smaller learning "
-            "rate, smaller rewards, a discount factor below 1 or the Huber loss. What it had learned before is kept."
+            "The training diverged. Choose a smaller learning rate, smaller rewards, a discount "
+            "factor below 1 or the Huber loss. The model from before is kept."
         ),
         "training_broke_down": _(
             "The training broke down %(attempts)s times without getting any further, outside of the lines of your "
@@ -150,16 +148,16 @@ register(
     "platform",
     {
         "training_unavailable": _(
-            "Training is not installed on this site. Whoever operates it can add it with “make training”."
+            "Training is not installed on this site. The operator can add it with “make training”."
         ),
-        "training_paused": _("No trainings are taken on at the moment: whoever operates this site has paused them."),
+        "training_paused": _("The operator of this site has paused trainings."),
         "trainer_died": _("The training ended unexpectedly (%(how)s). It will go on from its last checkpoint."),
         "trainer_lost": _("The worker that trained disappeared. The training goes on from its last checkpoint."),
         "trainer_protocol": _("The training sent something unreadable. It will go on from its last checkpoint."),
         "trainer_error": _("The training failed (%(detail)s). It will go on from its last checkpoint."),
         "training_gave_up": _(
-            "Paddock failed to train this model %(attempts)s times without getting any further. Nothing is wrong with "
-            "it, and its minutes do not count: train it again later."
+            "Paddock failed to train this model %(attempts)s times. The model is fine, and its "
+            "minutes do not count. Train it again later."
         ),
     },
 )

@@ -64,7 +64,7 @@ def group_new(request: HttpRequest) -> HttpResponse:
         except ValidationError as error:
             form.add_error(None, error)
         else:
-            messages.success(request, _("The group is made. Send its link to who belongs to it."))
+            messages.success(request, _("Group created. Send its link to the members."))
             return redirect(made)
     return render(request, "accounts/groups/new.html", {"form": form}, status=422 if form.errors else 200)
 
@@ -103,7 +103,7 @@ def _do(request: HttpRequest, shown: RacerGroup) -> HttpResponse:
             services.new_group_link(group=shown, by=by)
         elif do == "delete":
             services.delete_group(group=shown, by=by)
-            messages.success(request, _("The group is deleted."))
+            messages.success(request, _("Group deleted."))
             return redirect("groups")
         else:
             member = members_visible_to(by).filter(group=shown, racer__alias=request.POST.get("racer", "")).first()

@@ -120,7 +120,7 @@ def report_delete(request: HttpRequest, public_id: str) -> HttpResponse:
         except UserFault as fault:
             _tell(request, fault)
             return redirect(mine)
-        messages.success(request, _("The report is deleted."))
+        messages.success(request, _("Report deleted."))
         return redirect("reports")
     return render(request, "evaluation/reports/delete.html", {"report": mine})
 

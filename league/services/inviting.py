@@ -283,7 +283,7 @@ def _message(job: MailInvitation, server: Any) -> EmailMessage:
             [
                 _("%(who)s invites you to the race “%(race)s” at %(site)s.")
                 % {"who": who, "race": job.race.name, "site": settings.SITE_URL},
-                _("This link is yours alone: it joins one racer, and holds until %(until)s.") % {"until": until},
+                _("This personal link is for one racer and valid until %(until)s.") % {"until": until},
                 link,
                 _("No more invitations from this site: %(address)s") % {"address": stop},
             ]

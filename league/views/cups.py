@@ -81,7 +81,7 @@ def cup_starter(request: HttpRequest) -> HttpResponse:
     public_id = request.POST.get("model", "")
     if not public_id:
         start_no_more(racer=racer)
-        messages.success(request, _("No car of yours starts in cups by itself."))
+        messages.success(request, _("Automatic entry is off."))
         return redirect("cups")
     model = get_object_or_404(models_of(racer), public_id=public_id)
     try:

@@ -54,7 +54,7 @@ def unfollow(request: HttpRequest, alias: str) -> HttpResponse:
     """Follow a racer no more, on their page or (``from=list``) in the list."""
     racer = _racer(alias)
     unfollow_racer(follower=racer_of(request), racer=racer)
-    messages.success(request, _("You follow %(racer)s no more.") % {"racer": racer.alias})
+    messages.success(request, _("You no longer follow %(racer)s.") % {"racer": racer.alias})
     return redirect("following" if request.POST.get("from") == "list" else racer)
 
 

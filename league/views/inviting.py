@@ -125,10 +125,10 @@ def _change(request: HttpRequest, slug: str) -> HttpResponse:
     try:
         if "again" in request.POST:
             inviting.invite_again(invitation=one, by=by, now=now)
-            messages.success(request, _("Another invitation is on its way; the link before it works no more."))
+            messages.success(request, _("New invitation sent. The previous link no longer works."))
         else:
             inviting.withdraw_invitation(invitation=one, by=by, now=now)
-            messages.success(request, _("The invitation is withdrawn."))
+            messages.success(request, _("Invitation withdrawn."))
     except UserFault as fault:
         messages.error(request, explain(fault))
     return redirect("race_invited", race.slug)

@@ -88,7 +88,7 @@ class Entry(models.Model):
         default=False,
         db_default=False,
         editable=False,
-        help_text=_("The score is of the race's live event: it stands before all that were not driven there."),
+        help_text=_("Score from the live event, which ranks ahead of all others."),
     )
 
     # In a race of duels, from the draw on; what stands above is then how the car qualified.

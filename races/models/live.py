@@ -65,7 +65,7 @@ class LiveEvent(models.Model):
     lobby_opens_at = models.DateTimeField(_("lobby opens"))
     submissions_open = models.BooleanField(_("racers choose their models"), default=True)
     roll_call = models.BooleanField(
-        _("roll call"), default=False, help_text=_("Who has not said that they are here is held back.")
+        _("roll call"), default=False, help_text=_("Racers who have not checked in are held.")
     )
     rounds = models.PositiveSmallIntegerField(
         _("rounds"), default=2, validators=[MinValueValidator(1), MaxValueValidator(MOST_ROUNDS)]
@@ -74,7 +74,7 @@ class LiveEvent(models.Model):
         _("time of an attempt"),
         default=180_000,
         validators=[MinValueValidator(LEAST_ATTEMPT_MS), MaxValueValidator(MOST_ATTEMPT_MS)],
-        help_text=_("Simulated milliseconds, which everybody watches as so many real ones."),
+        help_text=_("Simulated milliseconds, shown in real time."),
     )
     start_m = models.FloatField(
         _("start"),
@@ -85,7 +85,7 @@ class LiveEvent(models.Model):
     seed = models.PositiveIntegerField(_("seed"), null=True, blank=True)
     order = models.CharField(_("order"), max_length=16, choices=LiveOrder.choices, default=LiveOrder.SLOWEST_FIRST)
     auto_run = models.BooleanField(
-        _("runs by itself"), default=False, help_text=_("It begins in time and calls and launches the next by itself.")
+        _("automatic"), default=False, help_text=_("The event starts on time and runs automatically.")
     )
     gap_s = models.PositiveSmallIntegerField(
         _("seconds between two runs"), default=20, validators=[MaxValueValidator(600)]

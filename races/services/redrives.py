@@ -184,7 +184,7 @@ def _is_of_no_use(redrive: Redrive, site: str, now: datetime) -> bool:
     failed and the pause is over."""
     run = redrive.evaluation
     if run.is_platform_fault and redrive.engine == site:
-        assert run.ended_at is not None, "it failed"
+        assert run.ended_at is not None, "failed"
         return run.ended_at + pause_after(redrive.tries + 1) <= now  # it was tried before
     return redrive.engine != site or run.is_final
 

@@ -23,7 +23,7 @@ def speed_log(evaluation: Evaluation) -> list[dict[str, Any]]:
 def speed_command(one: Mapping[str, Any] | None) -> str:
     """A command in words."""
     if one is None or one["mode"] == "model_speed":
-        return _("as the model wants")
+        return _("model speed")
     value = one["value"]
     words = {
         "multiplier": _("%(value)s times what the model wants"),

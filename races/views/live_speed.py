@@ -65,7 +65,7 @@ def _done(request: HttpRequest, event: LiveEvent, mine: LiveRacer, form: SpeedFo
             command_now(event=event, racer=mine, by=by, now=now, **asked)
         else:
             command_start(event=event, racer=mine, by=by, now=now, **asked)
-            messages.success(request, _("Your next runs begin so."))
+            messages.success(request, _("Start speed of your next runs saved."))
     except UserFault as fault:
         tell_fault(request, fault)
     return True

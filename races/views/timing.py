@@ -56,7 +56,7 @@ _SCRIPTS = ("paddock.js", "moves.js", "stream.js", "timing-store.js", "timing.js
 # What the page says that only its script knows when; %s stands for a figure.
 _WORDS = {
     "unsent": gettext_lazy("%s sessions have not been sent yet."),
-    "allSent": gettext_lazy("Everything is sent."),
+    "allSent": gettext_lazy("All sent."),
     "offline": gettext_lazy("No network. Go on: everything is kept in this browser and sent later."),
     "loggedOut": gettext_lazy("The server does not know you any more. Log in again in another tab, then send."),
     "refused": gettext_lazy("%s sessions were refused. Their reasons stand below."),
@@ -172,7 +172,7 @@ def lap_correct(request: HttpRequest, slug: str, id: UUID) -> HttpResponse:
             form.show(fault)
         else:
             log_if_admin(by, lap.session.entry, f"Corrected a lap: {form.cleaned_data['reason']}")
-            messages.success(request, _("The lap is corrected."))
+            messages.success(request, _("Lap corrected."))
             return redirect("race_laps", race.slug)
     context = {"race": race, "lap": lap, "form": form}
     return render(request, "races/timing/correct.html", context, status=422 if form.errors else 200)
@@ -222,7 +222,7 @@ def sensor_revoke(request: HttpRequest, slug: str, number: int) -> HttpResponse:
     race = _physical(organised_race(request, slug))
     sensor = get_object_or_404(TimingSensor, race=race, pk=number)
     timing.revoke_sensor(sensor=sensor, by=racer_of(request), now=timezone.now())
-    messages.success(request, _("The token is revoked."))
+    messages.success(request, _("Token revoked."))
     return redirect("race_timing_setup", race.slug)
 
 
@@ -257,7 +257,7 @@ def guest_claim(request: HttpRequest, claim: str) -> HttpResponse:
         except UserFault as fault:
             tell_fault(request, fault)
         else:
-            messages.success(request, _("These laps are yours now."))
+            messages.success(request, _("You have taken over these laps."))
             return redirect(guest.race)
     context = {"guest": guest, "race": guest.race, "sessions": sessions_of(guest.race, guest.entry)}
     return render(request, "races/timing/claim.html", context)

@@ -198,17 +198,17 @@ def test_the_pages_of_a_group(alice, bob, charlie, now):
     assert made["Location"] == "/groups/night-shift/"
     group = RacerGroup.objects.get()
     page = leader.get(made["Location"]).content.decode()
-    assert group.code in page and "Nobody is in it yet." in page
+    assert group.code in page and "No members yet." in page
     assert stranger.get(made["Location"]).status_code == 404 and Client().get(made["Location"]).status_code == 404
     assert "Night shift" not in stranger.get("/groups/").content.decode()
     link = f"/groups/join/{group.code}/"
     assert "/accounts/login/" in Client().get(link)["Location"]
-    assert "Ask to be in it" in member.get(link).content.decode()
+    assert "Request to join" in member.get(link).content.decode()
     assert member.post(link)["Location"] == made["Location"]
     page = member.get(made["Location"]).content.decode()
     assert "waits for its leader" in page and group.code not in page
     assert (
-        "Only who leads"
+        "Only the leader"
         in member.post(made["Location"], {"do": "confirm", "racer": "bob"}, follow=True).content.decode()
     )
     assert not is_in(bob, group)

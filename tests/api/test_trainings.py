@@ -163,6 +163,6 @@ def test_only_the_owner_and_admins_see_a_training(alice, cast, now):
     assert (stopped["state"], stopped["ended_because"], stopped["ending"]) == (
         "stopped",
         "stopped",
-        "You stopped it before it began.",
+        "Stopped by you before it started",
     )
     assert cast["owner"].post(f"{ADDRESS}{job.public_id}/stop/").data["state"] == "stopped"

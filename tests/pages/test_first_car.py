@@ -75,7 +75,7 @@ def test_a_second_click_leads_to_the_first_car(beginners):
     for _ in range(2):
         logged_in(alice).post("/train/first/")
     job = TrainingJob.objects.get(owner=alice)
-    assert f'href="{job.get_absolute_url()}">Watch your first car being trained' in read(alice, "/")
+    assert f'href="{job.get_absolute_url()}">Watch the training of your first car' in read(alice, "/")
 
 
 def test_a_later_first_car_takes_a_free_name(beginners, now):

@@ -228,6 +228,6 @@ def test_the_wizard_shows_errors_and_defaults_to_the_original_car(browser, live_
     page.locator("[name=lr]").fill("0.001")
     page.locator("[data-examples]").select_option(label="Follow the centre line")
     page.get_by_role("button", name="Create and train").click()
-    page.get_by_text("The training is on its way.").wait_for()
+    page.get_by_text("Training queued.").wait_for()
     job = TrainingJob.objects.get()
     assert job.vehicle is None and job.sensors == ["FRONT_FACING_CAMERA"]

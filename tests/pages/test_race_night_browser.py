@@ -148,7 +148,7 @@ def test_a_time_trial_of_six_from_the_lobby_to_the_podium(site, browser):
     big.wait_for_timeout(5_000)
     all_of.shots("4-carl", "big", "overlay", "phone", "overlay-clock", "overlay-lower-third", "overlay-next")
     all_of.shots("4-carl", "huge" if SHOTS else "big", "dora", "commentary")
-    console.get_by_role("button", name="Let it run by itself").click()
+    console.get_by_role("button", name="Run automatically").click()
     until(console, lambda: done(site) == 6, 360)
     console.reload()
     console.get_by_role("button", name="End the event").click()

@@ -54,7 +54,7 @@ def test_one_press_drives_a_report_that_moves_by_itself(browser, live_server, al
         page.get_by_text("stopped").first.wait_for()
         page.get_by_role("link", name="Delete").click()
         page.get_by_role("button", name="Delete").click()
-        page.get_by_text("The report is deleted.").wait_for()
+        page.get_by_text("Report deleted.").wait_for()
         assert page.locator("#quotas").inner_text().count("/") == 3
 
 

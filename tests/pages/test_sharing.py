@@ -108,7 +108,7 @@ def test_others_cannot_race_a_shared_model_and_see_board_runs_only(world: World)
     share_model(model=kept.model, now=world.now)
     page = body(world.client("bob"), f"/models/{car.public_id}/")
     assert world.finished.evaluation.public_id in page
-    assert "Race it" not in page and "Name and look" not in page
+    assert "Submit to a race" not in page and "Name and look" not in page
     assert 'href="/racers/alice/"' in page
     page = body(world.client("bob"), f"/models/{kept.model.public_id}/")
     assert kept.public_id not in page and "No visible board results yet" in page
@@ -166,7 +166,7 @@ class TestBrowsing:
         client = world.client("newcomer")
         assert "Thunder" not in body(client, f"{BROWSE}?q=LIGHT") and "Lightning" in body(client, f"{BROWSE}?q=LIGHT")
         assert "Lightning" not in body(client, f"{BROWSE}?q=bob") and "Thunder" in body(client, f"{BROWSE}?q=bob")
-        assert "No shared model and no racer is named so." in body(client, f"{BROWSE}?q=%00nothing%25")
+        assert "No matching models or racers." in body(client, f"{BROWSE}?q=%00nothing%25")
 
     def test_it_is_paginated_at_a_constant_number_of_queries(self, world: World, shared: TrainedModel) -> None:
         def queries(path: str) -> int:
@@ -191,7 +191,7 @@ class TestBrowsing:
 
     def test_it_says_when_nothing_is_shared(self, world: World) -> None:
         TrainedModel.objects.filter(owner__is_house=True).update(deleted_at=world.now)
-        assert "Nobody shares a model yet." in body(world.client("bob"), BROWSE)
+        assert "No shared models yet." in body(world.client("bob"), BROWSE)
 
 
 class TestClone:

@@ -82,7 +82,7 @@ class Keeper:
         expect(self.page.locator("[data-timing]")).to_contain_text(words)
 
     def all_sent(self):
-        expect(self.page.locator("[data-part=unsent]")).to_have_text("Everything is sent.", timeout=25_000)
+        expect(self.page.locator("[data-part=unsent]")).to_have_text("All sent.", timeout=25_000)
 
 
 @pytest.fixture

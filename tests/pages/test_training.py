@@ -290,7 +290,7 @@ def test_a_racer_runs_one_check_at_a_time(world: World, monkeypatch) -> None:
 
 def test_a_running_training_shows_its_graph_and_trajectory(world: World, job: TrainingJob) -> None:
     client = world.client("alice")
-    assert "begins as soon as a worker" in client.get(job.get_absolute_url()).content.decode()
+    assert "appears when training starts" in client.get(job.get_absolute_url()).content.decode()
     run(job)
     html = client.get(job.get_absolute_url()).content.decode()
     assert dots(html) == 12
@@ -474,10 +474,10 @@ def test_races_similar_to_the_training_are_offered_first(world: World, job: Trai
     like = a_race(world.now, track=job.track, name="Just like it", closes_at=world.now + timedelta(days=90))
     job = end(run(job), world)
     body = world.client("alice").get(f"/train/{job.public_id}/").content.decode()
-    assert body.index(like.name) < body.index("Races unlike its training") < body.index("Boxes here")
+    assert body.index(like.name) < body.index("Other races") < body.index("Boxes here")
     assert body.index("Boxes here") < body.index("Trial elsewhere")
     body = world.client("alice").get(job.best_model.get_absolute_url()).content.decode()
-    assert body.index(like.name) < body.rindex("what it was trained for") < body.index("Boxes here")
+    assert body.index(like.name) < body.rindex("as in training") < body.index("Boxes here")
 
 
 def test_the_package_is_offered_where_it_was_built(world: World, settings, tmp_path) -> None:

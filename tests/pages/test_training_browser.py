@@ -41,7 +41,7 @@ def test_a_learner_trains_evaluates_and_reaches_a_board(page: playwright.Page) -
     playwright.expect(page.locator(".cm-lintRange-error")).to_have_count(1)
     page.locator("[data-examples]").select_option(label="Follow the centre line")
     page.get_by_role("button", name="Validate").click()
-    playwright.expect(page.locator("[data-report]")).to_contain_text("It works", timeout=DRIVE_MS)
+    playwright.expect(page.locator("[data-report]")).to_contain_text("No problems found", timeout=DRIVE_MS)
 
     # the table follows its granularities, the sector of the ranges can be dragged
     page.get_by_label("Steering angles").select_option("7")
@@ -72,10 +72,10 @@ def test_a_learner_trains_evaluates_and_reaches_a_board(page: playwright.Page) -
     rate.evaluate("field => { field.value = '0.001'; }")
 
     # all at once: the console's values beside ours, and back
-    page.get_by_text("The console's defaults beside ours").click()
-    page.get_by_role("button", name="Take the console's values").click()
+    page.get_by_text("Console defaults and ours").click()
+    page.get_by_role("button", name="Use AWS console defaults").click()
     assert (epochs.input_value(), rate.input_value()) == ("10", "0.0003")
-    page.get_by_role("button", name="Take ours").click()
+    page.get_by_role("button", name="Use Paddock defaults").click()
     assert (epochs.input_value(), rate.input_value()) == ("4", "0.001")
 
     # it trains: the graph grows without a reload, the car drives

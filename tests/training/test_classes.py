@@ -196,16 +196,14 @@ def test_the_pages(alice):
     before = list(ClassLearner.objects.values_list("code_digest", flat=True))
     for ticked in ([], ["", "x", "-1"]):
         answer = teacher.post(where, {"do": "codes", "learner": ticked}, follow=True).content.decode()
-        assert "Tick whose codes shall be new." in answer
+        assert "Select learners for new codes." in answer
     assert list(ClassLearner.objects.values_list("code_digest", flat=True)) == before, "nobody's card is worthless now"
     teacher.post(where, {"do": "plan", "plan": ["agent", "nonsense"]})
     assert Classroom.objects.get().plan == ["agent"]
     form = teacher.get(f"/races/new/?group={Classroom.objects.get().group.slug}").content.decode()
     assert re.search(r"<option value=.\d+. selected>6a", form)
     assert "Write the name" in teacher.post(where, {"do": "delete", "confirm": "6b"}, follow=True).content.decode()
-    assert (
-        "The class is deleted" in teacher.post(where, {"do": "delete", "confirm": "6a"}, follow=True).content.decode()
-    )
+    assert "Class deleted" in teacher.post(where, {"do": "delete", "confirm": "6a"}, follow=True).content.decode()
     assert not Racer.objects.filter(email__endswith="@learner.invalid").exists()
 
 

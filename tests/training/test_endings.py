@@ -28,10 +28,10 @@ def ended(job: TrainingJob, why: str, **more) -> TrainingJob:
 @pytest.mark.parametrize(
     ("why", "asked", "says", "in_korean"),
     [
-        (EndReason.TIME, {"stop_minutes": 5}, "Its 5 minutes of training were used up.", "5분"),
-        (EndReason.STEPS, {"stop_steps": 5000}, "It had driven the 5,000 steps that it was to drive.", "5,000"),
-        (EndReason.CLEAN_LAPS, {"stop_clean_laps": 3}, "It drove 3 clean laps in a row, as it was to do.", "3바퀴"),
-        (EndReason.CLEAN_LAPS, {"stop_clean_laps": 1}, "It drove 1 clean lap, as it was to do.", "1바퀴"),
+        (EndReason.TIME, {"stop_minutes": 5}, "Time limit reached (5 minutes)", "5분"),
+        (EndReason.STEPS, {"stop_steps": 5000}, "Step limit reached (5,000)", "5,000"),
+        (EndReason.CLEAN_LAPS, {"stop_clean_laps": 3}, "Goal reached: 3 clean laps in a row", "3바퀴"),
+        (EndReason.CLEAN_LAPS, {"stop_clean_laps": 1}, "Goal reached: 1 clean lap", "1바퀴"),
     ],
 )
 def test_a_stop_condition_is_told_with_its_number(alice, oval, now, why, asked, says, in_korean):
@@ -50,8 +50,8 @@ def test_an_unfinished_training_has_no_ending(alice, oval, now):
 def test_the_ending_says_who_stopped_it(alice, bob, oval, now):
     job = a_training(alice, oval, now)
     stop_training(job=job, by=alice, now=now)
-    assert how_it_ended(job, alice) == "You stopped it before it began."
-    assert how_it_ended(job, bob) == "Its owner stopped it before it began."
+    assert how_it_ended(job, alice) == "Stopped by you before it started"
+    assert how_it_ended(job, bob) == "Stopped by its owner before it started"
     event = Event.objects.get(kind="training.ended")
     assert (event.racer, event.subject, event.data) == (
         alice,
@@ -59,8 +59,8 @@ def test_the_ending_says_who_stopped_it(alice, bob, oval, now):
         {"ended_because": "stopped", "reason": ""},
     )
     job = ended(a_training(alice, oval, now, name="second"), EndReason.STOPPED, stopped_by=bob)
-    assert how_it_ended(job, alice) == "An admin of this site stopped it."
-    assert how_it_ended(ended(job, EndReason.STOPPED, stopped_by=None), alice) == "You stopped it."
+    assert how_it_ended(job, alice) == "Stopped by an admin"
+    assert how_it_ended(ended(job, EndReason.STOPPED, stopped_by=None), alice) == "Stopped by you"
 
 
 def test_a_failure_is_told_with_its_reason_and_line(alice, oval, now):

@@ -144,7 +144,7 @@ class HyperparametersForm(_Fields):  # type: ignore[misc, valid-type]
 
     def fills(self) -> list[tuple[str, str, str]]:
         """The buttons that fill in every value: what each says to the server, its label, the values for the script."""
-        labels = {"console": _("Take the console's values"), "usual": _("Take ours")}
+        labels = {"console": _("Use AWS console defaults"), "usual": _("Use Paddock defaults")}
         return [(name, str(labels[name]), json.dumps(values)) for name, values in FILLS.items()]
 
     def hyperparameters(self) -> dict[str, Any]:

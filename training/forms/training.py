@@ -134,7 +134,7 @@ class TrainingForm(HyperparametersForm, LayoutForm, _Ending):  # type: ignore[mi
         label=_("Description"),
         required=False,
         max_length=255,
-        help_text=_("What you want to find out. You will be glad of it when there are ten models."),
+        help_text=_("The purpose of this training, for later reference."),
     )
     more_tracks = forms.ModelMultipleChoiceField(
         label=_("More tracks"),
@@ -196,7 +196,7 @@ class TrainingForm(HyperparametersForm, LayoutForm, _Ending):  # type: ignore[mi
         empty_label=_("no"),
         required=False,
         widget=RaceSelect,
-        help_text=_("The best model is sent there by itself."),
+        help_text=_("The best model is submitted automatically."),
     )
     evaluate_on = forms.ModelChoiceField(
         label=_("Drive it on a track when done"),
@@ -204,7 +204,7 @@ class TrainingForm(HyperparametersForm, LayoutForm, _Ending):  # type: ignore[mi
         to_field_name="slug",
         empty_label=_("no"),
         required=False,
-        help_text=_("Three laps of the best model, for yourself: nobody else sees the run."),
+        help_text=_("Three private laps of the best model."),
     )
 
     def __init__(
@@ -254,7 +254,7 @@ class TrainingForm(HyperparametersForm, LayoutForm, _Ending):  # type: ignore[mi
 
     def resets(self) -> list[tuple[str, str, str]]:
         """The buttons that put ranges back: what each says to the server, its label, the values of :data:`RANGES`."""
-        labels = {"ranges": _("Usual ranges"), "bounds": _("All that a car can do")}
+        labels = {"ranges": _("Default ranges"), "bounds": _("Full range")}
         return [
             (name, str(labels[name]), " ".join(f"{value:g}" for ends in ranges.values() for value in ends))
             for name, ranges in RESET_RANGES.items()

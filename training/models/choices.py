@@ -27,11 +27,11 @@ class JobState(models.TextChoices):
 class EndReason(models.TextChoices):
     """Why a training ended: one of its stop conditions, its owner or an admin, or what the job's reason says."""
 
-    TIME = "time", pgettext_lazy("why a training ended", "its minutes were used up")
-    STEPS = "steps", pgettext_lazy("why a training ended", "it had driven its steps")
-    CLEAN_LAPS = "clean_laps", pgettext_lazy("why a training ended", "it lapped cleanly")
-    STOPPED = "stopped", pgettext_lazy("why a training ended", "it was stopped")
-    FAILED = "failed", pgettext_lazy("why a training ended", "it failed")
+    TIME = "time", pgettext_lazy("why a training ended", "time limit reached")
+    STEPS = "steps", pgettext_lazy("why a training ended", "step limit reached")
+    CLEAN_LAPS = "clean_laps", pgettext_lazy("why a training ended", "goal reached")
+    STOPPED = "stopped", pgettext_lazy("why a training ended", "stopped")
+    FAILED = "failed", pgettext_lazy("why a training ended", "failed")
 
 
 UNDER_WAY = (JobState.QUEUED, JobState.RUNNING)

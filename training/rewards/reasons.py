@@ -43,8 +43,7 @@ REWARD_REASONS = register(
             "Line %(line)s asks for “%(name)s”, which params do not have. Did you mean “%(meant)s”?"
         ),
         "reward_not_a_number": _(
-            "What the reward function returned in line %(line)s is not a number. Each of its ways must end with "
-            "“return” and a number."
+            "The reward function did not return a number in line %(line)s. Every path must return a number."
         ),
         "reward_not_finite": _(
             "The reward function returned %(value)s in line %(line)s. It must return a finite number: look for a "
@@ -63,8 +62,7 @@ REWARD_REASONS = register(
             "Print less."
         ),
         "reward_stuck": _(
-            "The reward function ended the process that it ran in (%(how)s). Leave out whatever is not plain computing "
-            "with what params hold."
+            "The reward function stopped its process (%(how)s). Use only plain calculations with params."
         ),
     },
 )
@@ -101,11 +99,8 @@ register(
     "platform",
     {
         "reward_check_failed": _(
-            "Trying the reward function failed on our side. Nothing is wrong with it: try again in a minute."
+            "The site could not test the reward function. The function is fine. Try again in a minute."
         ),
-        "reward_check_busy": _(
-            "Too many reward functions are being tried at the moment. Nothing is wrong with yours: try again in a "
-            "minute."
-        ),
+        "reward_check_busy": _("Too many reward functions are being tested right now. Try again in a minute."),
     },
 )

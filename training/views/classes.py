@@ -60,7 +60,7 @@ class NamesForm(forms.Form):
         label=gettext_lazy("Names"),
         widget=forms.Textarea(attrs={"rows": 6, "autocomplete": "off"}),
         max_length=20_000,
-        help_text=gettext_lazy("One a line. Only you see them: everybody else sees an alias that is drawn."),
+        help_text=gettext_lazy("One per line. Only you see the names; others see a random alias."),
     )
 
 
@@ -81,7 +81,7 @@ def classrooms(request: HttpRequest) -> HttpResponse:
             not_this_time(once)
             form.add_error(None, error.messages)
         else:
-            messages.success(request, _("The class is made. Add its learners."))
+            messages.success(request, _("Class created. Add its learners."))
             return redirect(made)
     taught = services.classes_taught_by(request.user)
     context = {"classes": taught, "form": form, "once": new_once()}
@@ -99,7 +99,7 @@ def classroom(request: HttpRequest, slug: str) -> HttpResponse:
     names, once = NamesForm(request.POST if do == "add" else None), request.POST.get("once", "")
     only = [int(pk) for pk in request.POST.getlist("learner") if pk.isdecimal() and len(pk) < 18]
     if do == "codes" and not only:  # before the form counts as sent: the next click may be of this very one
-        messages.error(request, _("Tick whose codes shall be new."))
+        messages.error(request, _("Select learners for new codes."))
         return redirect(shown)
     if do in ("add", "codes", "all-codes") and not first_time(once):
         messages.info(request, _("This was done already. Make new codes to print cards again."))
@@ -133,7 +133,7 @@ def classroom(request: HttpRequest, slug: str) -> HttpResponse:
                 messages.error(request, _("Write the name of the class to delete it."))
                 return redirect(shown)
             delete_class(classroom=shown, by=by)
-            messages.success(request, _("The class is deleted, with all that was made in it."))
+            messages.success(request, _("Class deleted with all its content."))
             return redirect("classrooms")
     except UserFault as fault:
         not_this_time(once)

@@ -49,9 +49,7 @@ class LabForm(forms.Form):
     direction = forms.ChoiceField(label=gettext_lazy("Direction"), choices=Direction.choices)
     drive = forms.ChoiceField(
         label=gettext_lazy("Drive"),
-        help_text=gettext_lazy(
-            "A lap of our pilot on this track, or the first lap of one of your runs on its own track."
-        ),
+        help_text=gettext_lazy("A reference lap on this track, or the first lap of one of your runs on its track."),
     )
     reward_code = forms.CharField(
         label=gettext_lazy("Reward function"),
@@ -71,10 +69,10 @@ class LabForm(forms.Form):
         runs = runs.select_related("model", "track")
         self.runs = {run.public_id: run for run in runs.order_by("-ended_at")[:RUNS_OFFERED]}
         cast("forms.ChoiceField", self.fields["drive"]).choices = [
-            (SWAYING, _("our pilot, swaying from side to side")),
-            (PILOT, _("our pilot in the middle of the road")),
-            (INNER, _("our pilot close to the inner border")),
-            (OUTER, _("our pilot close to the outer border")),
+            (SWAYING, _("Reference lap: weaving")),
+            (PILOT, _("Reference lap: centre line")),
+            (INNER, _("Reference lap: inner border")),
+            (OUTER, _("Reference lap: outer border")),
             *((run.public_id, f"{run.model.name} · {run.track.name}") for run in self.runs.values()),
         ]
 

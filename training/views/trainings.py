@@ -63,9 +63,9 @@ def training_first(request: HttpRequest) -> HttpResponse:
         tell_fault(request, fault)
         return redirect("trainings")
     if job.submit_to_race is None:
-        messages.success(request, _("Your first car is being trained. This page follows it."))
+        messages.success(request, _("Training your first car. This page updates itself."))
     else:
-        text = _("Your first car is being trained, and then drives in %(race)s by itself. This page follows it.")
+        text = _("Training your first car. It is submitted to %(race)s when done.")
         messages.success(request, text % {"race": named(job.submit_to_race.name)})
     return redirect(job)
 
@@ -115,9 +115,9 @@ def training_stop(request: HttpRequest, public_id: str) -> HttpResponse:
             raise Http404
         stop_training(job=job, by=racer_of(request), now=timezone.now())
         if job.is_final:
-            messages.success(request, _("The training is stopped before it began."))
+            messages.success(request, _("Training stopped before it started."))
         else:
-            messages.success(request, _("It stops now and keeps what it has learned."))
+            messages.success(request, _("Stopping. Best and last model are kept."))
     return redirect(job)
 
 
@@ -135,7 +135,7 @@ def training_delete(request: HttpRequest, public_id: str) -> HttpResponse:
         except UserFault as fault:
             problem = explain(fault)
         else:
-            messages.success(request, _("The training is deleted: %(mb).1f MB are free.") % {"mb": freed / MEGABYTE})
+            messages.success(request, _("Training deleted: %(mb).1f MB freed.") % {"mb": freed / MEGABYTE})
             return redirect("trainings")
     context = {"job": job, "mb": bytes_of(job) / MEGABYTE, "models": models_of(job), "problem": problem}
     return render(request, "training/delete.html", context, status=409 if problem else 200)

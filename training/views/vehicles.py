@@ -50,7 +50,7 @@ def vehicle_delete(request: HttpRequest, public_id: str) -> HttpResponse:
     vehicle = get_object_or_404(vehicles_of(request.user), public_id=public_id)
     if request.method == "POST":
         delete_vehicle(vehicle=vehicle)
-        messages.success(request, _("The vehicle is deleted. Models that were trained with it stay."))
+        messages.success(request, _("Vehicle deleted. Models trained with it stay."))
         return redirect("vehicles")
     return render(request, "training/vehicle_delete.html", {"vehicle": vehicle})
 

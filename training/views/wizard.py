@@ -75,7 +75,7 @@ def training_new(request: HttpRequest) -> HttpResponse:
         else:
             job, status = _create(form, owner, now)
             if job is not None:
-                messages.success(request, _("The training is on its way. This page follows it."))
+                messages.success(request, _("Training queued. This page updates itself."))
                 return redirect(job)
     else:
         initial = proposals(owner, request.GET)
