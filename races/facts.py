@@ -242,6 +242,7 @@ def _duel_rules(race: Race) -> list[str]:
             if race.duel_gap_m != RaceRules.duel_gap_m
             else []
         ),
+        *([_("The duels are shown in a live event.")] if race.duels_live_only else []),
     ]
 
 

@@ -400,6 +400,14 @@ class BoardRules:
         race_types=(HEAD_TO_HEAD,),
         layout=True,
     )
+    duels_live_only: bool = rule(
+        False,
+        label=_("Draw the duels only live"),
+        help=_("Closing the race draws nothing: the duels are drawn when its live event begins, or by your button."),
+        race_types=(HEAD_TO_HEAD,),
+        layout=True,
+        fixed=False,
+    )
 
 
 LIVE_LAPS = 1000  # of a run in a live event: its time ends it

@@ -302,6 +302,14 @@ class CancelView(APIView):
         return Response(RaceDetailSerializer(race, context={"request": request}).data)
 
 
+class CloseSerializer(Body):
+    """How a race is closed."""
+
+    duels_live_only = serializers.BooleanField(
+        required=False, help_text="Of a race of models: its duels wait for a live event."
+    )
+
+
 class CloseView(APIView):
     """Closing a race before its time."""
 
@@ -311,14 +319,17 @@ class CloseView(APIView):
     @extend_schema(
         operation_id="close_race",
         summary="Close a race that you organise now",
-        description="Nobody can send a car any more; those that wait or drive still count.",
-        request=None,
+        description=(
+            "Nobody can submit a car any more; those that wait or drive still count. The duels of a race of models "
+            "are then drawn and driven at once, unless a live event is planned or `duels_live_only` is set."
+        ),
+        request=CloseSerializer,
         responses=RaceDetailSerializer,
         tags=["races"],
     )
     def post(self, request: Request, slug: str) -> Response:
-        refuse_fields(request)
-        race = services.close_race(race=organised_race(request, slug), now=timezone.now())
+        sent = read_as(CloseSerializer, request.data)
+        race = services.close_race(race=organised_race(request, slug), now=timezone.now(), **sent)
         return Response(RaceDetailSerializer(race, context={"request": request}).data)
 
 

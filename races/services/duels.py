@@ -122,12 +122,15 @@ def due_races(now: datetime) -> list[Race]:
 
 
 def drive_all_on(*, now: datetime) -> int:
-    """Draw what has closed and drive on what is drawn. One race that fails does not keep the others waiting.
+    """Draw what has closed and drive on what is drawn. One race that fails does not keep the others waiting. A race
+    whose duels are drawn only live is drawn by its live event, or by its organiser.
 
     Returns how many heats were queued.
     """
     queued = 0
     for race in due_races(now):
+        if race.duels_live_only and not Draw.objects.filter(race=race).exists():
+            continue
         try:
             draw_duels(race=race, now=now)
             queued += drive_on(race=race, now=now)

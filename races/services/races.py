@@ -25,7 +25,7 @@ from tracks.models import Track
 
 from ..errors import RaceRefused, problem
 from ..events import LIVE_CHANGED, RACE_CANCELLED, of_race
-from ..models import LiveEvent, Race, RaceKind, Submission, TimedSession, new_invitation
+from ..models import LiveEvent, Opponents, Race, RaceKind, Submission, TimedSession, new_invitation
 from ..models.race import RESERVED_SLUGS
 from ..quotas import RACES
 from ..validation import EDITABLE_FIELDS, check_race, hold_above, stored_value
@@ -143,8 +143,9 @@ def cancel_race(*, race: Race, reason: str, now: datetime) -> Race:
 
 
 @transaction.atomic
-def close_race(*, race: Race, now: datetime) -> Race:
+def close_race(*, race: Race, now: datetime, duels_live_only: bool = False) -> Race:
     """Close an open race now instead of at its time: no car can be sent any more; those that wait or drive still count.
+    ``duels_live_only``: from now on its duels wait for a live event instead of being drawn at once.
 
     Raises UserFault("race_not_open_yet" | "race_closed" | "race_cancelled" | "race_recorded").
     """
@@ -154,6 +155,9 @@ def close_race(*, race: Race, now: datetime) -> Race:
     if now == locked.opens_at:  # a race lasts for a moment at least
         now += timedelta(milliseconds=1)
     Race.objects.filter(pk=race.pk).update(closes_at=now)
+    if duels_live_only and locked.opponents == Opponents.MODELS:
+        locked.duels_live_only = True
+        locked.save(update_fields=Race.columns_of(["duels_live_only"]))
     _reschedule(race, now)
     race.refresh_from_db()
     return race

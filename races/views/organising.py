@@ -20,7 +20,8 @@ from races import services
 from races.audit import log_if_admin
 from races.forms import RaceForm, ReasonForm, locked_fields
 from races.layout_form import LayoutForm, preview
-from races.models import Entry, Race, RaceKind, RaceState, Visibility
+from races.models import Entry, LiveEvent, Opponents, Race, RaceKind, RaceState, Visibility
+from races.models.live import OVER
 from races.selectors.cars import shared_cars
 from races.selectors.counting import cars_waiting
 from races.selectors.terms import with_accepted_terms
@@ -124,16 +125,23 @@ def race_close(request: HttpRequest, slug: str) -> HttpResponse:
     """Say what follows, then close an open race before its time."""
     race = organised_race(request, slug)
     now = timezone.now()
+    live = LiveEvent.objects.filter(race=race).exclude(state__in=OVER).first()
     if request.method == "POST":
+        shows_live = request.POST.get("duels") == "live"
         try:
-            services.close_race(race=race, now=now)
+            services.close_race(race=race, now=now, duels_live_only=shows_live)
         except UserFault as fault:
             tell_fault(request, fault)
         else:
             log_if_admin(racer_of(request), race, "Closed before its time")
+            if shows_live:
+                messages.success(request, _("The race is closed. Its duels wait for the live event."))
+                return redirect("live_plan", race.slug)
             messages.success(request, _("Race closed."))
         return redirect(race)
     context = {"race": race, "is_open": race.state_at(now) == RaceState.OPEN, "waiting": cars_waiting(race)}
+    warns = race.opponents == Opponents.MODELS and live is None and not race.duels_live_only
+    context |= {"live": live, "warns": warns}
     return render(request, "races/close.html", context)
 
 

@@ -398,7 +398,7 @@ PLACES = {
     "clone_actions": "clone",
     "clone_not_ours": "clone",
 }
-_NEVER = ("box_distance_m", "duel_format", "duel_cars", "duel_gap_m", "duel_heats")
+_NEVER = ("box_distance_m", "duel_format", "duel_cars", "duel_gap_m", "duel_heats", "duels_live_only")
 _BOTS = tuple(name for name in LAYOUT if name.startswith("bot"))
 GRANULARITIES = ("steering_max", "steering_granularity", "speed_max", "speed_granularity")
 INITIAL: dict[str, Any] = {
