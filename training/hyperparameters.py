@@ -44,7 +44,7 @@ def check_hyperparameters(algorithm: str, given: Mapping[str, Any]) -> dict[str,
     """All hyperparameters of the algorithm, the defaults where none is given.
 
     Raises UserFault ``training_algorithm``, ``training_exploration``, ``training_hyperparameter_unknown``,
-    ``training_hyperparameter`` (which names it and its range) or ``training_loss_type``.
+    ``training_hyperparameter`` (which names it and its range), ``training_batch_size`` or ``training_loss_type``.
     """
     names = names_of(algorithm)
     for name in given:
@@ -57,10 +57,12 @@ def check_hyperparameters(algorithm: str, given: Mapping[str, Any]) -> dict[str,
     checked = {**DEFAULTS[algorithm], **given}
     for one in asked:
         value = checked[one.name]
-        if one.fits(value):
+        if one.fits(value) or (type(value) is one.type and value == one.console[algorithm]):
             checked[one.name] = value if one.choices else one.type(value)
         elif one.choices:
             raise UserFault("training_loss_type")
+        elif one.sizes and value in range(one.sizes[0], one.sizes[-1] + 1):
+            raise UserFault("training_batch_size", sizes=", ".join(map(str, one.sizes)))
         else:
             bounds = {"low": f"{one.least:g}", "high": f"{one.most:g}"}
             raise UserFault("training_hyperparameter", name=one.name, label=str(one.label), **bounds)

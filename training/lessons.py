@@ -69,6 +69,7 @@ LESSONS = (
         (
             _try(_("Reward the centre line"), name="centre-line", example="follow_centre_line"),
             _try(_("Reward being on the road"), name="inside-borders", example="stay_inside_borders"),
+            _try(_("Reward the right direction"), name="direction", example="follow_direction"),
         ),
     ),
     Lesson(
@@ -84,6 +85,7 @@ LESSONS = (
         (
             _try(_("Look two seconds ahead"), name="far-sighted", discount_factor="0.97"),
             _try(_("Look at the next step only"), name="short-sighted", discount_factor="0"),
+            _try(_("Look a minute ahead"), name="a-minute", discount_factor="0.999"),
         ),
     ),
     Lesson(
@@ -114,6 +116,21 @@ LESSONS = (
         ),
     ),
     Lesson(
+        "hyperparameters",
+        _("Hyperparameters"),
+        _("What each one does, and when to change it."),
+        (
+            _try(_("Learn from large batches"), name="large-batch", batch_size="512"),
+            _try(_("Learn from small batches"), name="small-batch", batch_size="32"),
+            _try(
+                _("Explore first, then drive precisely"),
+                name="falling",
+                beta_entropy="0.05",
+                entropy_decay="1",
+            ),
+        ),
+    ),
+    Lesson(
         "sparse-rewards",
         _("Sparse rewards and shaping"),
         _("Why paying for the finish alone teaches nothing at first."),
@@ -135,6 +152,26 @@ LESSONS = (
         (
             _try(_("A car that sways"), name="swaying", example="follow_centre_line"),
             _try(_("A calm one"), name="calm", example="prevent_zig_zag"),
+        ),
+    ),
+    Lesson(
+        "beyond-one-track",
+        _("Other tracks and races"),
+        _("Whether a car has learned to drive, and how to train for boxes, bots and duels."),
+        (
+            _try(
+                _("Train for boxes"),
+                name="for-boxes",
+                race_type="object_avoidance",
+                example="stay_in_lane_without_crashing",
+            ),
+            _try(
+                _("Train for bots"),
+                name="for-bots",
+                race_type="head_to_head",
+                example="stay_in_lane_without_crashing",
+                discount_factor="0.99",
+            ),
         ),
     ),
 )

@@ -56,6 +56,7 @@ register(
             "%(label)s must be a number from %(low)s to %(high)s (batch size, epochs and episodes are whole numbers)."
         ),
         "training_loss_type": _("The loss is “huber” or “mean squared error”."),
+        "training_batch_size": _("The batch size must be one of %(sizes)s."),
         "training_sac_continuous": _("SAC needs ranges. Choose “ranges” as the action space, or train with PPO."),
         "training_action_space": _(
             "An action space is “discrete”, a list of actions with steering_angle and speed, or “continuous”, with low "

@@ -22,11 +22,12 @@ HUBER, MEAN_SQUARED_ERROR = LOSS_TYPES = ("huber", "mean squared error")
 @dataclass(frozen=True)
 class Hyperparameter(Rule):
     """``usual``: the default of each algorithm that has it; ``console``: that of the console; ``why``: why ours is
-    another."""
+    another. ``sizes``: the only numbers within its range."""
 
     usual: Mapping[str, Any] = field(default_factory=dict)
     console: Mapping[str, Any] = field(default_factory=dict)
     why: str = ""
+    sizes: tuple[int, ...] = ()
 
     def fits(self, value: Any) -> bool:
         """Whether it may have this value; a whole number may be written with a decimal point."""
@@ -34,6 +35,8 @@ class Hyperparameter(Rule):
             return value in self.choices
         number = isinstance(value, int | float) and not isinstance(value, bool)
         if not number or not (self.least or 0) <= value <= (self.most or 0):  # not for NaN either
+            return False
+        if self.sizes and value not in self.sizes:
             return False
         return self.type is float or value == int(value)
 
@@ -51,6 +54,7 @@ _LIST = (
         help=_("Steps per gradient update. Larger batches learn more smoothly and more slowly."),
         least=32,
         most=512,
+        sizes=(32, 64, 128, 256, 512),
         place=3,
         usual=_both(64, 64),
         console=_both(64, 64),
@@ -109,6 +113,21 @@ _LIST = (
         why=_("At 0.2 the entropy bonus outweighs typical rewards."),
     ),
     Hyperparameter(
+        "entropy_decay",
+        float,
+        None,
+        label=_("Entropy decay"),
+        help=_(
+            "0 to 1: share of the entropy bonus that is gone by the end of the training. 0 keeps it constant, 1 lowers "
+            "it to zero: explore first, then drive precisely."
+        ),
+        least=0.0,
+        most=1.0,
+        place=7,
+        usual=_both(0.0, 0.0),
+        console=_both(0.0, 0.0),
+    ),
+    Hyperparameter(
         "discount_factor",
         float,
         None,
@@ -118,7 +137,7 @@ _LIST = (
         most=1.0,
         place=2,
         usual=_both(0.97, 0.97),
-        console=_both(0.99, 0.99),
+        console=_both(0.999, 0.999),
         why=_("A horizon of two seconds is enough for a bend, and shorter horizons are learned faster."),
     ),
     Hyperparameter(
@@ -129,7 +148,7 @@ _LIST = (
         help=_("5 to 100: experience collected before each update. An episode counts as 100 steps."),
         least=5,
         most=100,
-        place=7,
+        place=8,
         usual=_both(10, 10),
         console=_both(20, 20),
         why=_("Twice as many updates need a fraction of the steps. Each update is followed by an evaluation."),
@@ -141,7 +160,7 @@ _LIST = (
         label=_("Loss"),
         help=_("Loss function of the value estimate. Huber is less sensitive to outliers."),
         choices=LOSS_TYPES,
-        place=8,
+        place=9,
         usual=_both(HUBER, MEAN_SQUARED_ERROR),
         console=_both(HUBER, MEAN_SQUARED_ERROR),
     ),

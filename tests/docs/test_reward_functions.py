@@ -81,7 +81,7 @@ def test_every_example_is_named():
     page = " ".join(SECTION.split()).lower()
     for example in EXAMPLES[:-1]:
         assert example.title.lower() in page
-    assert len(EXAMPLES) == 5
+    assert len(EXAMPLES) == 6
 
 
 def test_operators_can_read_the_limits_of_a_check():

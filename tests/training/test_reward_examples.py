@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+
 import pytest
 
 from paddock.rules.race import RACE_TYPES
@@ -29,11 +31,22 @@ def test_every_example_passes_validation_in_its_races(one):
         assert len(report.rewards) == 5
 
 
+def test_the_direction_example_pays_half_for_a_heading_aside():
+    state = five_states()[1]
+    behind, ahead = (state["waypoints"][index] for index in state["closest_waypoints"])
+    along = math.degrees(math.atan2(ahead[1] - behind[1], ahead[0] - behind[0]))
+    straight, nearly, aside, backwards = rewards(
+        "follow_direction", *({**state, "heading": along + turn} for turn in (0, 9, -11, 360 - 180))
+    )
+    assert straight == nearly == 2 * aside == 2 * backwards > 0.5
+
+
 def test_every_known_sample_and_racing_have_an_example():
     assert [one.slug for one in EXAMPLES] == [
         "follow_centre_line",
         "stay_inside_borders",
         "prevent_zig_zag",
+        "follow_direction",
         "stay_in_lane_without_crashing",
         "race",
     ]

@@ -17,7 +17,6 @@ from paddock.rules.hyperparameters import DEFAULTS, HYPERPARAMETERS, LOSS_TYPES,
 from training.hyperparameters import check_hyperparameters, names_of
 
 Sent: TypeAlias = QueryDict | dict[str, Any]
-BATCH_SIZES = (32, 64, 128, 256, 512)
 # What the form shows at first; a field that is left empty means the usual value of the algorithm that is chosen.
 SHOWN: dict[str, Any] = {**DEFAULTS[SAC], **DEFAULTS[PPO]}
 LOSS_NAMES = dict(zip(LOSS_TYPES, (_("Huber"), _("mean squared error")), strict=True))
@@ -28,11 +27,12 @@ def _field(one: Hyperparameter) -> forms.Field:
     if one.choices:
         choices = [(value, LOSS_NAMES[value]) for value in one.choices]
         return forms.ChoiceField(choices=choices, widget=forms.Select(attrs=_usual(one.name)), **said)
-    if one.name == "batch_size":
-        sizes = [(size, size) for size in BATCH_SIZES]
+    if one.sizes:
+        sizes = [(size, size) for size in one.sizes]
         return forms.TypedChoiceField(choices=sizes, coerce=int, widget=forms.Select(attrs=_usual(one.name)), **said)
     whole = one.type is int
-    attrs = {"min": _plain(one.least or 0), "max": _plain(one.most or 0), "step": 1 if whole else "any"}
+    least = min(one.least or 0, *one.console.values())  # the console's own value is always taken
+    attrs = {"min": _plain(least), "max": _plain(one.most or 0), "step": 1 if whole else "any"}
     widget = forms.NumberInput(attrs=attrs | _usual(one.name))
     return (forms.IntegerField if whole else SmallNumberField)(widget=widget, **said)
 

@@ -383,6 +383,7 @@ PLACES = {
     "training_name_taken": "name",
     "training_algorithm": "algorithm",
     "training_loss_type": "loss_type",
+    "training_batch_size": "batch_size",
     "training_sac_continuous": "action_space_type",
     "training_action_count": "actions",
     **{code: name for name, code in REFUSALS.items()},

@@ -4,7 +4,8 @@ How the console's names map onto stable-baselines3's:
 
 - ``batch_size``, ``num_epochs`` (SAC: passes over as many steps as were just driven), ``lr``, ``discount_factor``:
   ``batch_size``, ``n_epochs``, ``learning_rate``, ``gamma``.
-- ``beta_entropy``: ``ent_coef`` of PPO; ``sac_alpha``: a fixed ``ent_coef`` of SAC.
+- ``beta_entropy``: ``ent_coef`` of PPO; ``sac_alpha``: a fixed ``ent_coef`` of SAC. Both fall in a straight line over
+  the training, by the share ``entropy_decay`` until its end.
 - ``loss_type``: the loss of the value function (SAC: of both critics), Huber with delta 1 or mean squared error.
 - ``num_episodes_between_training``: steps between two updates, see ``TrainerSpec.steps_each``.
 - The field's fixed values: clip 0.2, GAE lambda 0.95, Adam epsilon 1e-5.
@@ -71,11 +72,14 @@ class Learner:
         callback: BaseCallback,
         hurry: Callable[[], bool] = lambda: False,
         mirror: Mirror | None = None,
+        share: Callable[[], float] = lambda: 0.0,
     ) -> None:
         """``callback`` is asked after each control step; ``hurry`` between the steps of learning: once it is true, the
-        update ends there, and one of PPO is undone. ``mirror``: what half of each batch of PPO is turned round by."""
+        update ends there, and one of PPO is undone. ``mirror``: what half of each batch of PPO is turned round by.
+        ``share``: how much of the training is over, 0 to 1."""
         self.spec, self.layout = spec, layout
         self._mirror = mirror
+        self._share = share
         self._hurry = hurry
         self._driven = 0  # steps of all cars since the last update
         self.sac = spec.algorithm == "sac"
@@ -141,6 +145,13 @@ class Learner:
         model.rollout_buffer.buffer_size = steps  # it is made anew for each rollout
         return model.collect_rollouts(model.env, self._callback, model.rollout_buffer, steps)
 
+    def exploring(self) -> float:
+        """What entropy is worth now: it falls over the training, if it is to."""
+        values = self.spec.hyperparameters
+        worth = float(values["sac_alpha" if self.sac else "beta_entropy"])
+        decay = float(values.get("entropy_decay", 0.0))  # trainings of earlier versions do not say
+        return worth * (1.0 - decay * min(max(self._share(), 0.0), 1.0)) if decay else worth
+
     def update(self) -> Losses:
         """Learn from what was driven."""
         self.model.policy.set_training_mode(True)
@@ -153,6 +164,7 @@ class Learner:
         network most of all, whose first steps with a new optimiser are long.
         """
         model, policy, told = self.model, self.model.policy, []
+        bonus = self.exploring()
         before = {name: tensor.clone() for name, tensor in policy.state_dict().items()}
         discrete = self.spec.metadata["action_space_type"] == "discrete"
         batches = self._mirrored_batches() if self._turns else lambda: model.rollout_buffer.get(model.batch_size)
@@ -168,7 +180,7 @@ class Learner:
                 policy_loss = -torch.min(advantages * ratio, advantages * clipped).mean()
                 value_loss = self.loss(values.flatten(), batch.returns)
                 spread = entropy.mean()
-                loss = policy_loss - model.ent_coef * spread + model.vf_coef * value_loss
+                loss = policy_loss - bonus * spread + model.vf_coef * value_loss
                 policy.optimizer.zero_grad()
                 loss.backward()
                 torch.nn.utils.clip_grad_norm_(policy.parameters(), model.max_grad_norm)
@@ -218,7 +230,7 @@ class Learner:
     def _update_sac(self) -> Losses:
         """As ``SAC.train`` of stable-baselines3 2.9 with a fixed alpha, with a choice of the critics' loss."""
         model, told = self.model, []
-        alpha = float(self.spec.hyperparameters["sac_alpha"])
+        alpha = self.exploring()
         for _ in range(max(1, self.spec.hyperparameters["num_epochs"] * self._driven // model.batch_size)):
             batch = model.replay_buffer.sample(model.batch_size)
             actions, log_prob = model.actor.action_log_prob(batch.observations)

@@ -141,7 +141,9 @@ class Training:
             rewards[0] = Twin(rewards[0], rewards.pop(), mirror)
         self._cars = TrainingCars(self.spec, self._track, rewards[:CARS], self._senses, seed)
         self._judge = Judge(self.spec, self._track, rewards[CARS:], self._senses, self._pulse)
-        self._learner = Learner(self.spec, self.layout, self._cars, _Watch(self._may_go_on), self._hurry, mirror)
+        self._learner = Learner(
+            self.spec, self.layout, self._cars, _Watch(self._may_go_on), self._hurry, mirror, self._share
+        )
         if start == "weights":
             self._learner.take(_weights(self.layout, blob))
         if state is not None:
@@ -233,6 +235,12 @@ class Training:
         elif self.seconds >= self.spec.stop_seconds:
             self._ended = TIME
         return bool(self._ended)
+
+    def _share(self) -> float:
+        """How much of the training is over: of its steps where these are limited, else of its time."""
+        if self.spec.stop_steps is not None:
+            return self._learner.model.num_timesteps / self.spec.stop_steps
+        return self.seconds / self.spec.stop_seconds
 
     def _hurry(self) -> bool:
         """Asked between the steps of learning: whether somebody wants it to stop, or its time is up. An update of a

@@ -54,6 +54,14 @@ EXAMPLES = (
         ),
     ),
     Example(
+        "follow_direction",
+        _("Follow the track's direction"),
+        _(
+            "Compares the car's heading with the direction of the road at the nearest waypoints, and takes half away "
+            "beyond 10 degrees. It helps a car that turns into bends too late."
+        ),
+    ),
+    Example(
         "stay_in_lane_without_crashing",
         _("Stay in lane without crashing"),
         _(
