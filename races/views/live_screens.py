@@ -121,7 +121,8 @@ def live_phone(request: HttpRequest, slug: str) -> HttpResponse:
     sent = reactions_of(event)
     kinds = [(kind.value, EMOJI[kind.value], kind.label, sent[kind.value]) for kind in ReactionKind]
     context = _context(race, event) | {"duels": duels_of(race) if race.opponents == Opponents.MODELS else None}
-    context |= {"kinds": kinds, "takes_reactions": takes_reactions(event, now) and can_see_live(request.user, event)}
+    context |= {"kinds": kinds, "takes_reactions": takes_reactions(event, now)}
+    context["is_spectator"] = not can_see_live(request.user, event)
     return _fresh(render(request, "races/live/screens/phone.html", context))
 
 

@@ -96,7 +96,7 @@ def test_a_spectator_does_nothing_but_watch(event):
             assert answer.status_code in (401, 403, 404), path
     event.race.refresh_from_db()
     assert (event.race.spectator_edition, event.race.entries.count()) == (0, 2)
-    assert "data-reactions hidden" in watching(event).get(reverse("live_phone", args=[slug])).content.decode()
+    assert "data-reactions" not in watching(event).get(reverse("live_phone", args=[slug])).content.decode()
 
 
 def test_spectators_are_in_no_list(event):

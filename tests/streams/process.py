@@ -22,6 +22,7 @@ from django.db import connection
 from django.test import Client
 
 from core.streams.reading import newest
+from races.spectators import COOKIE
 from tests.evaluation.processes import wait_for
 from tests.shared import CHECKOUT
 
@@ -87,13 +88,21 @@ class Listener:
     """An open stream. ``racer``: whose browser it is; None: a guest's."""
 
     def __init__(
-        self, port: int, *topics: str, racer: Any = None, last: str = "", header: str = "", cookie: str = ""
+        self,
+        port: int,
+        *topics: str,
+        racer: Any = None,
+        last: str = "",
+        header: str = "",
+        cookie: str = "",
+        spectator: str = "",
     ) -> None:
         query = [("of", topic) for topic in topics] + ([("last", last)] if last else [])
         self.session = cookie or session_of(racer)
         lines = [f"GET /stream/?{urlencode(query)} HTTP/1.1", f"Host: 127.0.0.1:{port}"]
-        if self.session:
-            lines.append(f"Cookie: {settings.SESSION_COOKIE_NAME}={self.session}")
+        cookies = {settings.SESSION_COOKIE_NAME: self.session, COOKIE: spectator}
+        if sent := "; ".join(f"{name}={value}" for name, value in cookies.items() if value):
+            lines.append(f"Cookie: {sent}")
         if header:
             lines.append(f"Last-Event-ID: {header}")
         self._socket = socket.create_connection(("127.0.0.1", port), timeout=15)

@@ -15,7 +15,8 @@ from core.streams import poke, push
 from evaluation.services import stop_evaluation
 from races.events import record_board
 from races.models import Visibility
-from races.services import accept_invitation, remove_entry, submit_model
+from races.services import accept_invitation, remove_entry, renew_spectator_link, submit_model
+from races.spectators import spectator_token
 from tests.evaluation.processes import wait_for
 from tests.factories import a_model, a_race, a_racer
 from tests.streams.conftest import PER_ADDRESS, PER_RACER
@@ -81,6 +82,32 @@ def test_an_admin_who_is_one_no_more_hears_nothing_more(streams, cast):
         assert staff.next() is not None, "the page asks once more, and is refused"
         record_board(race)
         assert staff.next(SILENCE_S) is None
+
+
+def test_a_spectator_follows_until_the_link_is_renewed(streams, cast, now):
+    race, people = cast
+    topics, token = (f"live:{race.pk}", f"race:{race.pk}"), spectator_token(race)
+    with (
+        Listener(streams.port, *topics, spectator=token).hello() as guest,
+        Listener(streams.port, *topics, spectator=token, racer=people["stranger"]).hello() as stranger,
+        Listener(streams.port, *topics, spectator=token, racer=people["member"]).hello() as member,
+    ):
+        record_board(race)
+        for each in (guest, stranger, member):
+            told = each.next()
+            assert told is not None and sorted(told.data["of"]) == sorted(topics)
+        renew_spectator_link(race=race, now=now)
+        told = guest.next()
+        assert told is not None and told.event == "gone"
+        assert guest.next() is None and guest.is_over
+        assert stranger.next() is not None, "the page asks once more, and is refused"
+        assert member.next() is not None
+        record_board(race)
+        assert stranger.next(SILENCE_S) is None
+        assert member.next() is not None
+    with Listener(streams.port, *topics, spectator=token).hello() as late:
+        record_board(race)
+        assert late.next(SILENCE_S) is None
 
 
 def test_a_log_out_ends_the_stream(streams, cast):
