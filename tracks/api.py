@@ -125,11 +125,14 @@ class ImportSerializer(Body):
 
     file = serializers.FileField(
         allow_empty_file=True,
-        help_text="The community's .npy form: centre x, y, inner x, y, outer x, y in metres; at most 2 MB.",
+        help_text="The community's .npy form (centre x, y, inner x, y, outer x, y in metres), or a CSV centre line "
+        "with widths; at most 2 MB.",
     )
     name = serializers.CharField(help_text="1 to 64 characters.")
     description = serializers.CharField(required=False, allow_blank=True, max_length=1000)
     look = serializers.ChoiceField(TrackLook.choices, required=False, help_text="What cameras see of it; for good.")
+    scale = serializers.FloatField(required=False, help_text="What its metres are multiplied by.")
+    least_width_m = serializers.FloatField(required=False, help_text="Where the road is narrower it becomes so wide.")
     is_open = serializers.BooleanField(
         required=False,
         help_text="It is meant to be driven from start to end. Without, the last point must meet the first.",

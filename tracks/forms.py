@@ -18,10 +18,16 @@ class ImportTrackForm(forms.Form):
         label=_("Track file"),
         allow_empty_file=True,
         help_text=_(
-            "A NumPy file (.npy) of the community: six columns in metres, centre x and y, inner border x and y, "
-            "outer border x and y; the first point is the finish line."
+            "A NumPy file (.npy) with six columns in metres: centre x and y, inner border x and y, outer border x "
+            "and y; or a CSV centre line with x_m, y_m, w_tr_right_m, w_tr_left_m. The first point is the finish line."
         ),
-        widget=forms.FileInput(attrs={"accept": ".npy"}),
+        widget=forms.FileInput(attrs={"accept": ".npy,.csv"}),
+    )
+    scale = forms.FloatField(
+        label=_("Scale"), required=False, initial=1, help_text=_("0.1 makes a tenth of the file's metres.")
+    )
+    least_width_m = forms.FloatField(
+        label=_("Least width (m)"), required=False, help_text=_("Optional. Narrower places are widened to it.")
     )
     is_open = forms.BooleanField(
         label=_("This track is open: it is driven from start to end"),
@@ -35,6 +41,10 @@ class ImportTrackForm(forms.Form):
         required=False,
         help_text=_("Appearance for cameras: lines, dashes, greys and the wall. Cannot be changed later."),
     )
+
+    def clean_scale(self) -> float:
+        """As it is, where none is given."""
+        return 1.0 if self.cleaned_data["scale"] is None else self.cleaned_data["scale"]
 
     def clean_look(self) -> str:
         """The official one where none is named."""

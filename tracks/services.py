@@ -19,7 +19,8 @@ from paddock.errors import UserFault
 from paddock.geometry.catalogue import CATALOGUE, CatalogueTrack
 from paddock.geometry.catalogue.names import find
 from paddock.geometry.character import character_of, median_width
-from paddock.geometry.npy import read_npy, write_npy
+from paddock.geometry.files import read_track
+from paddock.geometry.npy import write_npy
 from paddock.geometry.track import TrackGeometry
 
 from .models import Direction, Track, TrackLook
@@ -48,8 +49,11 @@ def import_track(
     description: str = "",
     look: str = TrackLook.OFFICIAL,
     is_open: bool = False,
+    scale: float = 1.0,
+    least_width_m: float = 0.0,
 ) -> Track:
-    """Keep the track of a community ``.npy`` file, under an address made from its name unless ``slug`` says another.
+    """Keep the track of a file (see :func:`paddock.geometry.files.read_track`, also for ``scale`` and
+    ``least_width_m``), under an address made from its name unless ``slug`` says another.
 
     ``owner=None`` is an operator at the command line: no limit, a track that is here already is simply returned, and
     one of an imported season of which only this name or address was known gets its shape, keeping address and races.
@@ -65,7 +69,7 @@ def import_track(
     shapeless = _shapeless(name, slug) if owner is None else None
     if slug is not None and shapeless is None:
         _refuse_slug(slug)
-    geometry = read_npy(data, name, is_open=is_open)
+    geometry = read_track(data, name, is_open=is_open, scale=scale, least_width_m=least_width_m)
     with transaction.atomic():
         if owner is not None and not owner.is_staff:
             _refuse_above_limit(owner)

@@ -91,6 +91,8 @@ def import_track_page(request: HttpRequest) -> HttpResponse:
                 now=timezone.now(),
                 look=form.cleaned_data["look"],
                 is_open=form.cleaned_data["is_open"],
+                scale=form.cleaned_data["scale"],
+                least_width_m=form.cleaned_data["least_width_m"] or 0.0,
             )
         except UserFault as fault:
             add_fault(form, fault)

@@ -13,7 +13,8 @@ from config.management import Refusal
 from paddock.errors import UserFault
 from paddock.geometry.catalogue import CATALOGUE
 from paddock.geometry.catalogue.names import find, nearest
-from paddock.geometry.npy import MAX_BYTES, read_npy
+from paddock.geometry.files import FILES, read_track
+from paddock.geometry.npy import MAX_BYTES
 from paddock.geometry.track import TrackGeometry
 from paddock.simulator.camera.theme import OFFICIAL
 from tracks.models import Track
@@ -38,10 +39,10 @@ def find_track(name: str) -> FoundTrack:
     if named is not None:
         return FoundTrack(named.track.geometry())
     path = Path(name)
-    if path.suffix == ".npy":
+    if path.suffix in FILES:
         try:
             with path.open("rb") as file:
-                return FoundTrack(read_npy(file.read(MAX_BYTES + 1), path.stem, is_open=None))
+                return FoundTrack(read_track(file.read(MAX_BYTES + 1), path.stem, is_open=None))
         except OSError as error:
             raise Refusal.unreadable(error, path) from error
     return _imported(name)

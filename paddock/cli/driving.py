@@ -18,7 +18,8 @@ from paddock import exact
 from paddock.errors import PaddockError, PlatformFault, UserFault, fault_from_dict
 from paddock.geometry.catalogue import CATALOGUE
 from paddock.geometry.catalogue.names import find, nearest
-from paddock.geometry.npy import MAX_BYTES, read_npy
+from paddock.geometry.files import FILES, read_track
+from paddock.geometry.npy import MAX_BYTES
 from paddock.geometry.track import TrackGeometry
 from paddock.rules.race import LIVE_LAPS, RUN_RULES, RaceRules
 
@@ -81,11 +82,11 @@ def track_here(name: str) -> TrackGeometry:
     if named is not None:
         return named.track.geometry()
     path = Path(name)
-    if path.suffix != ".npy":
+    if path.suffix not in FILES:
         raise UserFault("track_unknown", name=name, nearest=", ".join(nearest(name)))
     try:
         with path.open("rb") as file:
-            return read_npy(file.read(MAX_BYTES + 1), path.stem)
+            return read_track(file.read(MAX_BYTES + 1), path.stem)
     except OSError as error:
         raise UserFault("home_file_unreadable", path=name, problem=error.strerror or str(error)) from error
 

@@ -1,7 +1,8 @@
 """What makes three lines of points a road that can be raced on. Every refusal is a ``UserFault``. No Django.
 
 The bounds are wide enough for every community file (lengths 16-90 m, widths 0.6-2 m, spacing 0.06-0.97 m, see the
-track table of the field) and narrow enough that a file in centimetres or with swapped columns is caught.
+track table of the field) and for circuits at a tenth of their size (up to 710 m), and narrow enough that a file in
+centimetres or with swapped columns is caught.
 """
 
 from __future__ import annotations
@@ -21,7 +22,7 @@ DUPLICATE_M = 0.02  # deepracer-simapp drops a waypoint nearer than this to the 
 MIN_WAYPOINTS = 8
 MAX_WAYPOINTS = 2000
 MIN_LENGTH_M = 5.0
-MAX_LENGTH_M = 250.0
+MAX_LENGTH_M = 1000.0
 MIN_WIDTH_M = 0.3
 MAX_WIDTH_M = 4.0
 MAX_COORDINATE_M = 1000.0
@@ -102,9 +103,19 @@ def check_way(centre: Points, steps: Points) -> None:
     lengths = np.linalg.norm(steps, axis=1)
     length = float(lengths.sum())
     if length < MIN_LENGTH_M:
-        raise UserFault("track_too_short", length_m=round(length, 2), limit_m=MIN_LENGTH_M)
+        raise UserFault(
+            "track_too_short",
+            length_m=round(length, 2),
+            limit_m=MIN_LENGTH_M,
+            scale=_scale(1.05 * MIN_LENGTH_M, length),
+        )
     if length > MAX_LENGTH_M:
-        raise UserFault("track_too_long", length_m=round(length, 2), limit_m=MAX_LENGTH_M)
+        raise UserFault(
+            "track_too_long",
+            length_m=round(length, 2),
+            limit_m=MAX_LENGTH_M,
+            scale=_scale(0.95 * MAX_LENGTH_M, length),
+        )
     unit = steps / lengths[:, None]
     before = np.roll(unit, 1, axis=0)
     turn = np.degrees(np.arctan2(np.abs(cross(before, unit)), (before * unit).sum(axis=1)))
@@ -115,6 +126,10 @@ def check_way(centre: Points, steps: Points) -> None:
     found = find_crossing(centre, is_open=is_open)
     if found is not None:
         raise UserFault("track_self_crossing", row=found[0], other_row=found[1])
+
+
+def _scale(wanted_m: float, length_m: float) -> str:
+    return f"{wanted_m / max(length_m, 1e-9):.2g}"
 
 
 def check_widths(inner: Points, outer: Points) -> None:

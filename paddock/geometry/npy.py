@@ -8,6 +8,7 @@ import numpy as np
 
 from paddock.errors import UserFault
 
+from .checks import Points
 from .track import TrackGeometry
 
 MAX_BYTES = 2 * 1024 * 1024
@@ -17,8 +18,15 @@ _QUOTED = 80  # characters of a stranger's header in a sentence
 
 
 def read_npy(data: bytes, name: str, *, is_open: bool | None = False) -> TrackGeometry:
-    """A track from the bytes of a ``.npy`` file. Nothing is unpickled and no memory is taken before sizes are checked.
-    ``is_open``: whether it is meant to be driven from start to end; None for whatever the file holds.
+    """A track from the bytes of a ``.npy`` file. ``is_open``: whether it is meant to be driven from start to end; None
+    for whatever the file holds. Raises UserFault with a ``track_...`` code.
+    """
+    rows = read_rows(data)
+    return TrackGeometry.from_arrays(name, rows[:, 0:2], rows[:, 2:4], rows[:, 4:6], is_open=is_open)
+
+
+def read_rows(data: bytes) -> Points:
+    """The (N, 6) table of a ``.npy`` file. Nothing is unpickled and no memory is taken before sizes are checked.
 
     Raises UserFault with a ``track_...`` code.
     """
@@ -47,8 +55,7 @@ def read_npy(data: bytes, name: str, *, is_open: bool | None = False) -> TrackGe
     body = data[stream.tell() :]
     if len(body) != shape[0] * 6 * dtype.itemsize:
         raise UserFault("track_not_npy")
-    rows = np.frombuffer(body, dtype=dtype).reshape(shape, order="F" if fortran_order else "C").astype(np.float64)
-    return TrackGeometry.from_arrays(name, rows[:, 0:2], rows[:, 2:4], rows[:, 4:6], is_open=is_open)
+    return np.frombuffer(body, dtype=dtype).reshape(shape, order="F" if fortran_order else "C").astype(np.float64)
 
 
 def _quoted(text: str) -> str:

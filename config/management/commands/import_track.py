@@ -19,10 +19,13 @@ from tracks.services import import_track
 class Command(JsonCommand):
     """Exits 2, with the reason's code, when the file cannot be read or is no track."""
 
-    help = "Import a track from the community's .npy format (six columns in metres: centre, inner, outer)."
+    help = (
+        "Import a track: the community's .npy format (six columns in metres: centre, inner, outer), or a CSV centre "
+        "line with widths."
+    )
 
     def add_arguments(self, parser: ArgumentParser) -> None:
-        parser.add_argument("file", metavar="FILE.npy", type=Path)
+        parser.add_argument("file", metavar="FILE", type=Path)
         parser.add_argument("--name", help="what racers call it (default: the file's name)")
         parser.add_argument("--slug", help="its address (default: made from the name)")
         parser.add_argument("--description", default="", help="one or two sentences for its page")
@@ -30,6 +33,14 @@ class Command(JsonCommand):
             "--look", choices=TrackLook.values, default=TrackLook.OFFICIAL.value, help="default: %(default)s"
         )
         parser.add_argument("--open", action="store_true", help="the track ends: it is driven from start to end")
+        parser.add_argument("--scale", type=float, default=1.0, help="what its metres are multiplied by (default: 1)")
+        parser.add_argument(
+            "--least-width",
+            type=float,
+            default=0.0,
+            metavar="METRES",
+            help="narrower places are widened to it",
+        )
         parser.add_argument("--json", action="store_true", help="print the track as JSON")
 
     def handle(self, *args: Any, **options: Any) -> None:
@@ -49,6 +60,8 @@ class Command(JsonCommand):
                 description=options["description"],
                 look=options["look"],
                 is_open=options["open"],
+                scale=options["scale"],
+                least_width_m=options["least_width"],
             )
         except UserFault as fault:
             raise Refusal(fault) from None

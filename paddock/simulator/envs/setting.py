@@ -296,7 +296,9 @@ def load_track(track: Track) -> TrackGeometry:
     name that is neither in the catalogue nor a file, UserFault for a file that is refused."""
     if isinstance(track, TrackGeometry):
         return track
-    if isinstance(track, str) and not track.endswith(".npy"):
+    from paddock.geometry.files import FILES, read_track
+
+    if isinstance(track, str) and not track.endswith(FILES):
         from paddock.geometry.catalogue import CATALOGUE
         from paddock.geometry.catalogue.names import find, nearest
 
@@ -305,10 +307,8 @@ def load_track(track: Track) -> TrackGeometry:
             return found.track.geometry()
         known = ", ".join(entry.slug for entry in CATALOGUE)
         raise ValueError(f"no track {track!r}; the closest names are {', '.join(nearest(track))}; all tracks: {known}")
-    from paddock.geometry.npy import read_npy
-
     path = Path(track)
-    return read_npy(path.read_bytes(), path.stem, is_open=None)
+    return read_track(path.read_bytes(), path.stem, is_open=None)
 
 
 def _box_place(place: BoxPlace | Mapping[str, Any] | tuple[float, str]) -> BoxPlace:

@@ -319,7 +319,7 @@ def both_outside(rows):
         (circle() + 5000.0, "track_far_away"),
         (circle() * 1e200, "track_far_away"),
         (circle(0.7, 0.6), "track_too_short"),
-        (circle(60.0), "track_too_long"),
+        (circle(200.0), "track_too_long"),
         (circle(points=60)[:50], "track_open"),
         (circle(width=0.2), "track_too_narrow"),
         (circle(radius=9.0, width=5.0), "track_too_wide"),
