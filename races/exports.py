@@ -41,6 +41,7 @@ COLUMNS = (
     "points",
     "duels",
     "duel_lap_ms",
+    "guest",
 )
 
 
@@ -69,6 +70,7 @@ def row_data(row: BoardRow) -> dict[str, Any]:
         "points": None if entry.seed is None else entry.points,
         "duels": None if entry.seed is None else entry.duels,
         "duel_lap_ms": entry.duel_lap_ms,
+        "guest": bool(entry.guest_name),
     }
 
 

@@ -106,6 +106,13 @@ register(
         "timing_final": _("The results of this race are final: the stewards' window is over. No lap changes any more."),
         "timing_stewards": _("The results are official, so only stewards correct them. Ask the league's admins."),
         "sessions_used_up": _("This racer has had all %(limit)s sessions that the race allows."),
+        "sessions_overlap": _(
+            "%(racer)s was on the track at that time, in session %(number)s. Choose another racer, or correct the "
+            "start."
+        ),
+        "guest_is_racer": _(
+            "%(name)s is the alias of a racer in this race. Choose the racer, or give the guest another name."
+        ),
         "guest_name": _(
             "A name has 1 to %(most)s characters on one line and begins with none of = + - @. Write another one."
         ),

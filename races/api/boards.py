@@ -49,6 +49,7 @@ class RowSerializer(serializers.Serializer):
     points = serializers.IntegerField(allow_null=True)
     duels = serializers.IntegerField(allow_null=True, help_text="Heats decided.")
     duel_lap_ms = serializers.IntegerField(allow_null=True, help_text="Average of all complete laps in duels.")
+    guest = serializers.BooleanField(help_text="A racer without an account; `racer` is the name that was typed.")
     sector_colours = serializers.ListField(
         child=serializers.ChoiceField(["purple", "green", "yellow"], allow_null=True),
         help_text="purple: nobody was faster; green: the racer's own best; yellow: neither.",

@@ -5,6 +5,7 @@ from __future__ import annotations
 import uuid
 from collections.abc import Sequence
 from datetime import datetime, timedelta
+from itertools import cycle
 from typing import Any
 
 from accounts.models import Racer
@@ -12,6 +13,8 @@ from races.models import Entry, Guest, Race, TimedSession
 from races.services import enter_race
 from races.services.timing import SentLap, SentSession, carry_over, correct_lap, make_sensor, name_timekeeper
 from tests.factories import a_race
+
+_MINUTES = cycle(range(50))
 
 
 def a_physical_race(now: datetime, **fields: Any) -> Race:
@@ -26,9 +29,14 @@ def a_lap(number: int, time_ms: int = 10_000, **fields: Any) -> SentLap:
 
 
 def a_session(now: datetime, *times: int, laps: Sequence[SentLap] | None = None, **fields: Any) -> SentSession:
-    """An ended session that began five minutes before ``now``."""
+    """An ended session that began within the hour before ``now``, each at another minute."""
     driven = [a_lap(number, time) for number, time in enumerate(times, 1)] if laps is None else laps
-    usual = {"id": uuid.uuid4(), "revision": 1, "started_at": now - timedelta(minutes=5), "ended": True}
+    usual = {
+        "id": uuid.uuid4(),
+        "revision": 1,
+        "started_at": now - timedelta(minutes=55 - next(_MINUTES)),
+        "ended": True,
+    }
     return SentSession(**(usual | fields | {"laps": driven}))
 
 

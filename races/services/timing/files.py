@@ -165,6 +165,7 @@ def _take_session(race: Race, by: Racer, lines: list[FileLap], now: datetime) ->
         car=first.car,
         ended=True,
         source=Source.FILE,
+        start_known=first.started_at is not None,
     )
     carry_over(race=race, by=by, sent=sent, now=now)
 

@@ -51,10 +51,10 @@ def require_driven_in_time(race: Race, started_at: datetime, now: datetime, *, a
     """
     if race.cancelled_at is not None:
         raise UserFault("race_cancelled", reason=race.cancel_reason)
+    if min(started_at, now) < race.opens_at - CLOCK_SLACK:
+        raise UserFault("race_not_open_yet", opens=moment(race.opens_at))
     if started_at > now + CLOCK_SLACK:
         raise UserFault("timing_clock_ahead")
-    if started_at < race.opens_at - CLOCK_SLACK:
-        raise UserFault("race_not_open_yet", opens=moment(race.opens_at))
     if started_at >= race.closes_at:
         raise UserFault("race_closed", closes=moment(race.closes_at))
     if at_once and now >= race.closes_at + CARRY_OVER:

@@ -33,10 +33,13 @@ def clean_name(name: str) -> str:
 
 def guest_of(*, race: Race, id: UUID, name: str, now: datetime, before: int | None = None) -> Guest:
     """The guest with this id, made in the caller's transaction if it is new. ``before``: the primary key of an entry
-    that the caller will lock as well. Raises UserFault("guest_name" | "timing_id_taken")."""
+    that the caller will lock as well. Raises UserFault("guest_name" | "guest_is_racer" |
+    "timing_id_taken")."""
     if (found := _known(race, id)) is not None:
         return found
     name = clean_name(name)
+    if Entry.objects.filter(race=race, racer__alias__iexact=name, is_baseline=False).exists():
+        raise UserFault("guest_is_racer", name=name)
     # locked in their order before a new entry is counted (races.services.locks); of two devices that bring one guest
     # at once the second finds what the first has made
     if not lock_entries([] if before is None else [before]):

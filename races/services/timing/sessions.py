@@ -34,7 +34,7 @@ class SentSession:
 
     ``racer``: the alias of somebody in the race; or ``guest``: the id and the name of one without an account.
     ``sensor``: the number of the sensor that measures; its laps are the sensor's, and of those sent only off tracks,
-    resets and what is valid is read.
+    resets and what is valid is read. ``start_known``: false for a file that states no start.
     """
 
     id: UUID
@@ -48,6 +48,7 @@ class SentSession:
     discarded: bool = False
     sensor: int | None = None
     source: str = Source.HAND
+    start_known: bool = True
 
 
 @transaction.atomic
@@ -56,7 +57,8 @@ def carry_over(*, race: Race, by: Racer, sent: SentSession, now: datetime) -> Ti
     came here.
 
     Raises UserFault("race_not_physical" | "timing_not_yours" | "timing_id_taken" | "timing_racer_unknown" |
-    "entry_withdrawn" | "entry_removed" | "sessions_used_up" | "sensor_unknown" | "sensor_busy"), and what
+    "entry_withdrawn" | "entry_removed" | "sessions_used_up" | "sessions_overlap" | "sensor_unknown" |
+    "sensor_busy"), and what
     :func:`~races.services.timing.gates.require_driven_in_time` or :func:`~races.services.timing.laps.check_laps` raise.
     """
     require_timekeeper(race, by)
@@ -81,6 +83,8 @@ def carry_over(*, race: Race, by: Racer, sent: SentSession, now: datetime) -> Ti
     if session is not None and session.revision >= sent.revision:
         return session
     sensor = _sensor(entry.race, sent, session, now)
+    if session is None or session.entry_id != entry.pk or sent.source == Source.FILE:
+        _refuse_overlap(entry, sent, started_at)
     if session is None:
         session = _new(entry, sent, sensor, by, now)
     elif session.entry_id != entry.pk:
@@ -157,6 +161,28 @@ def _sensor(race: Race, sent: SentSession, session: TimedSession | None, now: da
     if not sent.ended and not sent.discarded and running.exists():
         raise UserFault("sensor_busy", sensor=sensor.name)
     return sensor
+
+
+def _refuse_overlap(entry: Entry, sent: SentSession, started_at: datetime) -> None:
+    """Raises UserFault("sessions_overlap") for a racer who drove another session at that time."""
+    if sent.discarded or not sent.start_known:
+        return
+    race = entry.race
+    ends_at = started_at + _extent(race, [lap.time_ms for lap in sent.laps], ended=sent.ended)
+    others = TimedSession.objects.filter(entry=entry, discarded_at=None, started_at__lt=ends_at).exclude(pk=sent.id)
+    for other in others.prefetch_related("laps"):
+        # the start of a session from a file that states none is the time of the import
+        guessed = {other.received_at, race.opens_at, race.closes_at - timedelta(milliseconds=1)}
+        if other.source == Source.FILE and other.started_at in guessed:
+            continue
+        driven = [lap.time_ms for lap in other.laps.all()]
+        if other.started_at + _extent(race, driven, ended=other.ended_at is not None) > started_at:
+            raise UserFault("sessions_overlap", racer=entry.guest_name or entry.racer.alias, number=other.number)
+
+
+def _extent(race: Race, times_ms: Sequence[int], *, ended: bool) -> timedelta:
+    """From the start of a session to the end of its last lap; of one that still runs at least the session's length."""
+    return timedelta(milliseconds=max(sum(times_ms), 0 if ended else race.session_s * 1000))
 
 
 def _new(entry: Entry, sent: SentSession, sensor: TimingSensor | None, by: Racer | None, now: datetime) -> TimedSession:
