@@ -27,7 +27,7 @@ from ..events import IN_FINALE, PROMOTED, QUALIFIED
 from ..models import ChampionshipPlace, FinalePlace, Membership, Round, RoundPoints, Season
 from ..selectors.boards import due_rounds
 from ..selectors.outcomes import BoardOutcome, outcome_of
-from .fields import give_fields
+from .fields import correct_board, give_fields, pros_of
 
 logger = logging.getLogger(__name__)
 BATCH = 1000
@@ -75,20 +75,36 @@ def close_due_rounds(*, now: datetime, season: Season | None = None) -> list[Rou
 
 @transaction.atomic
 def rework(*, round: Round, now: datetime) -> None:
-    """Work out an official round anew, and every official one of the season that closed after it."""
+    """Work out an official round anew, and all that follows from it: every later round of the season whose results are
+    not final, with who may stand on its board, and the season that continues this one."""
     season = Season.objects.select_for_update().get(pk=round.season_id)
     round_ = _fresh(round, season)
-    if round_.closed_at is None:
-        return
-    affected = list(_official_from(round_))
-    moved = {one.pk: _moved_by(one) for one in affected}
-    forget_outcomes(affected)
-    for one in affected:
+    if round_.closed_at is not None:
+        _rework(season, _over_from(round_, now), pros_of(season.pk), now)
+
+
+def _rework(season: Season, rounds: Iterable[Round], before: set[int], now: datetime) -> None:
+    """``before``: who was a pro of the season until now."""
+    affected = []
+    for one in rounds:
         one.season = season
+        if one.closed_at is None or one.is_under_review(now):
+            affected.append(one)
+    official = [one for one in affected if one.closed_at is not None]
+    moved = {one.pk: _moved_by(one) for one in official}
+    forget_outcomes(official)
+    for one in affected:
+        correct_board(one, before=before, now=now)
+        if one.closed_at is None:
+            continue
         _write(one, outcome := outcome_of(one))
         if one.race.imported_at is None:
             _record_moves(one, outcome, now, known=moved[one.pk])
+    following = Season.objects.filter(follows=season).first()
+    carried = set() if following is None else pros_of(following.pk)
     give_fields(season, now=now)
+    if following is not None and carried != pros_of(following.pk):
+        _rework(following, _over(following, now), carried, now)
 
 
 def forget_outcomes(rounds: Iterable[Round]) -> None:
@@ -113,10 +129,17 @@ def _due(now: datetime, season: Season | None) -> QuerySet[Round]:
     return due.select_related("race", "season").order_by("race__closes_at", "pk")
 
 
-def _official_from(round_: Round) -> QuerySet[Round]:
-    later = Q(race__closes_at__gt=round_.race.closes_at) | Q(race__closes_at=round_.race.closes_at, pk__gte=round_.pk)
-    rounds = Round.objects.filter(later, season=round_.season_id, closed_at__isnull=False)
+def _over(season: Season | int, now: datetime) -> QuerySet[Round]:
+    """The rounds of a season whose races are over, in the order of closing."""
+    rounds = Round.objects.filter(season=season, race__cancelled_at=None)
+    rounds = rounds.filter(Q(race__closes_at__lte=now) | Q(closed_at__isnull=False))
     return rounds.select_related("race").order_by("race__closes_at", "pk")
+
+
+def _over_from(round_: Round, now: datetime) -> QuerySet[Round]:
+    """Those from a round on."""
+    later = Q(race__closes_at__gt=round_.race.closes_at) | Q(race__closes_at=round_.race.closes_at, pk__gte=round_.pk)
+    return _over(round_.season_id, now).filter(later)
 
 
 def _require_ready(round_: Round, now: datetime) -> None:
@@ -198,10 +221,13 @@ def _write(round_: Round, outcome: BoardOutcome) -> None:
     FinalePlace.objects.bulk_create(
         [FinalePlace(round=round_, racer_id=racer, place=place) for place, racer in enumerate(outcome.finale, start=1)]
     )
+    # of a later finale that is final
+    kept = set(ChampionshipPlace.objects.filter(season=season).values_list("racer", flat=True))
     ChampionshipPlace.objects.bulk_create(
         [
             ChampionshipPlace(season_id=season, round=round_, racer_id=racer, place=place)
             for place, racer in enumerate(outcome.qualified, start=1)
+            if racer not in kept
         ]
     )
     racers = Racer.objects.only("country", "team").in_bulk([racer for _rank, racer, _points in outcome.points])

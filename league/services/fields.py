@@ -5,7 +5,7 @@ from __future__ import annotations
 from datetime import datetime
 
 from races.models import Division, Entry, RaceState
-from races.services.entries import give_field, take_out
+from races.services.entries import bring_back, give_field, take_out
 
 from ..models import Membership, Round, Season, Stage
 from ..models.season import WITH_FIELD
@@ -61,5 +61,30 @@ def _only_pros(round_: Round, now: datetime) -> None:
     pros = Membership.objects.filter(season=round_.season_id, division="pro").values("racer")
     inside = Entry.objects.filter(race=round_.race, is_baseline=False).select_related("race")
     take_out(inside.filter(removed_at=None).exclude(racer__in=pros), now=now, reason=NOT_PRO)
-    back = inside.filter(racer__in=pros, removed_at__isnull=False, removal_reason=NOT_PRO)
-    back.update(removed_at=None, withdrawn_at=None, removal_reason="")
+    bring_back(inside.filter(racer__in=pros), reason=NOT_PRO)
+
+
+def correct_board(round_: Round, *, before: set[int], now: datetime) -> None:
+    """Take those off the board of a race that is over whom the corrected results no longer let drive there, and bring
+    back those whom they do: by the field of a finale or championship; in a pro race by who is a pro and was one
+    ``before`` (ids), so that a division that an admin gave or took changes nothing."""
+    if round_.race.imported_at is not None or round_.stage not in (Stage.PRO, *WITH_FIELD):
+        return
+    entries = Entry.objects.filter(race=round_.race, is_baseline=False).select_related("race")
+    if round_.stage in WITH_FIELD:
+        may, reason = set(field_of(round_) or []), NOT_IN_FIELD
+        lost = [one for one in entries if one.racer_id not in may]
+    else:
+        may, reason = pros_of(round_.season_id, round_.race.closes_at), NOT_PRO
+        lost = [one for one in entries if one.racer_id in before - may]
+        may -= before
+    take_out(lost, now=now, reason=reason)
+    bring_back([one for one in entries if one.racer_id in may], reason=reason)
+
+
+def pros_of(season: int, until: datetime | None = None) -> set[int]:
+    """Ids of the pros of a season, of those who were promoted before ``until``."""
+    pros = Membership.objects.filter(season=season, division=Division.PRO)
+    if until is not None:
+        pros = pros.filter(since__lt=until)
+    return set(pros.values_list("racer", flat=True))

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from datetime import datetime, timedelta
 
 from django.db import transaction
@@ -13,14 +13,16 @@ from django.utils.translation import ngettext
 from accounts.models import Racer
 from paddock.errors import UserFault
 from races.models import Entry, Race, RaceState
+from races.selectors.boards import CLASSIFIED
 from races.services import edit_race, remove_entry
 
 from ..models import ChampionshipPlace, FinalePlace, Membership, Round, RoundPoints, Season, Stage
-from ..models.season import WITH_POINTS
+from ..models.season import WITH_FIELD, WITH_POINTS
 from .notices import announce
 from .seasons import hold_season
 
 Fact = tuple[str, str, str]
+_BOARD = "board"  # of a pro race, a finale or a championship
 
 
 @transaction.atomic
@@ -63,7 +65,7 @@ def consequences_of(call: Callable[[], object], season: Season) -> list[str]:
             raise _Undone
     except _Undone:
         pass
-    lost, won = before.keys() - after.keys(), after.keys() - before.keys()
+    lost, won = before.keys() - after.keys(), after.keys() - before.keys() - _boards(after)
     lines = [_("%(racer)s is no longer %(what)s (%(race)s).") % _named(fact) for fact in sorted(lost)]
     lines += [_("%(racer)s is now %(what)s (%(race)s).") % _named(fact) for fact in sorted(won)]
     moved = Counter(fact[1] for fact in before.keys() & after.keys() if before[fact] != after[fact])
@@ -74,6 +76,11 @@ def consequences_of(call: Callable[[], object], season: Season) -> list[str]:
             count,
         )
         lines.append(text % {"count": count, "race": race})
+    losers = {alias for _kind, _race, alias in lost}
+    kept = sorted(fact for fact in (before.keys() & after.keys()) - _boards(after) if fact[2] in losers)
+    lines += [_("%(racer)s stays %(what)s (%(race)s).") % _named(fact) for fact in kept]
+    if lost:
+        lines.append(_("Laps and runs stay to be looked into."))
     return lines or [_("Promotions, finale fields, championship places and points do not change.")]
 
 
@@ -112,7 +119,15 @@ def _facts(season: Season) -> dict[Fact, str]:
     points = RoundPoints.objects.filter(round__season=season)
     for race, alias, rank, won in points.values_list("round__race__name", "racer__alias", "rank", "points"):
         facts["points", race, alias] = f"{rank}:{won}"
+    boards = {"race__round__season": season, "race__round__stage__in": [Stage.PRO, *WITH_FIELD]}
+    placed = Entry.objects.filter(CLASSIFIED, withdrawn_at=None, is_baseline=False, **boards)
+    for race, alias in placed.values_list("race__name", "racer__alias"):
+        facts[_BOARD, race, alias] = ""
     return facts
+
+
+def _boards(facts: Iterable[Fact]) -> set[Fact]:
+    return {fact for fact in facts if fact[0] == _BOARD}
 
 
 def _named(fact: Fact) -> dict[str, str]:
@@ -120,6 +135,7 @@ def _named(fact: Fact) -> dict[str, str]:
         "promoted": _("promoted"),
         "finale": _("in the finale"),
         "qualified": _("qualified for the championship"),
+        _BOARD: _("on the board"),
         "points": _("in the points"),
     }
     return {"what": kinds[fact[0]], "race": fact[1], "racer": fact[2]}

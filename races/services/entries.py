@@ -128,23 +128,29 @@ def give_field(*, race: Race, racers: Collection[int], now: datetime, reason: st
         ignore_conflicts=True,
     )
     take_out([one for racer, one in entries.items() if racer not in wanted], now=now, reason=reason)
-    for racer, entry in entries.items():
-        if racer in wanted and entry.removed_at is not None and entry.removal_reason == reason:
-            entry.removed_at = entry.withdrawn_at = None
-            entry.removal_reason = ""
-            entry.save(update_fields=["removed_at", "withdrawn_at", "removal_reason"])
-            _came_back(entry)
+    bring_back([one for racer, one in entries.items() if racer in wanted], reason=reason)
 
 
 @transaction.atomic
 def take_out(entries: Iterable[Entry], *, now: datetime, reason: str) -> None:
-    """Take these entries out of races that are not over; those that have left already stay as they are."""
+    """Take these entries out of their races; those that have left already stay as they are."""
     for entry in lock_entries(entry.pk for entry in entries):
         if entry.removed_at is None:
             entry.removed_at, entry.withdrawn_at = now, entry.withdrawn_at or now
             entry.removal_reason = reason
             entry.save(update_fields=["removed_at", "withdrawn_at", "removal_reason"])
             _left(entry, now)
+
+
+@transaction.atomic
+def bring_back(entries: Iterable[Entry], *, reason: str) -> None:
+    """Undo :func:`take_out` for those of these entries that were taken out for this reason."""
+    for entry in lock_entries(entry.pk for entry in entries):
+        if entry.removed_at is not None and entry.removal_reason == reason:
+            entry.removed_at = entry.withdrawn_at = None
+            entry.removal_reason = ""
+            entry.save(update_fields=["removed_at", "withdrawn_at", "removal_reason"])
+            _came_back(entry)
 
 
 def _enter(race: Race, racer: Racer, now: datetime, *, invited: bool, terms: int | None) -> Entry:
