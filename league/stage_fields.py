@@ -40,20 +40,18 @@ _CAMERA = ["FRONT_FACING_CAMERA"]
 
 
 def _proposed(turns: tuple[str, ...], sensors: list[str], **rules: Any) -> dict[str, Any]:
-    usual = {name: RULES[name].default for name in STAGE}
+    usual = {name: RULES[name].default for name in STAGE} | {"max_submissions": None}
     turns_by_name = dict(zip(TURNS, (*turns, "", ""), strict=False))
     return usual | _LAYOUT_PROPOSED | turns_by_name | {"sensors": sensors} | _PROPOSED | rules
 
 
 # As the official league's were in 2021 and 2022: newcomers drive alone with a camera, pros meet boxes and bots by turns
-# with every sensor. A newcomer's car may leave the road; a finale asks for more, and lets one try less often.
+# with every sensor. A newcomer's car may leave the road; a finale asks for more.
 PROPOSALS: dict[str, dict[str, Any]] = {
     Stage.OPEN: _proposed((Turn.TIME_TRIAL,), _CAMERA),
     Stage.PRO: _proposed((Turn.BOXES, Turn.BOTS), [*OFFERABLE], laps=5, off_track_penalty_ms=5000),
-    Stage.FINALE: _proposed((AS_PRO,), [*OFFERABLE], **all_laps(3), off_track_penalty_ms=5000, max_submissions=10),
-    Stage.CHAMPIONSHIP: _proposed(
-        (Turn.MODELS,), [*OFFERABLE], **all_laps(5), off_track_penalty_ms=5000, max_submissions=10
-    ),
+    Stage.FINALE: _proposed((AS_PRO,), [*OFFERABLE], **all_laps(3), off_track_penalty_ms=5000),
+    Stage.CHAMPIONSHIP: _proposed((Turn.MODELS,), [*OFFERABLE], **all_laps(5), off_track_penalty_ms=5000),
 }
 
 
@@ -80,7 +78,7 @@ def stage_plan(stage: Stage, data: Mapping[str, Any]) -> StagePlan:
         turns=() if turns == [AS_PRO] else turns,
         layout={name: _LAYOUT_PROPOSED[name] if own[name] in (None, "") else own[name] for name in LAYOUT},
         sensors=own["sensors"],
-        rules={name: own[name] for name in STAGE if own[name] is not None},
+        rules={name: own[name] for name in STAGE if own[name] is not None or RULES[name].optional},
     )
 
 

@@ -18,7 +18,7 @@ from django.utils.translation import gettext_lazy as _
 from accounts.models import Racer, RacerGroup
 from core.forms import add_fault, differs, ignored_fields
 from paddock.errors import UserFault
-from paddock.rules.race import BY_PLACE, RANKING
+from paddock.rules.race import BY_PLACE, RANKING, RULES
 
 from .errors import RaceRefused
 from .fields import BesideField, MomentField
@@ -182,6 +182,8 @@ class RaceForm(_RuleFields):  # type: ignore[misc, valid-type]
             self.errors.pop("collision_penalty_ms", None)
             cleaned["collision_penalty_ms"] = None
         for name in (*_IN_ROWS, *_ELSEWHERE, *_OF_REAL_CARS):
+            if name in RULES and RULES[name].optional and name in self.data:
+                continue  # an empty field is no limit
             if name not in self.errors and cleaned.get(name) is None:
                 cleaned[name] = getattr(self.race or Race(), name)
 

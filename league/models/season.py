@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 from datetime import datetime, timedelta
 from decimal import Decimal
 from typing import Any
@@ -14,10 +15,10 @@ from django.urls import reverse
 from django.utils.translation import gettext_lazy as _
 
 from core.validators import ONE_LINE
-from paddock.rules.race import STAGE
+from paddock.rules.race import RULES, STAGE
 from races.errors import problem
 from races.models import Division, Race, RaceKind
-from races.models.rules import inside_a_stage, laps_constraints, with_rules
+from races.models.rules import column, inside_a_stage, laps_constraints, with_rules
 
 # The table of a round that many championships use. Nobody is bound to it.
 DEFAULT_POINTS = (25, 18, 15, 12, 10, 8, 6, 4, 2, 1)
@@ -195,6 +196,7 @@ class StageRules(with_rules(STAGE, inside_a_stage)):  # type: ignore[misc]
 
     season = models.ForeignKey(Season, models.CASCADE, related_name="stage_rules", verbose_name=_("season"))
     stage = models.CharField(_("stage"), max_length=16, choices=Stage.choices)
+    max_submissions = column(dataclasses.replace(RULES["max_submissions"], default=None))
 
     class Meta:
         verbose_name = _("rules of a stage")

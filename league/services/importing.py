@@ -158,7 +158,7 @@ def _make_race(read: ReadRace, position: int, track: Track, now: datetime) -> Ra
         duel_format="" if duel is None else DuelFormat.BRACKET if duel.bracket else DuelFormat.ROUND_ROBIN,
         duel_cars=2 if duel is None else duel.cars,
         bots=row.bots if head_to_head else 0,
-        max_submissions=1000,
+        max_submissions=None,
         opens_at=row.opens_at,
         closes_at=row.closes_at,
         created_at=now,

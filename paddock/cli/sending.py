@@ -124,8 +124,13 @@ def _told(run: dict[str, Any]) -> list[str]:
 
 def _standing(entry: dict[str, Any]) -> str:
     if not entry["classified"]:
-        return f"not classified; {entry['submissions_left']} submissions left"
-    return f"rank {entry['rank']} with {lap_time(entry['score_ms'])}; {entry['submissions_left']} submissions left"
+        return f"not classified; {_left(entry)}"
+    return f"rank {entry['rank']} with {lap_time(entry['score_ms'])}; {_left(entry)}"
+
+
+def _left(entry: dict[str, Any]) -> str:
+    left = entry["submissions_left"]
+    return "submissions unlimited" if left is None else f"{left} submissions left"
 
 
 def download(asked: Call, options: argparse.Namespace) -> int:

@@ -350,11 +350,13 @@ class BoardRules:
         stage=True,
         column=True,
     )
-    max_submissions: int = rule(
+    max_submissions: int | None = rule(
         50,
+        optional=True,
         place=8,
         label=_("Submissions per racer"),
         short=_("Submissions"),
+        help=_("Empty: no limit, as in races of the league unless they set one."),
         least=1,
         most=1000,
         fixed=False,

@@ -26,7 +26,7 @@ class Rule:
     ``label`` and ``help`` are marked for translation; ``short`` is the label where there is little room. ``unit``: "ms"
     (told in seconds on pages), "m" or "m/s". ``least`` and ``most`` are what a race may ask; ``beyond``: a run takes
     more than that, as long as it makes sense (environments and commands use it). ``unlimited``: the value that means
-    no limit. ``choices``: the only values. ``race_types``: those that it says something to, all if empty.
+    no limit; ``optional``: None means that. ``choices``: the only values. ``race_types``: those that it says something to, all if empty.
 
     ``layout``: it says what stands and drives on the track. ``run_only``: a run takes it, an organiser cannot set it.
     ``fixed``: it does not change any more once a car was sent. ``stage``: a season sets it for its stages. ``column``:
@@ -50,6 +50,7 @@ class Rule:
     most: float | None = None
     beyond: bool = False
     unlimited: int | None = None
+    optional: bool = False
     choices: tuple[str, ...] = ()
     race_types: tuple[str, ...] = ()
     layout: bool = False
@@ -88,7 +89,7 @@ class Rule:
 
     def check(self, value: object) -> None:
         """Refuse a value that makes no sense. Raises ValueError, which names the rule and what is possible."""
-        if value is None and self.default is None:
+        if value is None and (self.default is None or self.optional):
             return
         if self.choices:
             if value not in self.choices:

@@ -38,7 +38,7 @@ class EntrySerializer(serializers.Serializer):
         help_text="The newest version of the race's terms that was accepted, and when; null for none."
     )
     submission_count = serializers.IntegerField(help_text="Those that count.")
-    submissions_left = serializers.SerializerMethodField()
+    submissions_left = serializers.SerializerMethodField(help_text="null: any number.")
     rank = serializers.SerializerMethodField()
     classified = serializers.BooleanField()
     score_ms = serializers.IntegerField(allow_null=True, help_text="What the race ranks by.")
@@ -64,8 +64,9 @@ class EntrySerializer(serializers.Serializer):
         accepted = entry.accepted_terms.select_related("terms").order_by("-terms__version").first()
         return {"version": accepted.terms.version, "at": accepted.accepted_at} if accepted else None
 
-    def get_submissions_left(self, entry: Entry) -> int:
-        return max(0, entry.race.max_submissions - entry.submission_count)
+    def get_submissions_left(self, entry: Entry) -> int | None:
+        limit = entry.race.max_submissions
+        return None if limit is None else max(0, limit - entry.submission_count)
 
     def get_rank(self, entry: Entry) -> int | None:
         return rank_of(entry)

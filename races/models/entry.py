@@ -12,6 +12,9 @@ from django.utils.translation import gettext_lazy as _
 from ..ranking import LAST, LIVE_LEAD, MOST_DRIVEN, NO_LAP_MS, NO_RESULT, NOT_CLASSIFIED, SEEDS
 from .race import Race
 
+# What the numbers of submissions hold. A race without a limit ends there.
+MOST_SUBMISSIONS = 32_000
+
 
 class Entry(models.Model):
     """A racer in a race, with their standing: the best counted submission, and once duels are drawn what these gave.

@@ -73,7 +73,8 @@ def column(rule: Rule) -> models.Field:
         return models.JSONField(column_label(rule), default=default_sensors, **said)
     if rule.name == "boxes":
         return models.JSONField(column_label(rule), default=list, blank=True, **said)
-    said |= {"null": True, "blank": True} if rule.default is None else {"default": rule.default}
+    said |= {"null": True, "blank": True} if rule.default is None or rule.optional else {}
+    said |= {} if rule.default is None else {"default": rule.default}
     if rule.choices:
         longest = max(map(len, rule.choices))
         return models.CharField(

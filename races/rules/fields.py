@@ -31,7 +31,7 @@ def rule_field(rule: Rule, *, short: bool = False, strict: bool = False) -> form
     What belongs to some race types only may stay empty, and so may what old pages do not send; the bounds of what
     stands on the track are the browser's, for the race's own validation has better reasons: unless it is ``strict``.
     """
-    may_be_empty = rule.layout or rule.default is None or not rule.column or rule.name == "seed"
+    may_be_empty = rule.layout or rule.default is None or rule.optional or not rule.column or rule.name == "seed"
     said: dict[str, Any] = {
         "label": label(rule, short=short),
         "required": not may_be_empty and (strict or not rule.race_types),
@@ -55,6 +55,8 @@ def rule_field(rule: Rule, *, short: bool = False, strict: bool = False) -> form
     if rule.unit == "ms":
         least, most = (round((bound or 0) / 1000, 3) for bound in (rule.least, rule.most))
         return SecondsField(min_value=least if least % 1 else int(least), max_value=int(most), **said)
+    if rule.optional:
+        said["widget"] = forms.NumberInput(attrs={"placeholder": _("unlimited")})
     kind = PlainNumberField if rule.type is float else forms.IntegerField
     if rule.layout and not strict:
         step = 0.1 if rule.type is float else 1

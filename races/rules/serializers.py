@@ -43,6 +43,8 @@ def _field(rule: Rule, asked: bool, strict: bool) -> serializers.Field:
         said["required"] = False
     elif rule.default is None:
         said["allow_null"] = True
+    if rule.optional:
+        said["allow_null"] = True
     if rule.name == "boxes":
         if strict:
             said["max_length"] = MAX_BOXES

@@ -72,11 +72,13 @@ def create_community_race(
 def create_league_race(
     *, now: datetime, division: str, name: str, track: Track, opens_at: datetime, closes_at: datetime, **options: Any
 ) -> Race:
-    """Make a race of the league. ``options``: any other field in ``EDITABLE_FIELDS``, and ``slug``.
+    """Make a race of the league. ``options``: any other field in ``EDITABLE_FIELDS``, and ``slug``. Submissions are
+    unlimited unless they say otherwise.
 
     Raises RaceRefused with all problems by field, TypeError for an option that no race has.
     """
     _refuse_unknown(options, also=("slug",))
+    options.setdefault("max_submissions", None)
     race = Race(
         kind=RaceKind.LEAGUE,
         division=division,

@@ -17,6 +17,7 @@ from ..eligibility import check_eligible
 from ..engines import is_over, keeps_engine, site_engine
 from ..layout import race_rules
 from ..models import Draw, Entry, Race, Submission
+from ..models.entry import MOST_SUBMISSIONS
 from ..sensors import not_offered
 from .cars import note_refused, take_place
 from .entries import enter_race
@@ -131,11 +132,12 @@ def _refuse_second_car(entry: Entry) -> None:
 
 def _count(entry: Entry, race: Race) -> None:
     """Use up one submission: one guarded UPDATE that changes one row or none."""
-    counted = Entry.objects.filter(pk=entry.pk, submission_count__lt=race.max_submissions).update(
+    limit = race.max_submissions or MOST_SUBMISSIONS
+    counted = Entry.objects.filter(pk=entry.pk, submission_count__lt=limit, last_number__lt=MOST_SUBMISSIONS).update(
         submission_count=F("submission_count") + 1, last_number=F("last_number") + 1
     )
     if not counted:
-        raise UserFault("submissions_used_up", limit=race.max_submissions)
+        raise UserFault("submissions_used_up", limit=limit)
 
 
 def _queue(entry: Entry, race: Race, model: TrainedModel, *, submitted_at: datetime, now: datetime) -> Submission:

@@ -167,6 +167,8 @@ def race_context(request: HttpRequest, shown: Race, entry: Entry | None = None, 
     entry = entry if looked_up else entry_of(shown, request.user)
     hides = spoilers_of(request).hides(shown)
     latest: LatestRun | None = None if hides else latest_run(entry, queue=False)
+    limit = shown.max_submissions
+    left = None if limit is None else limit - (entry.submission_count if entry else 0)
     context = {
         "race": shown,
         "state": state,
@@ -177,7 +179,8 @@ def race_context(request: HttpRequest, shown: Race, entry: Entry | None = None, 
         "can_keep_time": can_keep_time(request.user, shown),
         "has_results": not hides and is_settled(shown, now),
         "hides": hides,
-        "left": shown.max_submissions - entry.submission_count if entry else shown.max_submissions,
+        "left": left,
+        "used_up": left is not None and left <= 0,
     }
     if request.user.is_authenticated and state in (RaceState.OPEN, RaceState.UPCOMING):
         context["asks_terms"] = not has_accepted(entry, shown)

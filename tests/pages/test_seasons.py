@@ -107,7 +107,7 @@ class TestSeasonForm:
         )
         finale = season.rounds.get(number=3, stage=Stage.FINALE).race
         assert finale.opens_at == datetime(2027, 4, 10, 18, tzinfo=seoul)
-        assert finale.ranking_method == "total" and finale.max_submissions == 10
+        assert finale.ranking_method == "total" and finale.max_submissions is None
         final = season.rounds.get(stage=Stage.CHAMPIONSHIP).race
         assert final.opens_at == datetime(2028, 1, 18, 18, tzinfo=seoul) and season.ends_on == final.closes_at.date()
         assert season.drop_worst == 2 and season.prizes == "A mug"

@@ -16,6 +16,7 @@ from paddock.errors import UserFault
 
 from ...events import RACE_TIMED, of_race, record_board
 from ...models import Entry, MeasuredLap, Race, RaceState, Source, TimedSession, TimingSensor
+from ...models.entry import MOST_SUBMISSIONS
 from ...models.race import LONGEST_LAP_MS
 from ...signals import board_changed
 from ..locks import lock_entries
@@ -186,11 +187,12 @@ def _extent(race: Race, times_ms: Sequence[int], *, ended: bool) -> timedelta:
 
 
 def _new(entry: Entry, sent: SentSession, sensor: TimingSensor | None, by: Racer | None, now: datetime) -> TimedSession:
-    counted = Entry.objects.filter(pk=entry.pk, submission_count__lt=entry.race.max_submissions).update(
+    limit = entry.race.max_submissions or MOST_SUBMISSIONS
+    counted = Entry.objects.filter(pk=entry.pk, submission_count__lt=limit, last_number__lt=MOST_SUBMISSIONS).update(
         submission_count=F("submission_count") + 1, last_number=F("last_number") + 1
     )
     if not counted:
-        raise UserFault("sessions_used_up", limit=entry.race.max_submissions)
+        raise UserFault("sessions_used_up", limit=limit)
     entry.refresh_from_db(fields=["submission_count", "last_number"])
     session = TimedSession(
         id=sent.id,
