@@ -26,7 +26,8 @@ class Rule:
     ``label`` and ``help`` are marked for translation; ``short`` is the label where there is little room. ``unit``: "ms"
     (told in seconds on pages), "m" or "m/s". ``least`` and ``most`` are what a race may ask; ``beyond``: a run takes
     more than that, as long as it makes sense (environments and commands use it). ``unlimited``: the value that means
-    no limit; ``optional``: None means that. ``choices``: the only values. ``race_types``: those that it says something to, all if empty.
+    no limit; ``optional``: None means that. ``choices``: the only values. ``race_types``: those that it says something
+    to, all if empty.
 
     ``layout``: it says what stands and drives on the track. ``run_only``: a run takes it, an organiser cannot set it.
     ``fixed``: it does not change any more once a car was sent. ``stage``: a season sets it for its stages. ``column``:
