@@ -8,7 +8,8 @@ from league.models import ChampionshipPlace, FinalePlace, Membership, RoundPoint
 from league.services import close_due_rounds, disqualify, put_back
 from league.services.organising import consequences_of
 from league.services.stewards import lock_round
-from races.models import Entry
+from league.services.succession import copy_season
+from races.models import Entry, Race
 from tests.factories import a_racer
 from tests.league.seasons import HOUR, a_round, a_season, after, board, racers
 
@@ -114,3 +115,16 @@ def test_who_was_a_pro_by_an_admins_word_keeps_what_they_drove(year):
     Membership.objects.filter(racer=year.ten[0]).update(promoted_in=None, place=None)
     year.disqualify()
     assert year.february.pk in year.of(RoundPoints) and year.of(ChampionshipPlace)
+
+
+def test_the_season_that_continues_this_one_follows_too(year):
+    copy = copy_season(season=year.season, now=year.now, months=12).season
+    assert copy.follows == year.season
+    assert set(copy.memberships.values_list("racer", flat=True)) == {year.ten[0].pk, year.ten[1].pk}
+    pro = copy.rounds.select_related("race").get(stage="pro-qualifier")
+    Race.objects.filter(pk=pro.race_id).update(opens_at=year.now - 2 * HOUR, closes_at=year.now - HOUR)
+    board(pro.race, year.ten[:2])
+    year.disqualify()
+    assert set(copy.memberships.values_list("racer", flat=True)) > {year.ten[1].pk}
+    assert Entry.objects.get(race=pro.race, racer=year.ten[0]).removed_at == year.now
+    assert Entry.objects.get(race=pro.race, racer=year.ten[1]).removed_at is None
