@@ -7,7 +7,7 @@ from django.db import migrations, models
 class Migration(migrations.Migration):
 
     dependencies = [
-        ('races', '0013_spectator_links'),
+        ('races', '0015_live_start_and_seed'),
     ]
 
     operations = [
