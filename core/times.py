@@ -6,6 +6,8 @@ import re
 from datetime import UTC, date, datetime
 
 from django.utils import timezone
+from django.utils.dateformat import format as date_format
+from django.utils.translation import pgettext
 
 _STORED = re.compile(r"\d{4}-\d\d-\d\d \d\d:\d\d UTC")
 
@@ -25,9 +27,29 @@ def clock(milliseconds: int | None) -> str:
     return f"{milliseconds // 60_000}:{milliseconds // 1000 % 60:02}.{milliseconds % 1000:03}"
 
 
-def written(when: datetime) -> str:
-    """A moment in the reader's time zone, which it names."""
-    return timezone.localtime(when).strftime("%Y-%m-%d %H:%M %Z")
+def written(when: datetime, *, zone: bool = True) -> str:
+    """A moment in the reader's time zone and language: ``Sat 28 Nov, 14:32 UTC``; with the year where it is another.
+
+    ``zone``: whether to name the time zone.
+    """
+    local = timezone.localtime(when)
+    if local.year == timezone.localdate().year:
+        text = _format(local, pgettext("format of a moment", "D j M, H:i"))
+    else:
+        text = _format(local, pgettext("format of a moment in another year", "D j M Y, H:i"))
+    return f"{text} {local:%Z}" if zone else text
+
+
+def written_day(when: date | datetime) -> str:
+    """A day in the reader's language: ``Sat 28 Nov``, ``11 June 2021`` in another year."""
+    day = timezone.localtime(when) if isinstance(when, datetime) else when
+    if day.year == timezone.localdate().year:
+        return _format(day, pgettext("format of a day", "D j M"))
+    return _format(day, pgettext("format of a day in another year", "j F Y"))
+
+
+def _format(value: date, form: str) -> str:
+    return date_format(value, form).replace("요일", "")  # Django's short weekdays are whole words in Korean
 
 
 def stored(when: datetime) -> str:

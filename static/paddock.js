@@ -18,12 +18,17 @@
   }));
 
   // --- times: the server writes its own time zone, the reader sees theirs --------------------------------------------
-  // Written as the server writes it, 2026-11-30 18:00 CET, so that there is one style of dates on a page.
-  const two = { month: "2-digit", day: "2-digit", hour: "2-digit", minute: "2-digit", hourCycle: "h23" };
-  const parts = new Intl.DateTimeFormat(language, { year: "numeric", ...two, timeZoneName: "short" });
+  // In the server's style (core/times.py): Sat 28 Nov, 14:32 CET; the year where it is another one.
+  const two = { hour: "2-digit", minute: "2-digit", hourCycle: "h23" };
+  const short = { weekday: "short", day: "numeric", month: "short", year: "numeric" };
+  const parts = new Intl.DateTimeFormat(language, { ...short, ...two, timeZoneName: "short" });
   const written = (moment) => {
     const is = Object.fromEntries(parts.formatToParts(moment).map((part) => [part.type, part.value]));
-    return `${is.year}-${is.month}-${is.day} ${is.hour}:${is.minute} ${is.timeZoneName}`;
+    const isOld = moment.getFullYear() !== new Date().getFullYear();
+    const day = language === "ko"
+      ? `${isOld ? `${is.year}년 ` : ""}${moment.getMonth() + 1}월 ${is.day}일 (${is.weekday})`
+      : `${is.weekday} ${is.day} ${is.month}${isOld ? ` ${is.year}` : ""},`;
+    return `${day} ${is.hour}:${is.minute} ${is.timeZoneName}`;
   };
   const zone = Intl.DateTimeFormat().resolvedOptions().timeZone;
   if (zone && !document.cookie.split("; ").includes(`zone=${zone}`)) { // the server writes and reads times in it

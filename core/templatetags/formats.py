@@ -4,20 +4,23 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from datetime import datetime, timedelta
+from datetime import date, datetime, timedelta
 from typing import Any, Literal
 
 from django import template
 from django.forms.boundfield import BoundField
 from django.forms.widgets import ChoiceWidget
 from django.utils import timezone
+from django.utils.dateformat import format as date_format
 from django.utils.html import format_html
 from django.utils.safestring import SafeString
 from django.utils.translation import gettext as _
+from django.utils.translation import pgettext
 
 from core import times
 
 register = template.Library()
+OLD_S = 30 * 86400  # from then on a day says more than a number of days
 
 
 @register.filter
@@ -97,6 +100,25 @@ def plain(number: float) -> str:
     return f"{number:g}"
 
 
+@register.filter
+def day(when: date | datetime | None) -> str:
+    """A day in the reader's time zone and language."""
+    return "–" if when is None else times.written_day(when)
+
+
+@register.filter
+def written(when: datetime) -> str:
+    """A moment as plain text, for options of a list."""
+    return times.written(when)
+
+
+@register.filter
+def month(when: date | datetime) -> str:
+    """A month with its year in the reader's language."""
+    local = timezone.localtime(when) if isinstance(when, datetime) else when
+    return date_format(local, pgettext("format of a month", "F Y"))
+
+
 @register.simple_tag
 def moment(when: datetime | None) -> SafeString | str:
     """A moment in the reader's time zone; on a first visit the page's script turns the site's into it."""
@@ -133,10 +155,12 @@ def countdown(when: datetime, over: str = "") -> SafeString:
 
 @register.simple_tag
 def ago(when: datetime | None) -> SafeString | str:
-    """How long ago, in its largest unit, with the moment itself on hovering."""
+    """How long ago, in its largest unit, the day itself from a month on; with the moment on hovering."""
     if when is None:
         return "–"
     total = max(0, int((timezone.now() - when).total_seconds()))
+    if total >= OLD_S:
+        return format_html('<time datetime="{}" title="{}">{}</time>', when.isoformat(), times.written(when), day(when))
     for size, form in ((86400, _("%s d ago")), (3600, _("%s h ago")), (60, _("%s min ago"))):
         if total >= size:
             text = form % (total // size)
