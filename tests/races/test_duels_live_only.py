@@ -8,7 +8,7 @@ import pytest
 from django.urls import reverse
 from django.utils import timezone
 
-from races.models import Draw, Duel, DuelState, LiveEvent, LiveSlot
+from races.models import Draw, Duel, DuelState, LiveEvent, LiveSlot, Race, RaceKind
 from races.services import close_race, draw_duels, drive_all_on, edit_race
 from races.services.live import begin_live, plan_live
 from tests.clients import logged_in
@@ -86,6 +86,14 @@ def test_the_page_warns_and_offers_to_plan_the_live_event(alice, now):
     sent = {"starts_at": f"{starts:%Y-%m-%dT%H:%M}", "time_zone": "UTC", "rounds": 1, "attempt_ms": 60}
     assert client.post(answer.url, sent | {"order": "as_entered", "gap_s": 5}).status_code == 302
     assert LiveEvent.objects.filter(race=race).exists()
+
+
+def test_a_league_race_of_duels_warns_too(alice, now):
+    race = a_field(now, alice)
+    Race.objects.filter(pk=race.pk).update(kind=RaceKind.LEAGUE, division="open")
+    page = logged_in(alice).get(reverse("race_close", args=[race.slug])).content.decode()
+    assert "The results become official" in page
+    assert "No live event is planned." in page
 
 
 def test_without_a_wish_the_duels_are_driven_at_once(alice, now):
