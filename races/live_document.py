@@ -174,11 +174,16 @@ def _winner(event: LiveEvent) -> Entry | None:
 
 
 def _podium(event: LiveEvent, standings: list[LiveRow]) -> list[str]:
-    """Who stands on it, the winner first; empty until it is shown, and of duels that were ended before their last."""
+    return [entry.racer.alias for entry in podium_entries(event, standings)]
+
+
+def podium_entries(event: LiveEvent, standings: list[LiveRow]) -> list[Entry]:
+    """The entries on the podium, the winner first; empty until it is shown, and of duels that were ended before their
+    last."""
     winner = _winner(event)
     if event.podium_at is None or event.state == LiveState.CANCELLED or (winner is None and duels_are_open(event.race)):
         return []
     placed = [row.racer.entry for row in standings if row.rank is not None]
     if winner is not None:
         placed = [winner, *(entry for entry in placed if entry.pk != winner.pk)]
-    return [entry.racer.alias for entry in placed[:PODIUM]]
+    return placed[:PODIUM]

@@ -8,6 +8,8 @@
   const LIT_MS = 1800;
   const SECTORS = 3;
   const SLIDE_MS = 500;
+  const BEAT_MS = 10000; // so often a screen tells that it is connected
+  const LOST_MS = 6000; // without any word from the server
   const still = () => matchMedia("(prefers-reduced-motion: reduce)").matches;
   const element = (tag, name, text = "") => {
     const made = document.createElement(tag);
@@ -41,12 +43,23 @@
       root.addEventListener("show:frame", ({ detail }) => this.frame(detail));
       root.addEventListener("show:event", ({ detail }) => this.event(detail));
       setInterval(() => this.count(), COUNT_MS);
+      if (this.words.beat) { this.beat(); setInterval(() => this.beat(), BEAT_MS); }
+    }
+
+    // The console's lamp of this screen is lit as long as it tells that it is there.
+    beat() { if (!this.isLost()) fetch(this.words.beat, { cache: "no-store", signal: AbortSignal.timeout(5000) }).catch(() => {}); }
+
+    // Whether neither the stream nor an answer has come for a while.
+    isLost() {
+      const { streams, toldAt, born } = this.root.show.feed;
+      return !streams && performance.now() - Math.max(toldAt, born) > LOST_MS;
     }
 
     forget() {
       this.slot = null;
       this.lapFrom = 0;
       this.inLap = [];
+      this.laps = [];
       this.delta(null);
       this.all("sectors").forEach((each) => each.replaceChildren());
     }
@@ -67,7 +80,7 @@
       this.all("standings-head").forEach((each) => { each.textContent = told.standings.length || under ? this.words.standings : this.words.lobby; });
       this.all("stage-tower").forEach((each) => { each.hidden = !told.standings.length; });
       this.all("has-podium").forEach((each) => { each.hidden = !told.podium.length; });
-      this.all("message").forEach((each) => { each.hidden = !told.message; if (each.textContent !== told.message) each.textContent = told.message; });
+      this.all("message").forEach((each) => { each.hidden = !told.message || this.root.dataset.phase === "podium"; if (each.textContent !== told.message) each.textContent = told.message; });
       if (!told.current && !this.root.show.slot) this.all("who").forEach((each) => { each.textContent = this.words.nobody; });
       this.all("tower").forEach((each) => this.tower(each));
       this.all("next").forEach((each) => this.next(each));
@@ -78,7 +91,7 @@
 
     tower(list) {
       const { standings, current, best_sectors: best, own_sectors: own } = this.told;
-      const rows = standings.length ? standings : this.told.racers.map((racer) => ({ ...racer, rank: null, sectors: [], score_ms: null }));
+      const rows = standings.length ? this.withLaps(standings) : this.told.racers.map((racer) => ({ ...racer, rank: null, sectors: [], score_ms: null }));
       const shown = rows.slice(0, Number(list.dataset.most) || rows.length);
       const drives = current && rows.find((row) => row.racer === current.racer);
       if (drives && !shown.includes(drives)) shown[shown.length - 1] = drives;
@@ -89,13 +102,13 @@
       list.was = text;
       list.times = new Map();
       list.replaceChildren(...shown.map((row) => {
-        const line = element("li", current && current.racer === row.racer ? "driving" : "");
+        const line = element("li", `${current && current.racer === row.racer ? "driving" : ""}${row.live ? " provisional" : ""}`);
         line.dataset.racer = row.racer;
         const marks = element("span", "marks");
         (row.sectors || []).forEach((ms, at) => marks.append(element("i", colour(ms, best[at], (own[row.racer] || [])[at]))));
         const here = row.here ? this.words.here : "–"; // in the lobby
         const gap = !standings.length ? here : row.points != null ? String(row.points) : row.score_ms == null ? "–" : row.gap_ms ? signed(row.gap_ms) : time(row.score_ms);
-        line.append(element("span", "pos num", row.rank ?? "–"), element("span", "who name", row.racer), marks, element("span", "time num", gap));
+        line.append(element("span", "pos num", row.rank ?? "–"), element("span", "who name", row.racer), marks, element("span", row.here && !standings.length ? "time here" : "time num", gap));
         list.times.set(row.racer, row.score_ms);
         if (times.has(row.racer) && times.get(row.racer) !== row.score_ms) light(line);
         return line;
@@ -106,6 +119,32 @@
         const by = was === undefined ? 0 : was - row.getBoundingClientRect().top;
         if (by) row.animate([{ transform: `translateY(${by}px)` }, { transform: "none" }], { duration: SLIDE_MS, easing: "ease-out" });
       }
+    }
+
+    // The standings with the laps of the run on track: a row moves while its car drives.
+    withLaps(standings) {
+      const { current } = this.told;
+      const sectors = this.inLap.length ? [...this.inLap] : null;
+      const drives = current && current.cars.length === 1 && standings.find((row) => row.racer === current.racer);
+      if (!drives || !this.words.method) return standings;
+      const score = this.score();
+      const better = score !== null && (drives.score_ms === null || score < drives.score_ms);
+      const now = { ...drives, sectors: sectors ?? drives.sectors, ...(better ? { score_ms: score, live: true } : {}) };
+      const rows = standings.map((row) => (row === drives ? now : row));
+      if (!better) return rows;
+      const placed = rows.filter((row) => row.score_ms !== null && (row.rank !== null || row === now)).sort((a, b) => a.score_ms - b.score_ms);
+      const others = rows.filter((row) => !placed.includes(row));
+      return [...placed.map((row, at) => ({ ...row, rank: at + 1, gap_ms: row.score_ms - placed[0].score_ms })), ...others];
+    }
+
+    // What the complete laps of the run are worth by the race's rule; null before there are enough.
+    score() {
+      const needed = Math.max(1, Number(this.words.needed));
+      if (this.laps.length < needed) return null;
+      if (this.words.method === "best") return Math.min(...this.laps);
+      const sum = (laps) => laps.reduce((all, ms) => all + ms, 0);
+      if (this.words.method === "total") return sum(this.laps.slice(0, needed));
+      return Math.min(...this.laps.slice(needed - 1).map((_ms, at) => Math.floor(sum(this.laps.slice(at, at + needed)) / needed)));
     }
 
     next(list) {
@@ -121,6 +160,7 @@
     }
 
     podium(list) {
+      if ("made" in list.dataset) return; // the server's, with pictures
       const text = this.told.podium.join("\n");
       if (text === list.was) return;
       list.was = text;
@@ -133,6 +173,8 @@
     }
 
     count() {
+      const lost = this.isLost();
+      this.all("lost").forEach((each) => { if (each.hidden === lost) each.hidden = !lost; });
       if (!this.told) return;
       const waits = ["planned", "lobby"].includes(this.told.phase);
       const left = Math.max(0, Math.ceil((this.told.starts_at - this.root.show.clock.now()) / 1000));
@@ -159,7 +201,12 @@
 
     event(event) {
       if (event.car !== 0 || !this.told) return;
-      if (event.kind === "lap") { this.lapFrom = event.t; this.inLap = []; }
+      if (event.kind === "lap") {
+        this.lapFrom = event.t;
+        this.laps.push(event.ms);
+        this.all("tower").forEach((each) => this.tower(each));
+        this.inLap = [];
+      }
       if (event.kind !== "sector") return;
       if (event.sector === 1 || this.inLap.length >= SECTORS) { this.inLap = []; this.all("sectors").forEach((each) => each.replaceChildren()); }
       this.inLap.push(event.ms);
@@ -173,6 +220,7 @@
         const sum = (times) => times.slice(0, event.sector).reduce((all, ms) => all + ms, 0);
         this.delta(sum(this.inLap) - sum(leader.sectors));
       }
+      this.all("tower").forEach((each) => this.tower(each));
     }
 
     delta(ms) {

@@ -49,6 +49,7 @@ from races.services.live.roll import LACKS_CAR
 from races.services.live.sealing import AHEAD
 
 from .common import organised_race, tell_fault, visible_race, watched_race
+from .live_screens import panel_context
 
 LOG_SHOWN = 30
 FRAMES_KEPT_S = 600
@@ -163,6 +164,7 @@ def live_console(request: HttpRequest, slug: str) -> HttpResponse:
         "phase": phase_of(event, now),
         "rows": rows,
         "waits": _waits(event, rows),
+        **panel_context(request, race, event),
         "current": next((row for row in rows if row.phase in ("countdown", "on_track")), None),
         "next": next(iter(up_next(event, slots)), None),
         "standings": live_standings(event),

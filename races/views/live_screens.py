@@ -10,11 +10,13 @@ from urllib.parse import urlencode
 
 import segno
 from allauth.core.internal import ratelimit
+from django.contrib.auth.decorators import login_required
 from django.http import Http404, HttpRequest, HttpResponse, JsonResponse
 from django.shortcuts import redirect, render
 from django.urls import reverse
 from django.utils import timezone, translation
 from django.utils.safestring import mark_safe
+from django.utils.translation import gettext_lazy
 from django.views.decorators.csrf import ensure_csrf_cookie
 from django.views.decorators.http import require_POST, require_safe
 
@@ -22,18 +24,19 @@ from core.forms import explain
 from core.templatetags.site import THEMES, theme
 from core.unchanged import Unchanged, is_shared
 from paddock.errors import UserFault
-from races.live_document import live_document
+from races.live_document import live_document, podium_entries
 from races.live_story import story_of
-from races.models import LiveEvent, Opponents, Race, ReactionKind, Visibility
+from races.models import LiveEvent, LiveRacer, Opponents, Race, ReactionKind, Visibility
 from races.replay import map_size
+from races.screen_beats import is_connected, note_screen
 from races.selectors.duels import duels_of
-from races.selectors.live import can_see_live, live_events_visible_to, phase_of, running_order, up_next
+from races.selectors.live import can_see_live, live_events_visible_to, live_standings, phase_of, running_order, up_next
 from races.selectors.live_facts import facts_of, met_before
 from races.selectors.live_reactions import reactions_of, takes_reactions
 from races.services.live import react
 from races.spectators import keep_token, race_of_token, spectator_token
 
-from .common import tell_fault, visible_race, watched_race
+from .common import organised_race, tell_fault, visible_race, watched_race
 
 # The pieces of a broadcast, and the size in pixels that each is made for.
 OVERLAYS = {
@@ -42,6 +45,16 @@ OVERLAYS = {
     "lower-third": (1200, 220),
     "next": (480, 320),
     "bracket": (1600, 900),
+}
+# Every screen with its label and its size in pixels: what the console lists, and what may tell that it is connected.
+SCREENS: dict[str, tuple[Any, tuple[int, int]]] = {
+    "screen": (gettext_lazy("Big screen"), (1920, 1080)),
+    "phone": (gettext_lazy("Phones of spectators"), (0, 0)),
+    "overlay/tower": (gettext_lazy("Overlay: tower"), OVERLAYS["tower"]),
+    "overlay/clock": (gettext_lazy("Overlay: clock"), OVERLAYS["clock"]),
+    "overlay/lower-third": (gettext_lazy("Overlay: lower third"), OVERLAYS["lower-third"]),
+    "overlay/next": (gettext_lazy("Overlay: up next"), OVERLAYS["next"]),
+    "overlay/bracket": (gettext_lazy("Overlay: bracket"), OVERLAYS["bracket"]),
 }
 # What a spectators' link opens, by the last part of its address.
 WATCHED = {"event": "live_event", "phone": "live_phone", "screen": "live_screen", "overlay": "live_overlay"}
@@ -61,9 +74,53 @@ def live_screen(request: HttpRequest, slug: str) -> HttpResponse:
         race,
         event,
         html_class="screen",
+        beat="screen",
         default_theme=theme(request),
         code=qr_code(follow_address(request, race, event)),
     )
+
+
+@require_safe
+def live_beat(request: HttpRequest, slug: str) -> HttpResponse:
+    """A screen tells that it is open and connected, so that the console's lamp is lit."""
+    name = request.GET.get("screen", "")
+    race, _event = _watched(request, slug)
+    if name not in SCREENS:
+        raise Http404
+    note_screen(race, name)
+    return _fresh(HttpResponse(status=204))
+
+
+@login_required
+@require_safe
+def live_panel(request: HttpRequest, slug: str) -> HttpResponse:
+    """The screens of an event for its organisers: where each opens, its size, and whether one is connected."""
+    race = organised_race(request, slug)
+    event = LiveEvent.objects.filter(race=race).first()
+    return _fresh(render(request, "races/live/screens/panel.html", panel_context(request, race, event)))
+
+
+def panel_context(request: HttpRequest, race: Race, event: LiveEvent | None) -> dict[str, Any]:
+    """What the console's panel of screens shows."""
+    rows = []
+    for name, (label, (width, height)) in SCREENS.items():
+        kind, _dash, piece = name.partition("/")
+        secret = [spectator_token(race)] if race.visibility == Visibility.INVITATION else []
+        view = (f"live_watch_{kind}" if kind != "phone" else "live_watch") if secret else f"live_{kind}"
+        address = request.build_absolute_uri(
+            reverse(view, args=[*(secret or [race.slug]), *([piece] if piece else [])])
+        )
+        rows.append(
+            {
+                "name": name,
+                "label": label,
+                "address": address,
+                "size": f"{width} × {height}" if width else "",
+                "code": qr_code(address),
+                "is_connected": is_connected(race, name),
+            }
+        )
+    return {"race": race, "event": event, "screens": rows}
 
 
 @require_safe
@@ -82,6 +139,7 @@ def live_overlay(request: HttpRequest, slug: str, piece: str) -> HttpResponse:
         html_class=f"on-air on-air-{piece}",
         default_theme="dark",
         piece=piece,
+        beat=f"overlay/{piece}",
     )
 
 
@@ -121,7 +179,7 @@ def live_phone(request: HttpRequest, slug: str) -> HttpResponse:
     sent = reactions_of(event)
     kinds = [(kind.value, EMOJI[kind.value], kind.label, sent[kind.value]) for kind in ReactionKind]
     context = _context(race, event) | {"duels": duels_of(race) if race.opponents == Opponents.MODELS else None}
-    context |= {"kinds": kinds, "takes_reactions": takes_reactions(event, now)}
+    context |= {"beat": "phone", "kinds": kinds, "takes_reactions": takes_reactions(event, now)}
     context["is_spectator"] = not can_see_live(request.user, event)
     return _fresh(render(request, "races/live/screens/phone.html", context))
 
@@ -206,8 +264,22 @@ def _context(race: Race, event: LiveEvent | None) -> dict[str, Any]:
         "event": event,
         "phase": None if event is None else phase_of(event, timezone.now()),
         "document": None if event is None else live_document(event, timezone.now()),
+        "podium": () if event is None else podium_cards(event),
         "map_size": map_size(race.track) if race.track.has_shape else None,
     }
+
+
+def podium_cards(event: LiveEvent) -> list[dict[str, Any]]:
+    """The podium with what belongs to each racer on it: the score, and the car."""
+    standings = live_standings(event)
+    rows = {row.racer.entry.pk: row for row in standings}
+    entries = podium_entries(event, standings)
+    cars = LiveRacer.objects.filter(event=event, entry__in=entries).select_related("model")
+    car_of = {car.entry_id: car.model for car in cars}
+    return [
+        {"place": place, "racer": entry.racer, "row": rows.get(entry.pk), "car": car_of.get(entry.pk)}
+        for place, entry in enumerate(entries, start=1)
+    ]
 
 
 def _screen(request: HttpRequest, template: str, race: Race, event: LiveEvent | None, **more: Any) -> HttpResponse:

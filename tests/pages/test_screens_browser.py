@@ -11,12 +11,14 @@ from pathlib import Path
 import pytest
 from django.utils import timezone
 
+from accounts.models import Racer
 from evaluation.models import Evaluation
 from evaluation.services import finish_evaluation
 from paddock.geometry.track import TrackGeometry
-from races.models import LiveEvent, LiveReaction, LiveSlot
+from races.models import LiveEvent, LiveReaction, LiveSlot, Race
 from races.services.live import crown, end_live, launch, prepare_ahead, say_to_spectators, tick_live
 from races.services.live.reacting import MOST_IN_A_WINDOW
+from tests.clients import logged_in
 from tests.duels import drawn, end_all
 from tests.evaluation.stubs import HEADER
 from tests.factories import a_racer, lap, outcome, start
@@ -129,7 +131,7 @@ def test_every_screen_while_a_run_is_played(browser, live_server, event):
     )
     keep(big, "big-run-light")
 
-    assert big.locator("[data-tower] .who").all_text_contents()[0] == "bob"
+    expect(big.locator("[data-tower] .who").first).to_have_text("carl")  # by the lap that is complete already
 
     watching = opened("event/", viewport={"width": 1280, "height": 900}, color_scheme="dark")
     expect(watching.locator("[data-car]")).to_be_visible(timeout=LATE_MS)
@@ -241,3 +243,92 @@ def test_a_bracket_fills_itself(browser, live_server, wakes):
     page.set_viewport_size({"width": 1600, "height": 900})
     page.goto("/races/knock-out/live/overlay/bracket/")
     keep(page, "overlay-bracket", omit_background=True)
+
+
+LONG = "The autumn meeting of all schools and clubs of the northern region, final night"
+
+
+def test_the_big_screen_cuts_nothing_and_moves_while_a_car_drives(browser, live_server, event):
+    from playwright.sync_api import expect
+
+    alice = event.race.organiser
+    Race.objects.filter(pk=event.race_id).update(name=LONG[:64], sponsor="Gear and Grip Racing Supplies International")
+    LiveEvent.objects.filter(pk=event.pk).update(message="Dinner is at eight.")
+    event.refresh_from_db()
+    begun(event, alice, timezone.now())
+    shown(event, "bob")
+    compute(event)
+    page = visitor(browser, live_server.url, viewport={"width": 1920, "height": 1080}).new_page()
+    page.goto("/races/race-night/live/screen/")
+    tower = page.locator("[data-tower] .who")
+    expect(tower.first).to_have_text("bob", timeout=LATE_MS)
+    on_track(event, "carl", 1)
+    expect(page.locator("[data-car]")).to_be_visible(timeout=LATE_MS)
+    for part in (".big-head h1", ".big-sponsor"):
+        whole = page.locator(part).evaluate(
+            "e => e.scrollWidth <= e.clientWidth && e.scrollHeight <= e.clientHeight + 2"
+        )
+        assert whole and page.locator(part).evaluate("e => e.getBoundingClientRect().right <= innerWidth"), part
+    assert page.evaluate("document.documentElement.scrollHeight <= innerHeight")
+    keep(page, "big-long-name")
+    area = page.locator(".big .map-stack").evaluate("e => e.clientWidth * e.clientHeight")
+    assert area > 0.28 * 1920 * 1080, "even with a long name and a message"
+    expect(tower.first).to_have_text("carl", timeout=30_000)  # by a lap of the run that is still on track
+    assert page.evaluate("!!document.querySelector('[data-show]').screen.told.current")
+    keep(page, "big-tower-moved")
+
+
+def test_a_screen_shows_a_lost_connection(browser, live_server, event):
+    from playwright.sync_api import expect
+
+    page = visitor(browser, live_server.url, viewport={"width": 1920, "height": 1080}).new_page()
+    page.goto("/races/race-night/live/screen/")
+    expect(page.locator("[data-countdown]")).to_contain_text("1:59:", timeout=LATE_MS)
+    pills = page.locator("[data-tower] li .time").evaluate_all("all => all.map(e => e.getBoundingClientRect().right)")
+    assert len({round(right) for right in pills}) == 1, "what stands beside the names is aligned"
+    expect(page.locator("[data-lost]")).to_be_hidden()
+    page.context.set_offline(True)
+    expect(page.locator("[data-lost]")).to_be_visible(timeout=LATE_MS)
+    keep(page, "big-lost")
+    page.context.set_offline(False)
+    expect(page.locator("[data-lost]")).to_be_hidden(timeout=LATE_MS)
+
+
+def test_no_message_stands_over_the_podium(browser, live_server, event):
+    from playwright.sync_api import expect
+
+    now, alice = timezone.now(), event.race.organiser
+    Race.objects.filter(pk=event.race_id).update(prize="A helmet")
+    Racer.objects.filter(alias="carl").update(team="Rockets")
+    begun(event, alice, now)
+    for alias in LAP_MS:
+        shown(event, alias)
+    say_to_spectators(event=event, message="Dinner is at eight.", by=alice, seen=None, now=timezone.now())
+    end_live(event=event, by=alice, seen=None, now=timezone.now())
+    crown(event=event, entry=slot_of(event, "carl").racer.entry, by=alice, seen=None, now=now)
+    page = visitor(browser, live_server.url, viewport={"width": 1920, "height": 1080}).new_page()
+    page.goto("/races/race-night/live/screen/")
+    expect(page.locator(".big-podium")).to_be_visible(timeout=LATE_MS)
+    expect(page.locator("[data-message]")).to_be_hidden()
+    expect(page.locator(".podium-picture")).to_have_count(3)
+    expect(page.get_by_text("Rockets")).to_be_visible()
+    expect(page.get_by_text("A helmet")).to_be_visible()
+    keep(page, "big-podium-cards")
+
+
+def test_the_console_shows_the_lamp_of_a_connected_screen(browser, live_server, event):
+    from playwright.sync_api import expect
+
+    screen = visitor(browser, live_server.url).new_page()
+    screen.goto("/races/race-night/live/screen/")
+    expect(screen.locator("[data-countdown]")).to_contain_text("1:59:", timeout=LATE_MS)
+    context = visitor(browser, live_server.url, viewport={"width": 1280, "height": 900})
+    client = logged_in(event.race.organiser)
+    cookie = client.cookies["sessionid"].value
+    context.add_cookies([{"name": "sessionid", "value": cookie, "url": live_server.url}])
+    page = context.new_page()
+    page.goto("/races/race-night/event/console/")
+    expect(page.locator("#screens .lamp.on")).to_have_count(1, timeout=20_000)
+    keep(page, "console-screens", full_page=True)
+    page.set_viewport_size({"width": 360, "height": 800})
+    keep(page, "console-screens-360", full_page=True)

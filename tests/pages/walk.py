@@ -74,6 +74,7 @@ NO_PAGES = {
         "live_ghost",
         "live_poses",
         "live_react",
+        *("live_beat", "live_panel"),
         "live_state",
         "notices_bell",
         "stream",
