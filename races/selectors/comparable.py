@@ -21,6 +21,7 @@ if TYPE_CHECKING:
 
 OFFERED = 10  # of each kind but the leader
 _CCW = "ccw"
+_OF_A_LAP = ("race_type", "off_track_penalty_ms", "collision_penalty_ms", "standing_laps")
 
 
 class Why(StrEnum):
@@ -34,16 +35,24 @@ class Why(StrEnum):
 
 @dataclass(frozen=True)
 class RunOffer:
-    """A run to compare with. ``gap_ms``: how much slower its best lap is, None where one of them has none."""
+    """A run to compare with. ``gap_ms``: how much slower its best lap is, None where one of them has none or was driven
+    by other rules; ``race``: where it was driven, None for a test drive."""
 
     why: Why
     evaluation: Evaluation
     gap_ms: int | None
+    race: Race | None = None
 
 
 def direction_of(evaluation: Evaluation) -> str:
     """The direction in which a run was driven."""
     return evaluation.spec["rules"].get("direction", _CCW)
+
+
+def same_rules(evaluation: Evaluation, other: Evaluation) -> bool:
+    """Whether the laps of two runs were driven by the same rules, so that their times compare."""
+    rules = evaluation.spec["rules"], other.spec["rules"]
+    return all(rules[0].get(name) == rules[1].get(name) for name in _OF_A_LAP)
 
 
 def comparable_with(evaluation: Evaluation, reader: Racer | AnonymousUser | None) -> QuerySet[Evaluation]:
@@ -71,10 +80,21 @@ def refuse_incomparable(evaluation: Evaluation, other: Evaluation) -> None:
 def offers_to_compare(
     evaluation: Evaluation, reader: Racer | AnonymousUser | None, race: Race | None
 ) -> list[RunOffer]:
-    """What is offered: the leader of ``race``, the reader's own, house cars', then the fastest of all others; each
-    once, by their best laps. At most four queries."""
-    runs = comparable_with(evaluation, reader).defer("result__trajectory", "track__npy")
+    """What is offered: the leader of ``race``, the reader's own, house cars' and the fastest of all others by the
+    same rules; each once, by their best laps. At most four queries."""
+    runs = (
+        comparable_with(evaluation, reader)
+        .select_related("result", "submission__entry__race")
+        .defer("result__trajectory", "track__npy")
+    )
     ranked = runs.filter(result__best_lap_ms__isnull=False).order_by("result__best_lap_ms", "pk")
+    alike = ranked.filter(
+        **{
+            f"spec__rules__{name}": value
+            for name in _OF_A_LAP
+            if (value := evaluation.spec["rules"].get(name)) is not None
+        }
+    )
     kinds: list[tuple[Why, QuerySet[Evaluation]]] = []
     if race is not None:
         counted = runs.filter(submission__entry__race=race, submission__entry__best=F("submission__pk"))
@@ -82,13 +102,14 @@ def offers_to_compare(
         kinds.append((Why.LEADER, counted.order_by(*board, "submission__entry__achieved_at")[:1]))
     if reader is not None and reader.is_authenticated:
         kinds.append((Why.MINE, ranked.filter(owner=reader.pk)[:OFFERED]))
-    kinds.append((Why.HOUSE, ranked.filter(owner__is_house=True)[:OFFERED]))
-    kinds.append((Why.FAST, ranked[:OFFERED]))
+    kinds.append((Why.HOUSE, alike.filter(owner__is_house=True)[:OFFERED]))
+    kinds.append((Why.FAST, alike[:OFFERED]))
     found: dict[int, RunOffer] = {}
     mine = evaluation.result.best_lap_ms
     for why, some in kinds:
         for each in some:
             theirs = each.result.best_lap_ms
-            gap = None if mine is None or theirs is None else theirs - mine
-            found.setdefault(each.pk, RunOffer(why, each, gap))
+            gap = None if mine is None or theirs is None or not same_rules(evaluation, each) else theirs - mine
+            submission = getattr(each, "submission", None)
+            found.setdefault(each.pk, RunOffer(why, each, gap, submission.entry.race if submission else None))
     return list(found.values())

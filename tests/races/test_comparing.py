@@ -165,3 +165,14 @@ def test_page_and_api_show_the_same_gap(runs, client):
     ghost = replay["rivals"][0]
     assert (replay["t"][0], ghost["t"][0], replay["before"]) == (0, 0, 1)
     assert max(ghost["t"]) < max(replay["t"]) < 1_200 and ghost["number"] == 1
+
+
+def test_runs_by_other_rules_have_their_race_and_no_gap(runs, now):
+    bob = Evaluation.objects.get(pk=runs["bob"].pk).owner
+    boxes = a_race(now, slug="boxes", race_type="object_avoidance", random_boxes=1)
+    free = a_race(now, slug="free", off_track_penalty_ms=0)
+    others = [a_driven_run(race, bob, now, lap_ms=900) for race in (boxes, free)]
+    offered = offers_to_compare(runs["alice"], runs["alice"].owner, None)
+    assert not {each.evaluation for each in offered} & set(others)
+    mine = {each.evaluation: each for each in offers_to_compare(runs["bob"], bob, None)}
+    assert [(mine[run].gap_ms, mine[run].race) for run in others] == [(None, boxes), (None, free)]
