@@ -323,7 +323,7 @@ def test_the_rules_of_a_season_follow_its_settings(season):
     assert (
         "20 %" in sentences[0]
         and "best 3" in sentences[1]
-        and "first 2" in sentences[2]
+        and "best 2" in sentences[2]
         and "10, 6, 3, 1" in sentences[3]
     )
 
