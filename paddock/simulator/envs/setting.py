@@ -255,9 +255,11 @@ def race_setting(
 
 def _direction_of(track: Track) -> dict[str, str]:
     """The direction that a track's name asks for, as ``reInvent2019_wide_cw`` does."""
+    if not isinstance(track, str):
+        return {}  # the trainer has geometries only: behind the sandbox's lock nothing can be imported
     from paddock.geometry.catalogue.names import direction_in
 
-    direction = direction_in(track) if isinstance(track, str) else None
+    direction = direction_in(track)
     return {"direction": direction} if direction else {}
 
 
