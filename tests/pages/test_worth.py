@@ -54,7 +54,7 @@ def test_a_race_by_average_shows_the_average_not_the_best_lap(now):
     text = said(drive(race, alice, laps(12_000, 12_500, 12_700), now), alice)
     assert text == (
         "Result Average of 3 laps 0:12.400 Place 3 of 3 Gap ahead +0.900 carol Gap to the leader +1.400 bob "
-        "Than before −0.600 0.600 s faster than before."
+        "Versus before −0.600 0.600 s faster than before."
     )
 
 
@@ -64,7 +64,7 @@ def test_a_worse_run_links_to_the_one_that_counts(now):
     text = said(drive(race, alice, laps(12_100, 12_100, 12_100), now), alice)
     assert text == (
         "Result Total of 3 laps 0:36.300 Place by submission 1 1 of 1 Gap to the leader You lead: no rivals yet "
-        "Than before +0.300 0.300 s slower than before: the board did not change. Submission 1 counts: 0:36.000."
+        "Versus before +0.300 0.300 s slower than before: the board did not change. Counted: submission 1, 0:36.000."
     )
 
 
