@@ -15,6 +15,7 @@ from paddock.geometry.track import TrackGeometry
 from races.models import Race
 from tracks.drawing import Trajectory
 from tracks.drawing.svg import MARGIN_M
+from tracks.drawing.trajectories import TOP_SPEED_MPS
 from tracks.models import Track
 
 LAP_COLOURS = 6
@@ -83,16 +84,23 @@ def _colour(time: int, own: int, fastest: int | None) -> str:
     return GREEN if time <= own else YELLOW
 
 
+def speed_scale(line: Sequence[Sequence[Sequence[float]]]) -> tuple[float, float]:
+    """The slowest and the fastest speed (m/s) of all laps, to one decimal; the standing start does not count."""
+    speeds = [point[2] for points in line for point in points if point[2] > 0]
+    return (round(min(speeds), 1), round(max(speeds), 1)) if speeds else (0.0, TOP_SPEED_MPS)
+
+
 def trajectories(
     line: Sequence[Sequence[Sequence[float]]], colour: ColourBy, lap: int | None = None
 ) -> list[Trajectory]:
     """The driven lines of all laps (or of lap ``lap``, from 1) to draw on the map."""
     lines = []
+    scale = speed_scale(line)
     for index, points in enumerate(line):
         if lap is not None and index != lap - 1:
             continue
         if colour == ColourBy.SPEED:
-            lines.append(Trajectory(points, [point[2] for point in points]))
+            lines.append(Trajectory(points, [point[2] for point in points], scale=scale))
         else:
             lines.append(Trajectory(points, style=f"lap-{index % LAP_COLOURS}"))
     return lines

@@ -22,7 +22,7 @@ from evaluation.services.results import read_layout, read_trace
 from races.honours import race_of_marks
 from races.layout import awaited_boxes, driven_boxes
 from races.models import OwnEvaluation
-from races.replay import ColourBy, lap_rows, map_point, map_size, replay_data, trajectories
+from races.replay import ColourBy, lap_rows, map_point, map_size, replay_data, speed_scale, trajectories
 from races.selectors import replaced_by
 from races.selectors.own import can_stop_run, own_result
 from races.selectors.results import HeatResult, RunResult, heat_of, result_of
@@ -170,6 +170,7 @@ def _context(request: HttpRequest, shown: Evaluation) -> dict:
             "colour": colour,
             "lap": number,
             "lines": trajectories(car.result.trajectory, colour, number),
+            "speed_scale": speed_scale(car.result.trajectory),
             "boxes": driven_boxes(shown.result.layout),
             "bot_count": shown.spec["rules"].get("bots", 0),
             "cars": rows,

@@ -22,13 +22,15 @@ XY = tuple[float, float]
 class Trajectory:
     """A line to draw on a map: ``points`` (x, y) in metres in driving order.
 
-    ``speeds`` (m/s, one a point) colours it in ``SPEED_CLASSES`` steps from 0 to 4 m/s. ``style`` is a word added to
-    the CSS classes (letters, digits, hyphens), to tell one line from another. Raises ValueError.
+    ``speeds`` (m/s, one a point) colours it in ``SPEED_CLASSES`` steps of ``scale`` (m/s, from slow to fast).
+    ``style`` is a word added to the CSS classes (letters, digits, hyphens), to tell one line
+    from another. Raises ValueError.
     """
 
     points: Sequence[Sequence[float]]
     speeds: Sequence[float] | None = None
     style: str = ""
+    scale: tuple[float, float] = (0.0, TOP_SPEED_MPS)
 
     def __post_init__(self) -> None:
         if self.speeds is not None and len(self.speeds) != len(self.points):
@@ -56,7 +58,8 @@ class Trajectory:
     def _classes(self) -> list[int] | None:
         if self.speeds is None:
             return None
-        share = np.nan_to_num(np.asarray(self.speeds, dtype=np.float64) / TOP_SPEED_MPS)
+        slow, fast = self.scale
+        share = np.nan_to_num((np.asarray(self.speeds, dtype=np.float64) - slow) / max(fast - slow, 0.1))
         return np.clip((share * SPEED_CLASSES).astype(int), 0, SPEED_CLASSES - 1).tolist()
 
 
