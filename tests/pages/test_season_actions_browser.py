@@ -31,7 +31,7 @@ def test_an_admin_copies_stops_and_trims_a_season(browser, live_server, width):
     boss = a_racer("boss", is_staff=True, is_superuser=True)
     boss.set_password(PASSWORD)
     boss.save()
-    season = a_season(name="Season 2027")
+    season = a_season()
     for stage in ("open-qualifier", "pro-qualifier", "pro-finale"):
         a_round(season, 1, stage)
     page = browser.new_page(viewport={"width": width, "height": 900})
@@ -48,7 +48,7 @@ def test_an_admin_copies_stops_and_trims_a_season(browser, live_server, width):
     shot(page, f"copy-{width}")
     page.click("main form button")
     assert page.url.endswith("/seasons/2028/")
-    assert "Season 2028" in page.locator("h1").inner_text()
+    assert "2028" in page.locator("h1").inner_text()
     page.click("#season-admin a:has-text('Delete the season')")
     shot(page, f"delete-{width}")
     assert page.evaluate("document.documentElement.scrollWidth") <= width
