@@ -81,6 +81,8 @@ def _result(said: _NoticeParams) -> str:
     else:
         score = _NoticeParams(said, score=clock(said["score_ms"]))
         text = _("Your car in %(race)s: %(score)s. Place %(rank)s of %(of)s.") % score
+        if said.get("of") == 1:
+            text = _("Your car in %(race)s: %(score)s. No rivals yet.") % score
     return " ".join([text, change_sentence(said.get("change", ""), said.get("by", 0))]).strip()
 
 

@@ -149,9 +149,17 @@ class RankingRule(ABC):
         """What ``race`` ranks by, in a few words of the reader's language."""
         return str(self.column)
 
-    def columns(self) -> tuple[Column, ...]:
-        """The columns of times on a board: average and best lap, and before them the score where it is neither."""
+    def columns(self, race: Race) -> tuple[Column, ...]:
+        """The columns of times on a board: average and best lap, and before them the score where it is neither. Of
+        one lap that is enough all are the same time, shown once."""
         by_average, by_lap = self.figure == "average_ms", self.figure == "best_lap_ms"
+        if laps_needed(race) == 1:
+            by_best = by_average or by_lap
+            return (
+                Column("best_lap_ms", gettext_lazy("Best lap"), True)
+                if by_best
+                else Column(self.figure, self.column, True),
+            )
         return (
             *(() if by_average or by_lap else (Column(self.figure, self.column, True),)),
             Column("average_ms", gettext_lazy("Average"), by_average, "c-wide" if by_lap else ""),
@@ -176,9 +184,9 @@ class Average(RankingRule):
 
     def rule(self, race: Race) -> str:
         laps = laps_needed(race)
+        # not the words of the best lap's rule: gettext knows a sentence and its plural by the singular alone
         return ngettext(
-            # not the words of the best lap's rule: gettext knows a sentence and its plural by the singular alone
-            ("Ranked by the lowest time of one complete lap. Cars without a complete lap are not classified."),
+            "Ranked by the lowest time of one complete lap. Cars without a complete lap are not classified.",
             "Ranked by the lowest average of %(laps)s consecutive complete laps, rounded down to the "
             "millisecond. Cars without %(laps)s consecutive laps are not classified.",
             laps,
@@ -196,7 +204,7 @@ class Best(RankingRule):
         laps = laps_needed(race)
         return ngettext(
             "Ranked by the fastest complete lap. Cars without a complete lap are not classified.",
-            ("Ranked by the fastest complete lap. Cars without %(laps)s consecutive laps are not classified."),
+            "Ranked by the fastest complete lap. Cars without %(laps)s consecutive laps are not classified.",
             laps,
         ) % {"laps": laps}
 
@@ -214,7 +222,7 @@ class Total(RankingRule):
     def rule(self, race: Race) -> str:
         return ngettext(
             "Ranked by the time of the one lap. Cars without a complete lap are not classified.",
-            ("Ranked by the total time of all %(laps)s laps. Cars that do not finish all laps are not classified."),
+            "Ranked by the total time of all %(laps)s laps. Cars that do not finish all laps are not classified.",
             race.laps,
         ) % {"laps": race.laps}
 
@@ -234,8 +242,8 @@ class Points(RankingRule):
     def name(self, race: Race) -> str:
         return self.qualifying.name(race)
 
-    def columns(self) -> tuple[Column, ...]:
-        return self.qualifying.columns()
+    def columns(self, race: Race) -> tuple[Column, ...]:
+        return self.qualifying.columns(race)
 
     def rule(self, race: Race) -> str:
         qualifying = _("Qualifying: %(rule)s") % {"rule": self.qualifying.rule(race)}

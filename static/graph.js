@@ -57,6 +57,8 @@
     take.seen = newest;
     drive = JSON.parse(newest);
     began = performance.now();
+    document.querySelectorAll("[data-drive-none]").forEach((each) => { each.hidden = drive.length > 0; });
+    document.querySelectorAll("[data-drive-some]").forEach((each) => { each.hidden = !drive.length; });
   }
 
   function frame(now) {

@@ -60,4 +60,5 @@ def unknown_track(name: str) -> str:
     names = nearest_names(name)
     known = gettext("The closest names are: %(names)s.") % {"names": names} if names else ""
     shown = name[:64].encode("utf-8", "replace").decode()
-    return f"{gettext('There is no track %(name)s.') % {'name': shown}} {known}".strip()
+    missing = gettext("There is no track %(name)s.") % {"name": shown}
+    return f"{missing} {known}".strip()

@@ -119,8 +119,9 @@ def _answer(delivery: WebhookDelivery) -> str:
     """The last answer in the reader's language: a status, or why there is none."""
     if delivery.status is None:
         return str(FAILED_FOR.get(delivery.error, delivery.error))
-    moved = 300 <= delivery.status < 400
-    return f"{delivery.status} · {_('redirects are not followed')}" if moved else str(delivery.status)
+    if 300 <= delivery.status < 400:
+        return _("%(status)s · redirects are not followed") % {"status": delivery.status}
+    return str(delivery.status)
 
 
 @login_required

@@ -124,7 +124,10 @@ def certificate(of: Placed, address: str) -> bytes:
     size = paper.fitting(of.racer, wide, 40, least=14, bold=True)
     paper.write(of.racer, middle, 76, size, bold=True, align="middle", most=wide)
     paper.rule(middle - 55, 82, middle + 55, 82)
-    place = _("Place %(rank)s of %(of)s") % {"rank": of.rank, "of": max(of.of, of.rank)}
+    field = max(of.of, of.rank)
+    place = _("Place %(rank)s of %(of)s") % {"rank": of.rank, "of": field}
+    if field == 1:
+        place = _("Only racer classified")
     paper.write(place, middle, 96, 24, bold=True, colour=ACCENT, align="middle")
     paper.write(name, middle, 111, paper.fitting(name, wide, 19, least=10), align="middle", most=wide)
     paper.write(of.race.track.name, middle, 119, 12, colour=SOFT, align="middle", most=wide)

@@ -221,14 +221,14 @@ def score_name(race: Race) -> str:
 @register.filter
 def score_columns(race: Race) -> tuple[ranking.Column, ...]:
     """The columns of times on a race's board."""
-    return ranking.rule_for(race).columns()
+    return ranking.rule_for(race).columns(race)
 
 
 @register.simple_tag
 def time_cells(race: Race, row: BoardRow) -> SafeString:
     """The cells of a row in these columns: the most frequent part of a board, so written here and not by a template."""
     cells = []
-    for column in ranking.rule_for(race).columns():
+    for column in ranking.rule_for(race).columns(race):
         fastest = row.has_fastest_lap and column.figure == "best_lap_ms"
         shown = " time" if column.ranks else f" {column.shown}" if column.shown else ""
         said = f'<span class="hidden"> ({escape(_("fastest lap"))})</span>' if fastest else ""

@@ -181,7 +181,8 @@ def _bars(run: SeenRun, moment: Moment, values: list[float] | None) -> list[Bar]
     bars = []
     for (name, unit, value), mean, (low, high) in zip(chosen, values, (space.steering, space.speed), strict=True):
         share = 100 * (min(max(value, low), high) - low) / (high - low)
-        said = f"{value:g}{unit} ({low:g} – {high:g}; {_('mean')} {mean:+.3f})"
+        word = _("mean")
+        said = f"{value:g}{unit} ({low:g} – {high:g}; {word} {mean:+.3f})"
         bars.append(Bar(name, share, said, True))
     return bars
 

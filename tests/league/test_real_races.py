@@ -138,7 +138,7 @@ def test_an_ended_session_is_told_to_its_racer_and_to_who_has_lost_the_lead(now,
     timed(race, alice, clerk, now, 12_000)
     tell_what_happened(now=now)
     assert [sentence(one) for one in Notice.objects.filter(racer=alice, kind="result")] == [
-        "Your car in Hall: 0:12.000. Place 1 of 1."
+        "Your car in Hall: 0:12.000. No rivals yet."
     ]
     under_way = timed(race, bob, clerk, now, 11_000, ended=False)
     tell_what_happened(now=now)

@@ -67,6 +67,26 @@ def test_a_ghost_drives_beside_the_car(browser, live_server, alice, pair):
         assert not errors
 
 
+@pytest.mark.parametrize("scheme", ["light", "dark"])
+def test_a_car_has_the_colour_of_its_line(browser, live_server, alice, pair, scheme):
+    mine, theirs = pair
+    for run in pair:
+        centre = [[*run.track.geometry.point_at(metres / 4)[:2], 1.5] for metres in range(40)]
+        run.result.trajectory = [centre] * 3
+        run.result.save()
+    colour = "(each, name) => getComputedStyle(each)[name]"
+    with visitor(browser, live_server.url, alice, color_scheme=scheme) as context:
+        page = context.new_page()
+        page.goto(f"{mine.get_absolute_url()}compare/{theirs.public_id}/")
+        colours = []
+        for number in (0, 1):
+            body = page.locator(f'[data-car="{number}"] .above-body').evaluate(colour, "fill")
+            assert page.locator(f".car-sample.line-car-{number} .shell-body").first.evaluate(colour, "fill") == body
+            assert page.locator(f".track-line.lap-{number}").first.evaluate(colour, "stroke") == body
+            colours.append(body)
+        assert colours[0] != colours[1]
+
+
 def test_a_phone_without_scripts_sees_charts_and_tables(browser, live_server, alice, pair):
     mine, theirs = pair
     options = {"java_script_enabled": False, "viewport": {"width": 360, "height": 740}}

@@ -143,7 +143,7 @@ def test_the_result_says_what_it_would_be(world: World) -> None:
     own = drive_own(owner=world.alice, model=world.model, race=race, now=world.now)
     own = finish(own, laps(*[10_000] * 3), world.now)
     page = world.client("alice").get(own.evaluation.get_absolute_url()).content.decode()
-    assert "number 2 of 3 in the race now" in page and "0:10.000" in page
+    assert "place 2 of 3 in the race" in page and "0:10.000" in page
     assert world.client("admin").get(own.evaluation.get_absolute_url()).status_code == 200
     for stranger in ("bob", "anonymous"):
         for part in ("", "replay.json", "trace.csv", "metrics.json", "logs.zip", "live/"):

@@ -290,9 +290,12 @@ def test_a_racer_runs_one_check_at_a_time(world: World, monkeypatch) -> None:
 
 def test_a_running_training_shows_its_graph_and_trajectory(world: World, job: TrainingJob) -> None:
     client = world.client("alice")
-    assert "appears when training starts" in client.get(job.get_absolute_url()).content.decode()
+    html = client.get(job.get_absolute_url()).content.decode()
+    assert "appears when training starts" in html
+    assert "data-drive-none>The car appears after the first evaluation." in html and "data-drive-some hidden>" in html
     run(job)
     html = client.get(job.get_absolute_url()).content.decode()
+    assert "data-drive-none hidden>" in html and "data-drive-some>Latest evaluation" in html
     assert dots(html) == 12
     assert "&lt;b&gt;fast&lt;/b&gt;" in html
     drive = json.loads(re.search(r'id="training-graph"[^>]*data-drive="([^"]*)"', html)[1])

@@ -63,7 +63,8 @@ def test_a_worse_run_links_to_the_one_that_counts(now):
     drive(race, alice, laps(12_000, 12_000, 12_000), now)
     text = said(drive(race, alice, laps(12_100, 12_100, 12_100), now), alice)
     assert text == (
-        "Result Total of 3 laps 0:36.300 Place by submission 1 1 of 1 Gap to the leader You lead: no rivals yet "
+        "Result Total of 3 laps 0:36.300 Place by submission 1 Only racer on the board "
+        "Gap to the leader You lead: no rivals yet "
         "Versus before +0.300 0.300 s slower than before: the board did not change. Counted: submission 1, 0:36.000."
     )
 
@@ -83,7 +84,7 @@ def test_strangers_and_guests_do_not_see_earlier_results(now):
     best = drive(race, alice, laps(12_000, 12_000, 12_000), now)
     for reader in (None, a_racer("bob")):
         text = said(best, reader)
-        assert "Place 1 of 1" in text and "before" not in text and "first result" not in text
+        assert "Place Only racer on the board" in text and "before" not in text and "first result" not in text
 
 
 def test_the_organiser_does_not_see_words_meant_for_the_racer(now):
@@ -212,3 +213,31 @@ def test_a_house_car_is_compared_with_the_leader_in_words(now):
     slow = drive(race, a_racer("brisk", is_house=True), laps(13_000, 13_000, 13_000), now)
     assert "2.000 s faster than the leader, kay" in said(fast) and "not ranked (house car)" in said(fast)
     assert "1.000 s slower than the leader, kay" in said(slow) and "Gap to the leader" not in said(slow)
+
+
+def test_a_racer_without_rivals_is_neither_one_of_one_nor_leader(now, settings):
+    race, alice = a_race(now, minimum_laps=1), a_racer("alice")
+    drive(race, a_racer("flyer", is_house=True), laps(10_000, 10_000, 10_000), now)
+    mine = drive(race, alice, laps(29_000, 30_000, 31_000), now)
+    assert "Only racer on the board" in said(mine, alice) and "You lead: no rivals yet" in said(mine, alice)
+    assert "no rivals yet" in said(mine, a_racer("bob")) and "You lead" not in said(mine, a_racer("carol"))
+    client = Client()
+    client.force_login(alice, backend="django.contrib.auth.backends.ModelBackend")
+    board = client.get(race.get_absolute_url()).content.decode()
+    words = " ".join(re.sub(r"<[^>]*>", " ", board).split())
+    assert "1 of 1" not in words and "leader" not in words and "Position Only racer on the board" in words
+    drive(race, a_racer("dan"), laps(32_000, 33_000, 34_000), now)
+    words = " ".join(re.sub(r"<[^>]*>", " ", client.get(race.get_absolute_url()).content.decode()).split())
+    assert "leader" in words and "Position 1 of 2" in words
+
+
+@pytest.mark.parametrize("method", ["average", "best", "total"])
+def test_an_average_of_one_lap_does_not_repeat_the_best_lap(now, method):
+    one = {"minimum_laps": 1} | ({"laps": 1} if method == "total" else {})
+    for rules, has_average in ((one, False), ({"minimum_laps": 3}, True)):
+        race = a_race(now, ranking_method=method, **rules)
+        drive(race, a_racer(f"racer-{race.minimum_laps}"), laps(*(12_000, 12_500, 12_700)[: race.laps]), now)
+        head = re.search(r"<thead>.*?</thead>", Client().get(race.get_absolute_url()).content.decode(), re.S)[0]
+        assert (">Average</th>" in head) is has_average
+        assert head.count("aria-sort") == 1
+        assert (">Best lap</th>" in head) is (has_average or method != "total")

@@ -231,13 +231,14 @@ def _sight(job: TrainingJob) -> dict[str, Any]:
 
 def _graph(request: HttpRequest, job: TrainingJob) -> dict[str, Any]:
     """What changes with an iteration."""
-    points = points_of(job)
+    points, drive = points_of(job), _drive(job)
     return {
         "graph": draw_graph(points, _window(request)),
         "smoothings": SMOOTHINGS,
         "iterations": len(points),
         "log": job.log[-LOG_SHOWN:],
-        "drive": json.dumps(_drive(job)),
+        "drive": json.dumps(drive),
+        "has_driven": bool(drive),
     }
 
 

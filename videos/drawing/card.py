@@ -142,9 +142,11 @@ def _figures(take: Take, words: Words) -> list[Figure]:
         ]
     complete = [lap.time_ms for lap in laps if lap.complete]
     total = sum(lap.time_ms for lap in laps)
+    best = min(complete, default=None)
+    average = sum(complete) // len(complete) if complete else None
     return [
-        Figure(words.best, written(min(complete, default=None)), palette.SECTORS["green"]),
-        Figure(words.average, written(sum(complete) // len(complete) if complete else None), palette.TEXT),
+        Figure(words.best, written(best), palette.SECTORS["green"]),
+        *([] if average == best else [Figure(words.average, written(average), palette.TEXT)]),
         Figure(words.total, written(total if laps else None), palette.TEXT),
     ]
 
