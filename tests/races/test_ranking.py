@@ -179,7 +179,7 @@ def test_every_ranking_method_explains_its_rule_with_numbers(method, count):
 
 
 @pytest.mark.parametrize("method", RULES)
-@pytest.mark.parametrize(("format_", "words"), [("round_robin", "One point per car beaten"), ("bracket", "knock-out bracket")])
+@pytest.mark.parametrize(("format_", "words"), [("round_robin", "One point per car"), ("bracket", "knock-out bracket")])
 def test_a_race_of_duels_explains_qualifying_and_ranking(method, format_, words):
     options = {"ranking_method": method, "laps": 3, "minimum_laps": 3}
     race = Race(opponents="models", duel_format=format_, duel_cars=3, **options)
