@@ -24,6 +24,7 @@ from paddock.errors.reasons import REASONS
 from paddock.network.bound import NetworkFacts
 from paddock.network.wire import printable
 from paddock.packages.identity import identity
+from paddock.packages.inputs import MOST_FRAMES
 from paddock.packages.kinds import SB3
 from paddock.packages.limits import DEFAULT_LIMITS, PackageLimits
 from paddock.packages.metadata import ModelMetadata, parse_metadata
@@ -33,8 +34,9 @@ MODULE = "evaluation.convert_process"
 _START_S = 20.0
 _HEADER_LIMIT = 16 * 1024
 _GREATEST = 1e12  # no count of ours is larger; JSON has no infinity, and Python writes no number of 4301 digits
-# canonical bytes, parameters, multiplications, which of several outputs, facts
-Answer = tuple[bytes, int, int, str, NetworkFacts]
+# canonical bytes, parameters, multiplications, which of several outputs, facts, observations at once (None: as the
+# metadata say)
+Answer = tuple[bytes, int, int, str, NetworkFacts, int | None]
 _LOCKED = {"state": "locked"}
 
 
@@ -92,7 +94,9 @@ def admit(
         metadata = parse_metadata(package.metadata_json, limits)
         contents = [package.model, package.metadata_json, *package.weights.values()]
         package = replace(package, model=b"", weights=dict.fromkeys(package.weights, b""))
-        onnx, parameters, macs, output, facts = _ask(package, contents, limits)
+        onnx, parameters, macs, output, facts, frames = _ask(package, contents, limits)
+    if frames is not None:
+        metadata = replace(metadata, frame_stack=frames)
     return AdmittedPackage(
         onnx=onnx,
         sha256=identity(onnx, metadata),
@@ -178,6 +182,7 @@ def _checked(header: dict, blobs: list[bytes], limits: PackageLimits) -> Answer:
     parameters: Any = header.get("parameters")
     macs: Any = header.get("macs")
     output: Any = header.get("output", "")
+    frames: Any = header.get("frame_stack")
     sane = (
         header.get("state") == "admitted"
         and len(blobs) == 1
@@ -187,6 +192,7 @@ def _checked(header: dict, blobs: list[bytes], limits: PackageLimits) -> Answer:
         and type(macs) is int
         and 0 <= macs <= limits.macs
         and isinstance(output, str)
+        and (frames is None or (type(frames) is int and 1 <= frames <= MOST_FRAMES))
     )
     try:
         facts = NetworkFacts.from_dict(header["facts"])
@@ -194,7 +200,7 @@ def _checked(header: dict, blobs: list[bytes], limits: PackageLimits) -> Answer:
         sane = False
     if not sane:
         raise UserFault("conversion_crashed")
-    return blobs[0], parameters, macs, printable(output, 80), facts
+    return blobs[0], parameters, macs, printable(output, 80), facts, frames
 
 
 def _refusal(error: object) -> UserFault:

@@ -18,7 +18,7 @@ MODULE = "evaluation.export_process"
 _START_S = 20.0
 _HEADER_LIMIT = 16 * 1024
 _LOCKED = {"state": "locked"}
-_USERS = ("export_operator", "network_too_wide")  # what a process may say of a network
+_USERS = ("export_operator", "export_frame_stack", "network_too_wide")  # what a process may say of a network
 # Exports are short, and one that is waited for is served: a page with several models asks for several at once. Whoever
 # waits holds a thread of the web server, so not for longer than this.
 _WAITING = 4
@@ -30,8 +30,8 @@ def export_in_sandbox(onnx: bytes, metadata: bytes, form: str, limits: PackageLi
     """A canonical network as an archive of one of :data:`paddock.packages.kinds.EXPORTS`. ``who``: the racer's number.
 
     Takes about half a second; where others are being written, up to eight more until its turn. Raises UserFault
-    ``export_operator``, ``network_too_wide``, and PlatformFault ``upload_busy``, ``export_failed`` and those of the
-    sandbox. Leaves no file and no process behind.
+    ``export_operator``, ``export_frame_stack``, ``network_too_wide``, and PlatformFault ``upload_busy``,
+    ``export_failed`` and those of the sandbox. Leaves no file and no process behind.
     """
     slots = default_directory() / "exports"  # uploads do not wait for downloads
     with (

@@ -141,16 +141,27 @@ class SeenRun:
         steps = [step for step in path.steps_of(lap) if path.asked[step]][:MAX_STEPS]
         network = self._model.network
         sensors = sorted(self._model.metadata["sensor"])
+        before = self._before(steps[0]) if steps else []
         rows = answered(
             read(network.onnx.name or ""),
             self._model.metadata,
             network.facts,
-            (self.readings(step, sensors) for step in steps),
+            (self.readings(step, sensors) for step in (*before, *steps)),
             who=who,
-        )
+        )[len(before) :]
         told = {step: [round(value, _DIGITS) for value in row] for step, row in zip(steps, rows, strict=True)}
         cache.set(key, zlib.compress(json.dumps(told).encode()), KEPT_S)
         return told
+
+    def _before(self, step: int) -> list[int]:
+        """The steps whose observations a network that stacks them still reads at ``step``, as far as there are any."""
+        asked = [one for one in range(step) if self._sight.path.asked[one]]
+        return asked[max(0, len(asked) - self._frames + 1) :]
+
+    @property
+    def _frames(self) -> int:
+        """How many observations its network reads at once."""
+        return self._model.metadata.get("frame_stack", 1)
 
     @property
     def has_camera(self) -> bool:
@@ -167,17 +178,23 @@ class SeenRun:
         kept = cache.get(key)
         if kept is not None:
             return kept
+        import numpy as np
+
         from .attention import camera_of, covered, heat, heat_picture
         from .pictures import ZOOM
 
-        readings = self.readings(step, sorted(self._model.metadata["sensor"]))
+        sensors = sorted(self._model.metadata["sensor"])
+        readings = self.readings(step, sensors)
         camera = camera_of(readings)
         if camera is None:
             raise ValueError("a car without a camera")
         network = self._model.network
-        rows = answered(
-            read(network.onnx.name or ""), self._model.metadata, network.facts, covered(readings, camera), who=who
-        )
+        nothing = {name: np.zeros_like(value) for name, value in readings.items()}
+        before = [self.readings(one, sensors) for one in self._before(step)]
+        before = [nothing] * (self._frames - 1 - len(before)) + before
+        asked = (one for shown in covered(readings, camera) for one in (*before, shown))
+        rows = answered(read(network.onnx.name or ""), self._model.metadata, network.facts, asked, who=who)
+        rows = rows[self._frames - 1 :: self._frames]
         shares = probabilities if self.space.kind == "discrete" else _of_their_ranges
         drawn = heat_picture(readings[camera], heat([shares(row) for row in rows], readings[camera]), ZOOM)
         cache.set(key, drawn, KEPT_S)

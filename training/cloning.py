@@ -16,4 +16,6 @@ def build_of_model(model: TrainedModel) -> str | None:
 
     Told by the number of its weights. Where that misleads, the trainer says so: only it reads a stranger's file.
     """
+    if model.metadata.get("frame_stack", 1) > 1:  # trainings here read one observation at a time
+        return None
     return build_of(model.metadata, model.network.parameters)

@@ -114,6 +114,10 @@ register(
             "The model to be cloned chooses among %(has)s, this training among %(wanted)s. Their values may differ, "
             "their number and kind may not."
         ),
+        "clone_frame_stack": _(
+            "The model to be cloned reads the last %(count)s observations at once (frame_stack); trainings here read "
+            "one. Clone another model."
+        ),
         "clone_not_ours": _(
             "This model's network differs from the networks trained here, so it cannot be trained "
             "further. Clone a model trained on this site, a house car, or a console model with the "

@@ -6,7 +6,8 @@
 
 Everything is little-endian. The header that both ends know: ``{"inputs": [{"name", "dtype", "shape"}], "outputs": n,
 "ranges": [[low, high], [low, high]] or null}``; ``ranges`` as in :class:`paddock.simulator.action.ActionSpace`. A
-header without ``ranges`` asks for the runtime's answer as it is.
+header without ``ranges`` asks for the runtime's answer as it is. ``"frames": n``, where it is there: the network reads
+the last n observations at once, and the model's end keeps them. A run begins with step :data:`FIRST`.
 """
 
 from __future__ import annotations
@@ -21,6 +22,7 @@ import numpy as np
 Buffer = bytearray | ctypes.Array[ctypes.c_ubyte]
 
 STEP = struct.Struct("<I")
+FIRST = 1
 REPLY = struct.Struct("<II")
 # how a step was answered: by float32; by float64, as float32 was too near a boundary; by float32, and float64 confirmed
 # its bound; by float64, as that showed the bound to be wrong

@@ -6,7 +6,7 @@ Source: deepracer-simapp, markov/sensors/utils.py (get_observation_space) after 
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 LIDAR_BEAMS = 64
 _SECTORS = 8
@@ -14,6 +14,7 @@ _SECTORS = 8
 CAMERAS = ("FRONT_FACING_CAMERA", "LEFT_CAMERA", "STEREO_CAMERAS", "observation")
 LIDARS = ("LIDAR", "SECTOR_LIDAR", "DISCRETIZED_SECTOR_LIDAR")
 SENSOR_NAMES = CAMERAS + LIDARS
+MOST_FRAMES = 8  # that a network may read at once
 
 # deepracer-simapp, boto/s3/constants.py (DiscretizedSectorLidarDefaults)
 LIDAR_DEFAULTS: Mapping[str, float] = {"num_sectors": 8, "num_values_per_sector": 8, "clipping_dist": 2.0}
@@ -42,6 +43,11 @@ class InputSpec:
             return self.channels_last
         height, width, channels = self.shape
         return (1, channels, height, width)
+
+    def stacked(self, frames: int) -> InputSpec:
+        """The input of a network that reads the last ``frames`` observations at once, joined as VecFrameStack of
+        stable-baselines3 joins them: along the last axis (the channels of a picture), the newest last."""
+        return replace(self, shape=(*self.shape[:-1], frames * self.shape[-1]))
 
 
 def input_spec(sensor: str, lidar_config: Mapping[str, float] | None = None) -> InputSpec:

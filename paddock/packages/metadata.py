@@ -18,7 +18,17 @@ from typing import Any
 from paddock.errors import UserFault
 from paddock.network.wire import printable
 
-from .inputs import CAMERAS, LIDAR_BEAMS, LIDAR_DEFAULTS, LIDARS, SENSOR_NAMES, InputSpec, input_spec, lidar_settings
+from .inputs import (
+    CAMERAS,
+    LIDAR_BEAMS,
+    LIDAR_DEFAULTS,
+    LIDARS,
+    MOST_FRAMES,
+    SENSOR_NAMES,
+    InputSpec,
+    input_spec,
+    lidar_settings,
+)
 from .limits import DEFAULT_LIMITS, PackageLimits
 
 NETWORKS = (
@@ -49,6 +59,7 @@ class ModelMetadata:
     algorithm: str = ALGORITHMS[0]
     version: str = "2"
     lidar_config: Mapping[str, float] = field(default_factory=lidar_settings)
+    frame_stack: int = 1  # how many observations the network reads at once: the newest and those before it
 
     @property
     def output_size(self) -> int:
@@ -58,7 +69,8 @@ class ModelMetadata:
     @property
     def inputs(self) -> tuple[InputSpec, ...]:
         """The tensors the network reads, in the order of the sensors' names."""
-        return tuple(input_spec(sensor, self.lidar_config) for sensor in sorted(self.sensors))
+        specs = (input_spec(sensor, self.lidar_config) for sensor in sorted(self.sensors))
+        return tuple(spec.stacked(self.frame_stack) for spec in specs)
 
     def to_dict(self) -> dict:
         """The metadata with the field's own keys, as a file could be written."""
@@ -71,7 +83,8 @@ class ModelMetadata:
         }
 
     def canonical_json(self) -> bytes:
-        """The part that belongs to a model's identity: action space and sensors, independent of layout and order."""
+        """The part that belongs to a model's identity: action space, sensors and stacked frames, independent of layout
+        and order."""
         return json.dumps(self._what_counts(), sort_keys=True, separators=(",", ":")).encode()
 
     def _what_counts(self) -> dict[str, Any]:
@@ -87,6 +100,8 @@ class ModelMetadata:
         }
         if "DISCRETIZED_SECTOR_LIDAR" in self.sensors:
             data["lidar_config"] = dict(self.lidar_config)
+        if self.frame_stack > 1:
+            data["frame_stack"] = self.frame_stack
         return data
 
 
@@ -112,6 +127,7 @@ def parse_metadata(data: bytes, limits: PackageLimits = DEFAULT_LIMITS) -> Model
         algorithm=algorithm,
         version=version,
         lidar_config=_lidar_config(raw),
+        frame_stack=_frame_stack(raw),
     )
 
 
@@ -273,3 +289,10 @@ def _lidar_config(raw: dict) -> dict[str, float]:
     if not 0.15 <= config["clipping_dist"] <= 12.0:
         raise UserFault("metadata_lidar", key="clipping_dist")
     return config
+
+
+def _frame_stack(raw: dict) -> int:
+    value = _number(raw.get("frame_stack", 1))
+    if value is None or value not in range(1, MOST_FRAMES + 1):
+        raise UserFault("metadata_frame_stack", limit=MOST_FRAMES)
+    return int(value)

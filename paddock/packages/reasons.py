@@ -126,6 +126,9 @@ register(
             "lidar_config has %(sectors)s sectors, which do not divide the 64 beams evenly. Set "
             "num_sectors to 1, 2, 4, 8, 16, 32 or 64, as in training."
         ),
+        "metadata_frame_stack": _(
+            "frame_stack must be a whole number from 1 to %(limit)s: how many observations the network reads at once."
+        ),
     },
 )
 
@@ -206,6 +209,10 @@ register(
     {
         "export_operator": _(
             "This format has no equivalent of the operator %(operator)s (%(where)s). Download the ONNX package instead."
+        ),
+        "export_frame_stack": _(
+            "This network reads the last %(count)s observations at once (frame_stack). Programs that read this format "
+            "give it one at a time. Download the ONNX package instead."
         ),
     },
 )

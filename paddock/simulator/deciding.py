@@ -1,7 +1,9 @@
 """A network that drives: sensors' readings in, the action's numbers out, the same on every processor.
 
 A model's input has the sensor's name and either the sensor's own layout (``[1, H, W, C]``) or channels first
-(``[1, C, H, W]``); the observation is cast to the input's dtype and is not scaled. The site runs it in a sandboxed
+(``[1, C, H, W]``); the observation is cast to the input's dtype and is not scaled. A network that was trained over
+VecFrameStack of stable-baselines3 reads the last observations of its run at once, joined along the channels (a row
+along its values), the newest last; before the first there are zeros. The site runs it in a sandboxed
 process (:mod:`evaluation.sandbox.policy_process`), a racer at home in their own.
 """
 
@@ -19,6 +21,7 @@ from paddock.network.policy_wire import (
     EXACT,
     EXCEEDED,
     FAST,
+    FIRST,
     STEP,
     WAYS,
     Buffer,
@@ -48,6 +51,9 @@ class Policy:
     ``request``: fill it as :mod:`paddock.network.policy_wire` says; :meth:`run`; ``reply`` then holds the output
     behind its head. ``memory``: where whoever asks puts the observations, if not into the request. ``counts``: of the
     steps so far, by the ways of :data:`paddock.network.policy_wire.WAYS`. Raises Refused.
+
+    Stacked observations are those since the last step :data:`paddock.network.policy_wire.FIRST`. :meth:`answer` counts
+    no steps: with it an object serves one run.
     """
 
     def __init__(self, network: Loaded, header: dict[str, Any], memory: Buffer | None = None) -> None:
@@ -55,15 +61,17 @@ class Policy:
         self._binding = self._session.io_binding()
         self._feeds: list[tuple[np.ndarray, np.ndarray]] = []
         self._named: dict[str, np.ndarray] = {}
+        self._shifts: list[tuple[np.ndarray, np.ndarray]] = []  # of stacked inputs: where to, where from
         if memory is None:
             self.request, self._observations = request_buffer(header)
         else:
             self.request, self._observations = bytearray(STEP.size), observations_in(header, memory)
         self.reply, self._action = reply_buffer(header)
-        self._bind_inputs(self._observations)
+        self._bind_inputs(self._observations, int(header.get("frames", 1)))
         self._bind_output()
         self._judges, self._ranges = "ranges" in header, header.get("ranges")
         self._bound = self._known_bound() if self._judges else None
+        self._forget()
         self._steps = 0
         self.counts = dict.fromkeys(WAYS, 0)
 
@@ -73,6 +81,8 @@ class Policy:
         float32 answers where no error within the bound can change the action; else float64 does. Once in
         :data:`CHECK_EVERY` steps both are computed, to see that the bound holds; when it does not, float64 answers from
         then on."""
+        if self._shifts:
+            self._shift()
         for feed, observation in self._feeds:
             np.copyto(feed, observation, casting="unsafe")
         way = self._answered()
@@ -85,6 +95,18 @@ class Policy:
             np.copyto(place, readings[name])
         self.run()
         return self._action.copy()
+
+    def _shift(self) -> None:
+        """Make room for the newest observation."""
+        if STEP.unpack_from(self.request)[0] == FIRST:
+            self._forget()
+        for older, later in self._shifts:
+            older[...] = later
+
+    def _forget(self) -> None:
+        """No observation before the next one."""
+        for feed in self._named.values():
+            feed.fill(0)
 
     def _answered(self) -> int:
         if not self._judges:
@@ -130,14 +152,19 @@ class Policy:
 
         return derive_bound(answer, self._network.reference, self._network.inputs)
 
-    def _bind_inputs(self, observations: dict[str, np.ndarray]) -> None:
+    def _bind_inputs(self, observations: dict[str, np.ndarray], frames: int) -> None:
         inputs = {node.name: node for node in self._session.get_inputs()}
         if set(inputs) != set(observations):
             raise Refused(plain(f"its inputs are {sorted(inputs)} where the sensors are {sorted(observations)}"))
         for name, observation in observations.items():
             node = inputs[name]
             feed: np.ndarray = np.zeros(_static(node), _dtype(node))
-            self._feeds.append((feed, _layout(observation, feed.shape)))
+            seen, axis = _layout(observation, feed.shape, frames)
+            one = seen.shape[axis]
+            older, newest = np.split(feed, [(frames - 1) * one], axis)
+            self._feeds.append((newest, seen))
+            if frames > 1:
+                self._shifts.append((older, np.split(feed, [one], axis)[1]))
             self._named[name] = feed
             self._binding.bind_input(node.name, "cpu", 0, feed.dtype.type, feed.shape, feed.ctypes.data)
 
@@ -163,10 +190,13 @@ def _dtype(node: Any) -> type:
     return _DTYPES[node.type]
 
 
-def _layout(observation: np.ndarray, shape: tuple[int, ...]) -> np.ndarray:
-    """A view of ``observation`` (H, W, C or a row) in the shape of the model's input."""
-    if shape == (1, *observation.shape):
-        return observation[np.newaxis]
-    if observation.ndim == 3 and shape == (1, observation.shape[2], *observation.shape[:2]):
-        return observation.transpose(2, 0, 1)[np.newaxis]
-    raise Refused(f"an input of shape {list(shape)} does not take a sensor of shape {list(observation.shape)}")
+def _layout(observation: np.ndarray, shape: tuple[int, ...], frames: int) -> tuple[np.ndarray, int]:
+    """A view of ``observation`` (H, W, C or a row) in the layout of the model's input, and the axis of that along which
+    ``frames`` of them are joined."""
+    *rest, last = observation.shape
+    if shape == (1, *rest, frames * last):
+        return observation[np.newaxis], len(rest) + 1
+    if observation.ndim == 3 and shape == (1, frames * last, *rest):
+        return observation.transpose(2, 0, 1)[np.newaxis], 1
+    several = f" {frames} times" if frames > 1 else ""
+    raise Refused(f"an input of shape {list(shape)} does not take a sensor of shape {list(observation.shape)}{several}")

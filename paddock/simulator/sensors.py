@@ -68,7 +68,9 @@ def policy_header(metadata: Mapping[str, Any], space: ActionSpace) -> dict[str, 
     """What a policy must take and answer, see :mod:`paddock.network.policy_wire`."""
     specs = [sensor_spec(name, metadata.get("lidar_config")) for name in sorted(metadata["sensor"])]
     inputs = [{"name": spec.name, "dtype": spec.dtype, "shape": list(spec.shape)} for spec in specs]
-    return {"inputs": inputs, "outputs": space.size, "ranges": space.ranges}
+    header = {"inputs": inputs, "outputs": space.size, "ranges": space.ranges}
+    frames = metadata.get("frame_stack", 1)
+    return header if frames == 1 else {**header, "frames": frames}
 
 
 # LEFT_CAMERA is the front camera under another name (deepracer-simapp, sensors/sensors_rollout.py): only a car with a

@@ -51,6 +51,8 @@ def upload_to(deed: str, monkeypatch: pytest.MonkeyPatch) -> PaddockError:
         "counts_in_words",
         "counts_less_than_nothing",
         "knows_no_bound",
+        "stacks_no_frames",
+        "stacks_too_many_frames",
     ],
 )
 def test_a_dying_or_lying_converter_gives_one_plain_reason(deed: str, monkeypatch: pytest.MonkeyPatch) -> None:

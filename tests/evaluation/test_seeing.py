@@ -7,25 +7,32 @@ import json
 from dataclasses import replace
 
 import numpy as np
+import onnx
 import onnxruntime
 import pytest
 from django.core.cache import cache
 from django.urls import reverse
 from django.utils import timezone
+from onnx import helper, numpy_helper
 from PIL import Image
 
 from evaluation import seeing
 from evaluation.attention import camera_of, covered, heat, heat_picture
 from evaluation.pictures import ZOOM
-from evaluation.seeing import probabilities, seen_run
+from evaluation.seeing import answered, probabilities, seen_run
 from evaluation.services import finish_evaluation, share_model
 from league.services import house_cars
 from paddock.errors import UserFault
 from paddock.geometry.catalogue import by_slug
+from paddock.network.session import load
+from paddock.packages.gate import check_onnx
+from paddock.packages.metadata import parse_metadata
 from paddock.rules.race import RaceRules
 from paddock.simulator.action import ActionSpace
+from paddock.simulator.deciding import Policy
 from paddock.simulator.race import Entrant, RaceResult, run_race
 from paddock.simulator.retracing import RunSight, TracePath, standing_boxes
+from paddock.simulator.sensors import policy_header
 from paddock.simulator.stage import PreparedTrack
 from races.services import submit_model
 from tests.clients import logged_in
@@ -231,3 +238,56 @@ def test_who_asks_too_often_waits(run, monkeypatch):
     monkeypatch.setitem(seen.RATES, "seen_frame", "2/m/key")
     frame, client = reverse("evaluation_seen", args=[run[0].public_id]), logged_in(None)
     assert [client.get(frame).status_code for _ in range(3)] == [200, 200, 429]
+
+
+def stacked_car() -> bytes:
+    """A house car's network behind a mean of three frames, the newest with the greatest share."""
+    model = onnx.load_from_string(CARS[0].onnx.read_bytes())
+    (port,), graph = model.graph.input, model.graph
+    for node in graph.node:
+        node.input[:] = ["mixed" if name == port.name else name for name in node.input]
+    graph.initializer.append(numpy_helper.from_array(np.array([[[[0.1]], [[0.1]], [[0.8]]]], np.float32), "shares"))
+    graph.node.insert(0, helper.make_node("Conv", [port.name, "shares"], ["mixed"]))
+    port.type.tensor_type.shape.dim[1].dim_value = 3
+    return model.SerializeToString()
+
+
+def test_a_network_that_reads_several_frames_is_asked_with_those_before(db, wakes, monkeypatch, tmp_path):
+    monkeypatch.setattr(seeing, "default_directory", lambda: tmp_path)
+    cache.clear()
+    now = timezone.now()
+    metadata = parse_metadata(json.dumps({**json.loads(CARS[0].metadata.read_bytes()), "frame_stack": 3}).encode())
+    car, said = check_onnx(stacked_car(), metadata), metadata.to_dict()
+    ground, space = PreparedTrack(by_slug("oval").geometry(), "ccw"), ActionSpace.from_metadata(said)
+    policy, answers = Policy(load(car.onnx), policy_header(said, space)), []
+
+    def drive(readings: dict[str, np.ndarray]) -> np.ndarray:
+        answers.append(policy.answer(readings))
+        return answers[-1]
+
+    rules = RaceRules(laps=2)
+    result = run_race(ground.track, rules, space, sorted(said["sensor"]), drive, ground=ground)
+    assert all(lap.complete for lap in result.laps)
+    bob = a_racer("bob")
+    model = model_row(bob, name="Stacked", onnx=car.onnx)
+    type(model).objects.filter(pk=model.pk).update(metadata=said)
+    model.refresh_from_db()
+    submission = submit_model(race=a_race(now, laps=2, minimum_laps=2), racer=bob, model=model, now=now)
+    evaluation = start(submission.evaluation, now)
+    told = outcome([lap.to_dict() for lap in result.laps])
+    told = replace(told, trace_csv=result.trace.to_csv(), trace_sha256=result.trace.sha256, layout=result.layout)
+    assert finish_evaluation(pk=evaluation.pk, lease=evaluation.lease, outcome=told, now=now)
+    evaluation.refresh_from_db()
+    seen = seen_run(evaluation)
+    again = {**seen.answers(1, who=1), **seen.answers(2, who=1)}
+    assert list(again) == [step for step in range(max(again) + 1) if seen.moment(step).asked]
+    np.testing.assert_allclose(list(again.values()), answers, atol=2e-4)
+
+    second = seen.start_of(2)
+    step, rows = seen.at(second).step, []
+    monkeypatch.setattr(seeing, "answered", lambda *a, **k: rows.extend(answered(*a, **k)) or rows)
+    assert seen.attention(step, who=1)[:4] == b"\x89PNG"
+    np.testing.assert_allclose(rows[2], answers[list(again).index(step)], rtol=1e-4)  # the frame as it is
+    rows.clear()
+    assert seen.attention(0, who=1)[:4] == b"\x89PNG"
+    np.testing.assert_allclose(rows[2], answers[0], rtol=1e-4)  # nothing before the first

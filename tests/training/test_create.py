@@ -7,14 +7,17 @@ from datetime import timedelta
 import pytest
 from django.db import IntegrityError, transaction
 
+from evaluation.models import Network
 from paddock.errors import PaddockError, UserFault
 from races.services import edit_race
 from tests.factories import a_race
 from tests.rows import METADATA, model_row, track_row
 from tests.training.jobs import a_training
+from training.cloning import build_of_model
 from training.models import JobState, TrainingJob, Vehicle
 from training.selectors import can_clone_model, clonable_models, minutes_left, minutes_used
 from training.services import clone_settings
+from training.trainer.network import NetworkLayout
 
 pytestmark = [pytest.mark.django_db, pytest.mark.usefixtures("training_wakes")]
 
@@ -230,6 +233,17 @@ class TestClones:
         fault = refusal(alice, oval, now, clone_from=model_row(alice))
         assert fault.code == "clone_actions"
         assert fault.params["has"] == "3 discrete"
+
+    def test_a_network_that_reads_several_observations_is_refused(self, alice, oval, now):
+        model = model_row(alice)
+        space = [dict(steering_angle=a["steering_angle"], speed=2.0) for a in METADATA["action_space"]]
+        Network.objects.filter(pk=model.network_id).update(parameters=NetworkLayout.of(METADATA).parameters)
+        model.metadata = {**METADATA, "frame_stack": 4}
+        model.save()
+        model.refresh_from_db()
+        fault = refusal(alice, oval, now, clone_from=model, action_space=space)
+        assert (fault.code, fault.params) == ("clone_frame_stack", {"count": 4})
+        assert build_of_model(model) is None, "no page offers it"
 
     def test_a_network_not_built_here_is_refused(self, alice, oval, now):
         model = model_row(alice)

@@ -16,7 +16,6 @@ import onnxruntime
 import torch
 from stable_baselines3 import A2C, DQN, PPO, SAC, TD3
 from stable_baselines3.common.callbacks import ConvertCallback
-from stable_baselines3.common.vec_env import VecFrameStack
 
 from evaluation import admit as admit_module
 from evaluation.admit import AdmittedPackage, admit
@@ -184,11 +183,10 @@ def test_it_is_admitted_in_the_sandbox_and_never_read_outside(kind, monkeypatch)
         (lambda: (saved("PPO, flat"), CONTINUOUS), "sb3_actions"),
         (lambda: (saved("PPO, flat"), car(DISCRETE, "STEREO_CAMERAS")), "sb3_observation"),
         (lambda: (saved("PPO, flat"), car(DISCRETE, "FRONT_FACING_CAMERA", "LIDAR")), "sb3_observation"),
-        (lambda: (stacked(), DISCRETE), "sb3_frame_stack"),
         (lambda: (other_extractor(), DISCRETE), "sb3_custom"),
         (lambda: (with_data(saved("PPO, flat"), use_sde=True), DISCRETE), "sb3_custom"),
     ],
-    ids=["no metadata", "other actions", "other camera", "one more sensor", "stacked", "own extractor", "sde"],
+    ids=["no metadata", "other actions", "other camera", "one more sensor", "own extractor", "sde"],
 )
 def test_a_policy_that_would_drive_differently_is_refused(build, code, monkeypatch):
     monkeypatch.setattr(admit_module, "launch", launch_here)
@@ -196,14 +194,6 @@ def test_a_policy_that_would_drive_differently_is_refused(build, code, monkeypat
     fault = refused(zipped, metadata)
     assert (fault.code, fault.fault) == (code, "user")
     assert str(fault).isprintable()
-
-
-def stacked() -> bytes:
-    """A policy that sees four pictures at once."""
-    cars = VecFrameStack(make_sb3_env("Paddock/TimeTrial-v1", 1, observation="box"), 4)
-    file = io.BytesIO()
-    PPO("CnnPolicy", cars, device="cpu").save(file)
-    return file.getvalue()
 
 
 def other_extractor() -> bytes:

@@ -22,7 +22,7 @@ from paddock.packages.metadata import parse_metadata
 
 from ..trainer import lean  # noqa: F401  before torch: without its compiler, and one thread
 from .facts import read_facts
-from .rebuild import rebuild
+from .rebuild import rebuild, with_frame_stack
 
 import torch  # isort: skip
 
@@ -32,7 +32,7 @@ _FLOATS = (torch.float32, torch.float64, torch.float16, torch.bfloat16)
 
 def main(frames_in: int, frames_out: int) -> int:
     """Answer one question: ``{limits, weights: ["data"]}`` with ``policy.pth``, the metadata and ``data`` as blobs in,
-    the canonical network out."""
+    the canonical network out, and how many observations it reads at once."""
     write_message(frames_out, LOCKED)
     header, blobs = read_message(frames_in, blob_limit=MAX_NETWORK)
     limits = PackageLimits.from_dict(header["limits"])
@@ -41,6 +41,7 @@ def main(frames_in: int, frames_out: int) -> int:
     try:
         metadata = parse_metadata(metadata_json, limits)
         facts = read_facts(dict(zip(header["weights"], rest, strict=True)).get(DATA, b""))
+        metadata = with_frame_stack(facts, metadata)
         tensors = read_tensors(policy, limits)
         del policy
         shapes = {name: tuple(tensor.shape) for name, tensor in tensors.items()}
@@ -55,6 +56,7 @@ def main(frames_in: int, frames_out: int) -> int:
         "parameters": canonical.parameters,
         "macs": canonical.macs,
         "facts": canonical.facts.to_dict(),
+        "frame_stack": metadata.frame_stack,
     }
     write_message(frames_out, told, [canonical.onnx])
     return 0

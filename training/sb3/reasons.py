@@ -24,8 +24,13 @@ register(
             "did to the picture (such as resizing) is not in the zip: export the policy with it to ONNX."
         ),
         "sb3_frame_stack": _(
-            "The policy was trained on the last %(count)s observations of %(sensor)s (VecFrameStack). A car here "
-            "decides by the present one alone: train it without VecFrameStack."
+            "The policy was trained on the last %(count)s observations at once (VecFrameStack). At most %(limit)s are "
+            "possible: train it with fewer."
+        ),
+        "sb3_channels": _(
+            "The policy was trained on %(count)s channels, and %(sensor)s has one. They may be stacked frames or "
+            'colours. If they are frames of VecFrameStack, write "frame_stack": %(count)s into model_metadata.json. A '
+            "policy on colours must be exported to ONNX, with the conversion from one channel inside."
         ),
         "sb3_actions": _(
             "The policy answers %(found)s values, the action space in model_metadata.json needs %(expected)s. Upload "

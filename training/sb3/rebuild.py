@@ -19,14 +19,15 @@ from onnx import TensorProto, helper, numpy_helper
 
 from paddock.errors import UserFault
 from paddock.network.wire import printable
-from paddock.packages.inputs import InputSpec
+from paddock.packages.inputs import MOST_FRAMES, InputSpec
 from paddock.packages.metadata import NETWORKS, ModelMetadata
 
 from ..trainer.network import BUILDS, NetworkLayout, to_onnx
-from .facts import COMBINED, FLATTEN, NATURE, TORSO, PolicyFacts
+from .facts import COMBINED, FLATTEN, NATURE, TORSO, Box, PolicyFacts
 
 Array = Callable[[str], np.ndarray]
 _OPSET, _IR_VERSION = 17, 8
+_COLOURS = 3  # channels of a frame with observation="rgb"
 _STRIDES = {0: 4, 2: 2, 4: 1}  # of NatureCNN's convolutions, by their place
 _SIMPLE = {"ReLU": "Relu", "Tanh": "Tanh", "Sigmoid": "Sigmoid", "ELU": "Elu", "Softplus": "Softplus", "Mish": "Mish"}
 
@@ -63,6 +64,26 @@ _FAMILIES = (
         ("q_net_target.",),
     ),
 )
+
+
+def with_frame_stack(facts: PolicyFacts, metadata: ModelMetadata) -> ModelMetadata:
+    """The metadata with the number of observations that VecFrameStack joined for this policy. Where they name a number
+    already, or the policy observes something else than their sensors, they stay; :func:`rebuild` then compares.
+
+    Raises UserFault ``sb3_frame_stack``, ``sb3_channels``.
+    """
+    boxes = _by_sensor(facts.observations, metadata)
+    if metadata.frame_stack > 1 or set(boxes) != set(metadata.sensors):
+        return metadata
+    counts = {_stacked(spec, boxes[spec.sensor].shape) for spec in metadata.inputs}
+    if len(counts) > 1 or counts == {0}:
+        return metadata
+    (count,), sensor = counts, metadata.sensors[0]
+    if count > MOST_FRAMES:
+        raise UserFault("sb3_frame_stack", count=count, limit=MOST_FRAMES)
+    if set(facts.observations) == {""} and count % _COLOURS == 0 and metadata.inputs[0].shape[-1] == 1:
+        raise UserFault("sb3_channels", count=count, sensor=sensor)
+    return replace(metadata, frame_stack=count)
 
 
 def rebuild(shapes: Mapping[str, tuple[int, ...]], array: Array, facts: PolicyFacts, metadata: ModelMetadata) -> bytes:
@@ -167,9 +188,7 @@ class _Policy:
 
     def _features(self) -> str:
         specs = {spec.sensor: spec for spec in self._metadata.inputs}
-        boxes = self._facts.observations
-        if set(boxes) == {""} and len(specs) == 1:
-            boxes = {next(iter(specs)): boxes[""]}
+        boxes = _by_sensor(self._facts.observations, self._metadata)
         if set(boxes) != set(specs):
             found = ", ".join(name or "one picture" for name in boxes)
             raise UserFault("sb3_observation", found=printable(found), expected=", ".join(specs))
@@ -266,10 +285,15 @@ def _unknown(name: str) -> UserFault:
     return UserFault("sb3_layer", layer=printable(name))
 
 
-def _check_box(spec: InputSpec, box: Any) -> None:
+def _by_sensor(boxes: Mapping[str, Box], metadata: ModelMetadata) -> Mapping[str, Box]:
+    """The observations by sensor: a plain box is that of the only one."""
+    if set(boxes) == {""} and len(metadata.sensors) == 1:
+        return {metadata.sensors[0]: boxes[""]}
+    return boxes
+
+
+def _check_box(spec: InputSpec, box: Box) -> None:
     shape = spec.channels_first[1:]
-    if stacked := _stacked(spec, box.shape):
-        raise UserFault("sb3_frame_stack", count=stacked, sensor=spec.sensor)
     if box.shape != shape or box.dtype != ("uint8" if spec.is_picture else "float32"):
         expected = f"{spec.sensor} {list(shape)} {'uint8' if spec.is_picture else 'float32'}"
         raise UserFault("sb3_observation", found=str(box), expected=expected)

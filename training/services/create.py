@@ -284,6 +284,8 @@ def _check_clone(job: TrainingJob, model: TrainedModel) -> None:
     if not can_clone_model(job.owner, model):
         raise UserFault("clone_not_yours")
     has, wanted = model.metadata, job.metadata
+    if has.get("frame_stack", 1) > 1:
+        raise UserFault("clone_frame_stack", count=has["frame_stack"])
     if sorted(has["sensor"]) != sorted(wanted["sensor"]) or (
         "DISCRETIZED_SECTOR_LIDAR" in has["sensor"]
         and lidar_settings(has.get("lidar_config")) != lidar_settings(wanted.get("lidar_config"))

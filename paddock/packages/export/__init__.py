@@ -8,7 +8,9 @@ from __future__ import annotations
 
 import json
 
+from paddock.errors import UserFault
 from paddock.network.canonical import CanonicalNetwork
+from paddock.packages.inputs import InputSpec
 from paddock.packages.kinds import CAR
 from paddock.packages.metadata import ModelMetadata
 
@@ -26,12 +28,13 @@ def export_model(onnx: bytes, metadata: ModelMetadata, form: str) -> bytes:
     """A canonical network as a ``.tar.gz`` of one of :data:`.kinds.EXPORTS`: ``agent/model.pb`` or ``model.xml`` and
     ``model.bin``, with ``model_metadata.json``.
 
-    Raises UserFault ``export_operator`` for a network that the form cannot say.
+    Raises UserFault ``export_operator`` for a network that the form cannot say, ``export_frame_stack`` for one that
+    reads several observations at once.
     """
     about = json.dumps(metadata.to_dict(), indent=2).encode()
     if form == CAR:
         network = CanonicalNetwork.read(onnx)
-        parts = exported(network, {spec.sensor: spec for spec in metadata.inputs}, Head.of(metadata))
+        parts = exported(network, _specs(metadata), Head.of(metadata))
         return tar_gz({"agent/model.pb": parts, "model_metadata.json": [about]})
     xml, numbers = openvino_ir(onnx, metadata)
     return tar_gz({"model.xml": [xml], "model.bin": [numbers], "model_metadata.json": [about]})
@@ -40,10 +43,17 @@ def export_model(onnx: bytes, metadata: ModelMetadata, form: str) -> bytes:
 def frozen_graph(onnx: bytes, metadata: ModelMetadata) -> bytes:
     """A canonical network as a frozen TensorFlow GraphDef with the console's node names."""
     network = CanonicalNetwork.read(onnx)
-    return b"".join(exported(network, {spec.sensor: spec for spec in metadata.inputs}, Head.of(metadata)))
+    return b"".join(exported(network, _specs(metadata), Head.of(metadata)))
 
 
 def openvino_ir(onnx: bytes, metadata: ModelMetadata) -> tuple[bytes, bytes]:
     """A canonical network as OpenVINO's intermediate representation: its XML and its numbers."""
-    head, specs = Head.of(metadata), {spec.sensor: spec for spec in metadata.inputs}
+    head, specs = Head.of(metadata), _specs(metadata)
     return write_ir(finish(lower(CanonicalNetwork.read(onnx), specs), head), head)
+
+
+def _specs(metadata: ModelMetadata) -> dict[str, InputSpec]:
+    """The inputs by sensor. Raises UserFault ``export_frame_stack``: what drives these forms keeps no frames."""
+    if metadata.frame_stack > 1:
+        raise UserFault("export_frame_stack", count=str(metadata.frame_stack))
+    return {spec.sensor: spec for spec in metadata.inputs}

@@ -280,7 +280,7 @@ def _check_observation(observation: str, metadata: ModelMetadata) -> None:
             f"observation={observation!r} needs a car with one sensor, this one has {', '.join(metadata.sensors)}: "
             "name one in the metadata, or leave observation='dict'"
         )
-    channels = metadata.inputs[0].shape[-1]
+    channels = metadata.inputs[0].shape[-1] // metadata.frame_stack
     if observation == RGB and channels != 1:
         raise ValueError(f"observation='rgb' needs a sensor with one channel, {metadata.sensors[0]} has {channels}")
 

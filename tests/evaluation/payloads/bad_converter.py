@@ -48,6 +48,10 @@ def main(frames_in: int, frames_out: int) -> int:
     if deed == "knows_no_bound":
         facts = {"bound": "small", "shapes": {}}
         write_message(frames_out, {"state": "admitted", "parameters": 1, "macs": 1, "facts": facts}, [b"onnx"])
+    if deed in ("stacks_no_frames", "stacks_too_many_frames"):
+        facts = {"bound": None, "shapes": {}}
+        said = {"state": "admitted", "parameters": 1, "macs": 1, "facts": facts}
+        write_message(frames_out, {**said, "frame_stack": 0 if "no" in deed else 9}, [b"onnx"])
     if deed == "counts_less_than_nothing":
         write_message(frames_out, {"state": "admitted", "parameters": -1, "macs": 1}, [b"onnx"])
     return 0
