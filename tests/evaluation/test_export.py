@@ -63,6 +63,14 @@ class TestPages:
         assert client.get(f"/models/{model.public_id}/export/car/").content == b"an archive"
         assert client.get(f"/models/{model.public_id}/export/tflite/").status_code == 404
 
+    def test_a_network_that_reads_several_observations_says_why_there_is_no_other_form(self, client, alice):
+        model = a_model(alice)
+        model.metadata = {**model.metadata, "frame_stack": 4}
+        model.save()
+        page = client.get(f"/models/{model.public_id}/").content.decode()
+        assert "/export/" not in page and "this network reads the last 4 observations at once" in page
+        assert "<dt>Observations read at once</dt><dd>4</dd>" in page
+
     def test_a_network_that_a_form_cannot_say_is_explained_on_the_page(self, client, alice, monkeypatch):
         def refuse(*args, **options):
             raise UserFault("export_operator", operator="MaxPool", where="_v3")
@@ -71,7 +79,7 @@ class TestPages:
         model = a_model(alice)
         answer = client.get(f"/models/{model.public_id}/export/car/", follow=True)
         assert answer.redirect_chain == [(f"/models/{model.public_id}/", 302)]
-        assert "its operator MaxPool (_v3) has no like there" in answer.content.decode()
+        assert "no equivalent of the operator MaxPool (_v3)" in answer.content.decode()
 
     def test_a_model_without_its_upload_says_so(self, client, alice):
         model = a_model(alice)
@@ -145,6 +153,12 @@ class TestProcess:
                 model.SerializeToString(), json.dumps(one_action).encode(), "openvino", DEFAULT_LIMITS, who=1
             )
         assert (fault.value.code, fault.value.params["operator"]) == ("export_operator", "MaxPool")
+
+    def test_what_reads_several_observations_is_refused(self):
+        metadata = json.dumps({**METADATA, "frame_stack": 4}).encode()
+        with pytest.raises(UserFault) as fault:
+            export_in_sandbox(b"is not opened", metadata, "car", DEFAULT_LIMITS, who=1)
+        assert (fault.value.code, fault.value.params) == ("export_frame_stack", {"count": "4"})
 
 
 def test_the_car_that_comes_back_drives_the_same_trace():

@@ -33,8 +33,8 @@ def export_model(onnx: bytes, metadata: ModelMetadata, form: str) -> bytes:
     """
     about = json.dumps(metadata.to_dict(), indent=2).encode()
     if form == CAR:
-        network = CanonicalNetwork.read(onnx)
-        parts = exported(network, _specs(metadata), Head.of(metadata))
+        specs = _specs(metadata)
+        parts = exported(CanonicalNetwork.read(onnx), specs, Head.of(metadata))
         return tar_gz({"agent/model.pb": parts, "model_metadata.json": [about]})
     xml, numbers = openvino_ir(onnx, metadata)
     return tar_gz({"model.xml": [xml], "model.bin": [numbers], "model_metadata.json": [about]})
@@ -42,8 +42,8 @@ def export_model(onnx: bytes, metadata: ModelMetadata, form: str) -> bytes:
 
 def frozen_graph(onnx: bytes, metadata: ModelMetadata) -> bytes:
     """A canonical network as a frozen TensorFlow GraphDef with the console's node names."""
-    network = CanonicalNetwork.read(onnx)
-    return b"".join(exported(network, _specs(metadata), Head.of(metadata)))
+    specs = _specs(metadata)
+    return b"".join(exported(CanonicalNetwork.read(onnx), specs, Head.of(metadata)))
 
 
 def openvino_ir(onnx: bytes, metadata: ModelMetadata) -> tuple[bytes, bytes]:
