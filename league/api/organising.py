@@ -16,7 +16,7 @@ from rest_framework.views import APIView
 
 from accounts.scopes import ORGANISE
 from accounts.who import racer_of
-from core.bodies import Body, read_as
+from core.bodies import Body, read_as, refuse_fields
 from league.models import Round, Season, Stage
 from league.selectors import months_of
 from league.selectors.overview import month_races, seasons_listed
@@ -157,6 +157,7 @@ class SeasonWrite(APIView):
     def delete(self, request: Request, slug: str) -> Response:
         season = season_shown(slug)
         require(request, "league.delete_season")
+        refuse_fields(request)
         log(racer_of(request), season, DELETION, "Deleted through the API")
         delete_season(season=season, now=timezone.now())
         return Response(status=status.HTTP_204_NO_CONTENT)
@@ -202,6 +203,7 @@ class RoundView(APIView):
     def delete(self, request: Request, slug: str, race: str) -> Response:
         round_ = get_object_or_404(Round.objects.select_related("season", "race"), season__slug=slug, race__slug=race)
         require(request, "league.change_season", "races.delete_race")
+        refuse_fields(request)
         log(racer_of(request), round_.season, CHANGE, f"Deleted the race {race} through the API")
         delete_round(round=round_, now=timezone.now())
         return Response(status=status.HTTP_204_NO_CONTENT)

@@ -251,8 +251,19 @@ def test_an_operation_without_fields_accepts_an_empty_body(alice, as_racer, body
 @pytest.mark.parametrize("body", ['["x"]', '"x"', "5"])
 def test_an_operation_without_fields_refuses_any_other_body(alice, as_racer, body):
     race = a_race(timezone.now(), organiser=alice)
-    answer = as_racer(alice).generic("POST", f"/api/v1/races/{race.slug}/close/", body, "application/json")
+    answer = as_racer(alice).generic("POST", f"/api/v1/races/{race.slug}/invitation/", body, "application/json")
     assert answer.data["fields"][""][0]["code"] == "no_fields"
+    invitation = race.invitation
+    race.refresh_from_db()
+    assert race.invitation == invitation
+
+
+@pytest.mark.django_db
+@pytest.mark.parametrize("body", ['["x"]', '"x"', "5"])
+def test_a_body_that_is_no_object_closes_no_race(alice, as_racer, body):
+    race = a_race(timezone.now(), organiser=alice)
+    answer = as_racer(alice).generic("POST", f"/api/v1/races/{race.slug}/close/", body, "application/json")
+    assert (answer.status_code, answer.data["code"]) == (400, "invalid")
     race.refresh_from_db()
     assert race.state_at(timezone.now()) == RaceState.OPEN
 
