@@ -69,7 +69,9 @@ def live_again(request: HttpRequest, slug: str) -> HttpResponse:
     if event.state != LiveState.ENDED:
         return redirect("live_event", slug)
     size = map_size(race.track) if race.track.has_shape else None
-    response = render(request, "races/live/again.html", {"race": race, "phase": "running", "map_size": size})
+    response = render(
+        request, "races/live/again.html", {"race": race, "event": event, "phase": "running", "map_size": size}
+    )
     response["Cache-Control"] = "private, no-store"
     return response
 
