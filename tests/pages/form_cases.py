@@ -362,6 +362,17 @@ CASES = [
     Case("admin", "", "Preview", "css=button[value=confirmed]", {"Reason": "Sure"}, inside="body"),
     Case("admin", "", "Revoke results", "css=#stewards", inside="body"),
     Case("admin", "/races/round-2/", "Publish results", "css=button[value=confirmed]", inside=STEWARD),
+    Case("admin", "/seasons/2027/", "Do not continue", "The season ends without a successor."),
+    Case("admin", "", "Continue by itself", "The season continues by itself"),
+    Case(
+        "admin",
+        "/seasons/2027/copy/",
+        "Copy this season",
+        "Season copied: 3 races.",
+        {"Name": "Copy", "Address": "copy"},
+    ),
+    Case("admin", "/seasons/copy/delete/", "css=[name=round]", "is deleted."),
+    Case("admin", "/seasons/copy/delete/", "Delete the season", "is deleted."),
     # in a window of its own: the admin of the other cases stays logged in
     Case("admin", "/admin/", "Log out", "Race the car you trained", inside="#header", scripts=False),
 ]

@@ -231,6 +231,7 @@ class Cast:
             "races/<slug:slug>/live/overlay/<": [],  # which a broadcast lays over its picture: nothing to send
             "groups/<": [{"slug": "club"}],
             "groups/join/<": [{"code": said["group_code"]}],
+            "watch/<": [],  # leads to a page of the live event
             "races/invited/<": [{"token": said["invited"]}],
             "races/<slug:slug>/invited/": [{"slug": "secret-race"}],
             "invitations/stop/<": [{"token": said["invited_stop"]}],

@@ -85,7 +85,7 @@ def test_from_no_spoilers_to_the_podium(browser, live_server, event):
     page.get_by_role("button", name="Pause").click()
     page.get_by_role("button", name="Next run").click()
     expect(page.locator("[data-who]")).to_have_text("carl")
-    page.get_by_role("button", name="Go on").press("Enter")
+    page.get_by_role("button", name="Continue").press("Enter")
     page.get_by_role("button", name="To its end").click()
     expect(page.locator("[data-tower] li").first).to_contain_text("carl")
     page.get_by_role("combobox").select_option(label="Run 3: dora")

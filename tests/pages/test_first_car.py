@@ -65,7 +65,7 @@ def test_one_click_trains_a_first_car_for_the_beginners_race(beginners, now):
     response = logged_in(alice).post("/train/first/", follow=True)
     job = TrainingJob.objects.get(owner=alice)
     assert response.redirect_chain == [(job.get_absolute_url(), 302)]
-    assert "and then drives in First laps by itself" in response.content.decode()
+    assert "It is submitted to First laps when done." in response.content.decode()
     assert (job.submit_to_race, job.track.slug, job.sensors) == (beginners, "oval", ["FRONT_FACING_CAMERA"])
     assert (job.name, job.stop_clean_laps, job.state) == ("first-car", 3, JobState.QUEUED)
 
@@ -116,7 +116,7 @@ def test_a_racer_without_a_car_is_offered_three_ways_everywhere(beginners, house
     page = read(a_racer("alice"), path.format(race=beginners.slug))
     assert "/models/upload/" in page
     assert re.search(r'<form method="post" action="/train/first/">.*?Train my first car', page, re.S)
-    assert "stands on the board of First laps within a minute" in page
+    assert "then on the board of First laps within a minute" in page
     assert re.search(rf'href="/train/new/\?clone={house_car.public_id}[^"]*">Steady</a>', page)
 
 

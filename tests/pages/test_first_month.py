@@ -142,7 +142,7 @@ def test_cancelled_and_unopened_races_are_not_running_rounds(season, now):
 
 
 def test_standings_without_results_link_to_the_race(season):
-    assert "The first to be classified leads: Month 1 open-qualifier" in words(STANDINGS)
+    assert "No racer classified yet. Be first: Month 1 open-qualifier" in words(STANDINGS)
 
 
 def test_standings_say_when_the_first_race_opens(season, now):
@@ -161,7 +161,7 @@ def test_finales_start_with_the_next_and_list_no_racer_repeatedly(season):
     )
     assert page.count("In the finale") == 1 and page.count("pro-finale") == MONTHS
     assert re.search(r"In the finale provisional 1 .{0,5}ann", page)
-    assert "Qualified for the championship Known from this race, which opens" in page
+    assert "Qualified for the championship Decided in this race, which opens" in page
 
 
 def test_a_pro_race_nobody_finished_is_described_as_such(season):

@@ -177,7 +177,7 @@ def test_deleting_a_model_keeps_its_results(world: World) -> None:
     client = world.client("alice")
     model = world.finished.evaluation.model
     path = f"/models/{model.public_id}/"
-    assert "stays" in client.get(path + "delete/").content.decode()
+    assert "Results stay on boards." in client.get(path + "delete/").content.decode()
     client.post(path + "delete/")
     assert client.get(path).status_code == 404
     assert model.name not in client.get("/models/").content.decode()

@@ -135,7 +135,7 @@ def test_a_bracket_says_that_it_counts_ties(client, now):
     race = drawn(now, 4, duel_format="bracket")
     end_all(race, now)
     html = client.get(f"/races/{race.slug}/").content.decode()
-    assert ">Ties won</th>" in html and ">Points</th>" not in html
+    assert ">Duels won</th>" in html and ">Points</th>" not in html
     assert "2 duels won" in client.get("/racers/car-1/").content.decode()
     assert "2 duels won" in client.get(f"/races/{race.slug}/badge.svg").content.decode()
 

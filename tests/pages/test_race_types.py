@@ -268,4 +268,6 @@ def test_every_view_of_a_race_names_its_type_and_layout(world: World) -> None:
     assert len(box_middles(page)) == 2 and 'title="Crashes"' in page and ">9</td>" in page
     assert 'title="Crashes"' not in client.get("/races/open-race/").content.decode()
     rules = client.get("/races/boxed/rules/").content.decode()
-    assert "Box 1: 25 % of the lap, inner lane" in rules and "stands still for 5 s" in rules
+    assert (
+        "Box 1: 25 % of the lap, inner lane" in rules and "A car that hits a box waits 5 s and restarts before" in rules
+    )

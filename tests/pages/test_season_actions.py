@@ -217,7 +217,7 @@ def test_a_racer_of_an_imported_season_has_raced_since_their_first_race(client, 
     race = Race.objects.get(slug="2027-01-open")
     Race.objects.filter(pk=race.pk).update(opens_at=datetime(2021, 3, 1, tzinfo=UTC))
     race.entries.create(racer=racer, entered_at=NOW)
-    assert "2021-03" in client.get("/racers/old-hand/").content.decode()
+    assert "racing since March 2021" in client.get("/racers/old-hand/").content.decode()
 
 
 def test_the_track_of_a_race_of_the_league_is_no_page_of_the_site():

@@ -328,7 +328,7 @@ def test_a_racer_sees_how_far_the_promotion_line_is(season, set_clock):
     entries = board(second.race, racers(10))
     address = second.race.get_absolute_url()
     for place, words in (
-        (0, "1 In the promotion zone by"),
+        (0, "1 place clear"),
         (1, "in the zone"),
         (2, "1 place short"),
         (9, "8 places short"),
@@ -336,7 +336,7 @@ def test_a_racer_sees_how_far_the_promotion_line_is(season, set_clock):
         assert words in logged_in(entries[place].racer).get(address).content.decode(), place
     close_due_rounds(now=after(second))
     set_clock(after(second))
-    assert "In the promotion zone by" not in logged_in(entries[0].racer).get(address).content.decode()
+    assert "1 place clear" not in logged_in(entries[0].racer).get(address).content.decode()
 
 
 class TestCalendar:

@@ -113,6 +113,7 @@ def test_every_address_of_a_race_a_run_or_a_season_is_decided_on():
         "live_highlights",
         *("evaluation_stop", "evaluation_video", "own_again", "own_delete", "video_stop"),
         *("season_rules", "season_calendar", "season_calendar_file", "follow", "unfollow"),
+        *("season_copy", "season_continues", "season_delete"),  # names of races, for admins
     }
     beginnings = ("races/<slug", "evaluations/<str", "videos/<str", "seasons/<slug", "racers/<str")
     found = {
