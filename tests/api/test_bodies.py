@@ -22,7 +22,7 @@ from accounts.models import Racer
 from core import wakeup
 from core.bodies import MAX_NAME, MAX_NAMED
 from core.events import waking
-from league.models import Notice, NoticeKind
+from league.models import Notice, NoticeKind, Round, Stage
 from league.services import create_season
 from league.services.webhooks import add_webhook
 from races.models import MeasuredLap, Race, RaceState, TimingSensor, Visibility
@@ -96,8 +96,10 @@ def _made_owned(alice: Racer, now: datetime) -> Owned:
     accept_invitation(token=race.invitation, racer=a_racer("guest"), now=now)
     evaluation = drive(race, alice, laps(10_000, 10_000, 10_000), now).evaluation
     video = Video.objects.create(evaluation=evaluation, asked_by=alice, language="en")
-    create_season(slug="tried", name="Tried", starts_on=now.date(), ends_on=now.date() + timedelta(days=9))
-    names = {"slug": "tried", "alias": "guest", "token": race.invitation, "stage": "open-qualifier"}
+    season = create_season(slug="tried", name="Tried", starts_on=now.date(), ends_on=now.date() + timedelta(days=9))
+    ahead = a_race(now, kind="league", division="open", opens_at=now + timedelta(days=1))
+    Round.objects.create(season=season, number=1, stage=Stage.OPEN, race=ahead)
+    names = {"slug": "tried", "race": ahead.slug, "alias": "guest", "token": race.invitation, "stage": "open-qualifier"}
     names["key"] = AuthToken.objects.create(user=alice)[0].token_key
     notice = Notice.objects.create(racer=alice, kind=NoticeKind.OPENS, about="x", params={"race": "Tried"}, at=now)
     real, mia = a_timed_race(now, alice, a_racer("fast"))
