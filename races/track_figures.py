@@ -15,6 +15,7 @@ from tracks.models import Track
 from .models import Race, RaceType, Visibility
 from .models.rules import usual
 
+REAL_CAR_RECORDS = 10
 _SHOWN = {"visibility": Visibility.PUBLIC, "cancelled_at": None, "opens_at__lte": Now()}  # to everybody, and begun
 _HELD = Q(**{f"races__{name}": value for name, value in _SHOWN.items()})
 
@@ -28,15 +29,24 @@ def standard_races() -> QuerySet[Race]:
         physical=False,
         imported_at=None,
         off_track_penalty_ms__gte=usual("off_track_penalty_ms"),
-        fastest_lap_ms__isnull=False,
     )
     return fair.exclude(live_event__speed_control=True)
 
 
 def _record(*, reverse: bool) -> Subquery:
     """The fastest lap of a classified car in standard races of one direction: the file's, or the other."""
-    raced = standard_races().filter(Q(direction=OuterRef("direction"), _negated=reverse), track=OuterRef("pk"))
+    raced = standard_races().filter(fastest_lap_ms__isnull=False)
+    raced = raced.filter(Q(direction=OuterRef("direction"), _negated=reverse), track=OuterRef("pk"))
     return Subquery(raced.order_by("fastest_lap_ms").values("fastest_lap_ms")[:1])
+
+
+def real_car_records(track: Track) -> QuerySet[Race]:
+    """The races of real cars on a track in which somebody is classified, each with its fastest lap, the latest first.
+
+    They are listed by event and never compared: their times come from the organiser.
+    """
+    held = Race.objects.filter(**_SHOWN, track=track, physical=True, imported_at=None, fastest_lap_ms__isnull=False)
+    return held.order_by("-opens_at", "-pk")[:REAL_CAR_RECORDS]
 
 
 def _clock(column: str) -> Callable[[Track], str]:

@@ -1,7 +1,8 @@
-"""What a racer has won: wins and podiums of official results that somebody else was classified in too."""
+"""Wins and podiums of a racer: official results with two or more classified racers, real cars apart."""
 
 from __future__ import annotations
 
+import itertools
 from dataclasses import dataclass
 from datetime import datetime
 from typing import TYPE_CHECKING
@@ -31,11 +32,14 @@ AT_A_TIME = 500
 
 @dataclass(frozen=True)
 class Honours:
-    """``races``: all that the racer is in; ``wins`` and ``podiums`` of their official results."""
+    """``races``: all entered; ``wins`` and ``podiums``: official results of simulated cars; ``real_wins`` and
+    ``real_podiums``: those of real cars, whose times the organiser enters."""
 
     races: int
     wins: int
     podiums: int
+    real_wins: int = 0
+    real_podiums: int = 0
 
 
 def honours_of(racer: Racer, viewer: Racer | AnonymousUser | None, now: datetime) -> Honours:
@@ -50,11 +54,14 @@ def honours_of(racer: Racer, viewer: Racer | AnonymousUser | None, now: datetime
     count = entries.count()
     several = BoardCount.objects.filter(race=OuterRef("race"), shift=TOTAL, bucket=RANKED, racers__gte=LEAST)
     won = entries.filter(_official(now), Exists(several), CLASSIFIED, is_baseline=False)
-    ids = list(won.order_by().values_list("pk", flat=True))
-    places = [
-        place for begin in range(0, len(ids), AT_A_TIME) for place in places_of(ids[begin : begin + AT_A_TIME]).values()
-    ]
-    return Honours(count, places.count(0), sum(place < PODIUM for place in places))
+    physical = dict(won.order_by().values_list("pk", "race__physical"))
+    ids = list(physical)
+    places: dict[bool, list[int]] = {False: [], True: []}
+    for begin in range(0, len(ids), AT_A_TIME):
+        for entry, place in places_of(ids[begin : begin + AT_A_TIME]).items():
+            places[physical[entry]].append(place)
+    counts = ((found.count(0), sum(place < PODIUM for place in found)) for found in places.values())
+    return Honours(count, *itertools.chain(*counts))
 
 
 def _official(now: datetime) -> Q:

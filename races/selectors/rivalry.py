@@ -28,7 +28,8 @@ _NEAR = (2, 1)  # points for who stands just before or behind, and one further
 
 @dataclass(frozen=True)
 class HeadToHead:
-    """How often each of two stood before the other: in races (both classified), and in heats (both placed)."""
+    """How often each of two stood before the other: in races of simulated cars (both classified), and in heats (both
+    placed)."""
 
     races_ahead: int
     races_behind: int
@@ -57,7 +58,7 @@ def head_to_head(one: Racer, other: Racer, viewer: Racer | AnonymousUser | None)
 
 def heads_to_heads(one: Racer, others: Collection[int], viewer: Racer | AnonymousUser | None) -> dict[int, HeadToHead]:
     """:func:`head_to_head` against each of several (ids), in two queries together."""
-    seen = races_visible_to(viewer).order_by().values("pk")
+    seen = races_visible_to(viewer).filter(physical=False).order_by().values("pk")
     racers = [one.pk, *others]
     mine = Entry.objects.filter(racer=one).values("race")
     classified = Entry.objects.filter(CLASSIFIED, race__in=seen, withdrawn_at=None, is_baseline=False)
@@ -73,9 +74,10 @@ def rivals_of(racer: Racer, viewer: Racer | AnonymousUser | None, now: datetime)
     The rule: of the boards on which the racer's standing was achieved in the last 30 days and which ``viewer`` may see,
     the latest 20 are looked at. Whoever stands just before or just behind the racer there gets two points, the next one
     either way one point. Who has most points is nearest, of equals who is near on more boards, then by alias. House
-    cars and closed accounts are nobody's rivals. Boards of duels count by their qualifying.
+    cars and closed accounts are nobody's rivals. Boards of duels count by their qualifying; boards of real cars do not
+    count.
     """
-    seen = races_visible_to(viewer).order_by().values("pk")
+    seen = races_visible_to(viewer).filter(physical=False).order_by().values("pk")
     mine = Entry.objects.filter(CLASSIFIED, racer=racer, race__in=seen, withdrawn_at=None, is_baseline=False)
     mine = mine.filter(achieved_at__gt=now - RIVALS_LOOK).order_by("-achieved_at", "-pk")
     near = {

@@ -28,6 +28,7 @@ from races.selectors import BoardRow, evaluations_visible_to, races_on
 from races.selectors.counting import DrivenAgain, driven_again
 from races.selectors.offers import Learned, Offer, offers_for
 from races.selectors.results import Place, Rival
+from races.track_figures import real_car_records
 from tracks.drawing import BoxMark, Trajectory, draw_svg
 from tracks.models import Track
 
@@ -66,6 +67,12 @@ LAP_STATUS = {
 def races_here(context: Context, track: Track) -> list[Race]:
     """Races on a track that the reader may see: open ones first."""
     return list(races_on(track, timezone.now(), context["user"])[:RACES_ON_A_TRACK])
+
+
+@register.simple_tag
+def real_cars_on(track: Track) -> list[Race]:
+    """Races of real cars on a track with the fastest lap of each."""
+    return list(real_car_records(track))
 
 
 @register.simple_tag(takes_context=True)

@@ -13,7 +13,8 @@ from django.test.utils import CaptureQueriesContext
 
 from evaluation.models import TrainedModel
 from evaluation.services import share_model, stop_sharing_model
-from tests.factories import a_model, a_race, drive, laps
+from races.services import submit_model
+from tests.factories import a_model, a_race, drive, finish, laps
 from tests.pages.conftest import VIEWERS, World
 from tests.training.jobs import a_training
 from training.models import TrainingJob, Vehicle
@@ -142,6 +143,15 @@ class TestBrowsing:
         assert "0:10.000" in page, "it stands on a board"
         assert "0:12.000" not in page, "alice's alone"
         assert "0:12.000" in body(world.client("alice"), BROWSE)
+
+    def test_laps_by_other_rules_are_not_its_best(self, world: World) -> None:
+        now, track = world.now, world.finished.evaluation.track
+        car = drive(a_race(now, slug="fair", track=track), world.alice, laps(9_500, 9_400, 9_450), now).evaluation.model
+        share_model(model=car, now=now)
+        loose = a_race(now, slug="loose", track=track, off_track_penalty_ms=0)
+        finish(submit_model(race=loose, racer=world.alice, model=car, now=now), laps(4_100, 4_100, 4_100), now)
+        page = body(world.client("bob"), BROWSE)
+        assert "0:09.400" in page and "0:04.100" not in page
 
     def test_it_shows_owner_and_network_and_links_the_wizard(self, world: World, shared: TrainedModel) -> None:
         from training.trainer.network import NetworkLayout

@@ -163,6 +163,18 @@ def test_the_teacher_sees_how_far_each_is(made, alice, now):
     assert found == {"Ann Lee": (0, 0, None), "Kim Minji": (1, 1, 9_900)}
 
 
+def test_the_best_lap_is_that_of_the_latest_race(made, alice, now):
+    room, cards = made
+    racer = cards[0].learner.racer
+    fields = {"organiser": alice, "group": room.group, "visibility": Visibility.INVITATION}
+    earlier = a_race(now, opens_at=now - timedelta(days=2), **fields)
+    later = a_race(now, opens_at=now - timedelta(days=1), off_track_penalty_ms=0, **fields)
+    drive(later, racer, laps(12_000, 12_000, 12_000), now)
+    drive(earlier, racer, laps(8_000, 8_000, 8_000), now)
+    row = next(row for row in progress_of(room) if row.best_lap_ms)
+    assert (row.best_lap_ms, row.race) == (12_000, later)
+
+
 def test_a_class_is_deleted_with_everything(made, alice, bob, now, django_capture_on_commit_callbacks):
     room, cards = made
     race = a_race(now, organiser=alice, group=room.group, visibility=Visibility.INVITATION)

@@ -4,22 +4,26 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from django.db.models import Count, Min
+from django.db.models import Count
 
 from accounts.models import ClassLearner, Classroom
-from races.models import Entry
+from races.models import Entry, Race
 
 from ..models import TrainingJob
 
 
 @dataclass(frozen=True)
 class LearnerProgress:
-    """A learner: lessons of the plan that they opened, trainings, and the best lap in the races of the class."""
+    """A learner: lessons of the plan that they opened, trainings, and the best lap of their latest race of the class.
+
+    Laps of two races do not compare: their tracks and rules differ.
+    """
 
     learner: ClassLearner
     lessons: int
     trainings: int
     best_lap_ms: int | None
+    race: Race | None
 
 
 def progress_of(classroom: Classroom) -> list[LearnerProgress]:
@@ -28,14 +32,16 @@ def progress_of(classroom: Classroom) -> list[LearnerProgress]:
     ids = [learner.racer_id for learner in learners]
     jobs = TrainingJob.objects.filter(owner__in=ids, deleted_at=None).order_by()
     trainings = dict(jobs.values_list("owner").annotate(Count("pk")))
-    raced = Entry.objects.filter(racer__in=ids, race__group=classroom.group_id, withdrawn_at=None).order_by()
-    laps = dict(raced.values_list("racer").annotate(Min("best_lap_ms")))
+    raced = Entry.objects.filter(racer__in=ids, race__group=classroom.group_id, withdrawn_at=None)
+    lapped = raced.filter(best_lap_ms__isnull=False, race__cancelled_at=None).select_related("race")
+    latest = {entry.racer_id: entry for entry in lapped.order_by("race__opens_at", "race")}
     return [
         LearnerProgress(
             one,
             sum(slug in one.lessons for slug in classroom.plan),
             trainings.get(one.racer_id, 0),
-            laps.get(one.racer_id),
+            latest[one.racer_id].best_lap_ms if one.racer_id in latest else None,
+            latest[one.racer_id].race if one.racer_id in latest else None,
         )
         for one in learners
     ]

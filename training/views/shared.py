@@ -15,6 +15,7 @@ from django.views.decorators.http import require_safe
 from evaluation.models import Evaluation, TrainedModel
 from evaluation.selectors import shared_models
 from races.selectors import evaluations_visible_to
+from races.track_figures import standard_races
 
 SHARED_PER_PAGE = 30
 LONGEST_SEARCH = 64
@@ -44,10 +45,11 @@ def shared(request: HttpRequest) -> HttpResponse:
 
 
 def best_laps(evaluations: QuerySet[Evaluation], models: Iterable[TrainedModel]) -> dict[int, BestLap]:
-    """For each model's key its best lap among ``evaluations``: the one with the highest mean speed, as laps of two
-    tracks cannot be compared by time."""
+    """For each model's key its best lap among ``evaluations``, of standard races only: the one with the highest mean
+    speed, as laps of two tracks cannot be compared by time."""
+    standard = evaluations.filter(submission__entry__race__in=standard_races(), submission__entry__withdrawn_at=None)
     driven = (
-        evaluations.filter(model__in=models, result__best_lap_ms__isnull=False, track__length_m__gt=0)
+        standard.filter(model__in=models, result__best_lap_ms__isnull=False, track__length_m__gt=0)
         .order_by()
         .values_list("model_id", "track__name", "track__length_m")
         .annotate(best=Min("result__best_lap_ms"))
