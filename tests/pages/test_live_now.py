@@ -59,3 +59,22 @@ def test_a_private_one_is_told_of_to_those_who_may_see_it(event):
 def test_where_nothing_is_live_one_query_says_so(wakes, django_assert_num_queries):
     with django_assert_num_queries(1):
         assert live_now(None, timezone.now()) == []
+
+
+def test_the_plan_of_a_live_event_gives_seconds_and_the_order(wakes):
+    now, alice = timezone.now(), a_racer("alice")
+    race = a_live_race(now, alice, name="Race night", slug="race-night")
+    a_show(now, alice, ["bob"], race=race, order="slowest_first")
+    page = Client().get("/races/race-night/event/").content.decode()
+    assert "s each · slowest first" in page and "qualifier" not in page
+    page = Client(HTTP_ACCEPT_LANGUAGE="ko").get("/races/race-night/event/").content.decode()
+    assert "초 · 느린 순" in page
+
+
+def test_the_big_screen_gives_the_start_in_the_time_zone_of_the_event(wakes):
+    now, alice = timezone.now(), a_racer("alice")
+    race = a_live_race(now, alice, name="Race night", slug="race-night")
+    event = a_show(now, alice, ["bob"], race=race)
+    type(event).objects.filter(pk=event.pk).update(time_zone="Asia/Seoul")
+    page = Client().get("/races/race-night/live/screen/").content.decode()
+    assert "KST</time>" in page
