@@ -15,6 +15,7 @@ from paddock.errors import UserFault
 from .checks import MAX_COORDINATE_M, MAX_WAYPOINTS, Points
 
 MAX_ROWS = 100_000
+MAX_LINES = 2 * MAX_ROWS  # with comments and empty lines
 _X = ("x_m", "x", "x_ref_m", "center_x", "centre_x")
 _Y = ("y_m", "y", "y_ref_m", "center_y", "centre_y")
 _RIGHT = ("w_tr_right_m", "w_right", "width_right_m", "width_right", "w_right_m", "w_tr_right")
@@ -72,14 +73,17 @@ def is_table(data: bytes) -> bool:
         lines = _lines(data)
     except UnicodeDecodeError:
         return False
-    return any(len(_numbers(line)) >= 2 for line in lines if not line.startswith("#"))
+    return any(len(_numbers(line)) >= 2 for line in lines[:MAX_LINES] if not line.startswith("#"))
 
 
 def read_table(data: bytes, scale: float, least_width_m: float) -> CentreLine:
     """The centre line of a table, in metres times ``scale``. Raises UserFault("track_csv_...")."""
     heading: list[str] = []
     rows: list[list[float]] = []
-    for number, line in enumerate(_lines(data), start=1):
+    lines = _lines(data)
+    if len(lines) > MAX_LINES:
+        raise UserFault("track_too_large", points=len(lines), limit=MAX_ROWS)
+    for number, line in enumerate(lines, start=1):
         cells = _cells(line.lstrip("# "))
         if not any(cells):
             continue
@@ -165,8 +169,8 @@ def _cells(line: str) -> list[str]:
 
 def _numbers(line: str) -> list[float]:
     """The numbers of a line; empty where a cell is none. Between semicolons a comma is a decimal point."""
-    cells = _cells(line)
+    cells, has_semicolons = _cells(line), ";" in line
     try:
-        return [float(cell.replace(",", ".") if ";" in line else cell) for cell in cells]
+        return [float(cell.replace(",", ".") if has_semicolons else cell) for cell in cells]
     except ValueError:
         return []

@@ -33,6 +33,11 @@ def read_track(
         raise UserFault("track_file_too_large", limit_mb=MAX_BYTES // (1024 * 1024))
     if not is_table(data):
         return _built(name, _wide(read_rows(data) * scale, least_width_m), is_open)
+    with np.errstate(over="ignore", invalid="ignore"):  # what is beyond float64 is refused as not finite
+        return _from_table(name, data, scale, least_width_m, is_open)
+
+
+def _from_table(name: str, data: bytes, scale: float, least_width_m: float, is_open: bool | None) -> TrackGeometry:
     table = read_table(data, scale, least_width_m)
     try:
         return _built(name, _wide(table.rows(), least_width_m), is_open)

@@ -15,7 +15,7 @@ from typing import NamedTuple
 from . import CATALOGUE, CatalogueTrack
 
 NEAREST = 3
-_LONGEST = 200  # characters of an unknown name that are compared
+_LONGEST = 64  # characters of an unknown name that are compared; no name is longer
 _SEPARATOR = re.compile(r"(?<=[a-z0-9])[ _:-]+(?=[a-z0-9])")
 _VARIANT = re.compile(r"(.+)[ _-](c?cw)", re.IGNORECASE)
 

@@ -2,13 +2,17 @@
 
 from __future__ import annotations
 
+import math
+import time
+import warnings
+
 import numpy as np
 import pytest
 
 from paddock.errors import UserFault
 from paddock.geometry.character import median_width
 from paddock.geometry.files import read_track
-from paddock.geometry.npy import write_npy
+from paddock.geometry.npy import MAX_BYTES, write_npy
 from tests.shared import SHARED, needs_shared
 
 ANGLES = np.linspace(0.0, 2.0 * np.pi, 120, endpoint=False)
@@ -148,3 +152,26 @@ def test_a_senseless_scale_is_refused(scale):
 @pytest.mark.parametrize("least", [-1.0, 0.1, 9.0, float("nan")])
 def test_a_senseless_width_is_refused(least):
     assert refused(table(oval()), least_width_m=least).code == "track_least_width"
+
+
+@pytest.mark.parametrize(
+    "data",
+    [b"1," * (MAX_BYTES // 2), b"1;2," * (MAX_BYTES // 4), b"a,b\n" * (MAX_BYTES // 4), b"\n" * MAX_BYTES],
+    ids=["commas", "both separators", "headings", "empty lines"],
+)
+def test_no_file_within_the_limit_takes_long(data):
+    began = time.process_time()
+    with pytest.raises(UserFault):
+        read_track(data, "x")
+    assert time.process_time() - began < 10.0
+
+
+@pytest.mark.parametrize("row", ["1e308,1e308,0.5,0.5", "-1e308,1,0.5,0.5", "1,1,1e308,1e308"])
+@pytest.mark.parametrize("scale", [1.0, 1000.0])
+def test_numbers_beyond_all_bounds_are_refused_without_a_warning(row, scale):
+    lines = [f"{3 * math.cos(at / 10)},{2 * math.sin(at / 10)},0.5,0.5" for at in range(63)]
+    lines[30] = row
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        fault = refused("\n".join(lines).encode(), scale=scale)
+    assert fault.code in ("track_far_away", "track_not_finite")
