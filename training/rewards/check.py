@@ -18,14 +18,15 @@ from pyflakes import checker, messages
 from paddock.errors import UserFault
 
 from .function import FILENAME, NAME, compile_reward, form_of, printable, without_mark
-from .modules import is_allowed
+from .modules import is_allowed, leak_in
 
 MAX_CHARACTERS = 140_000
 _FORBIDDEN_NAMES = frozenset({"open", "exec", "eval", "compile", "input", "breakpoint", "__import__"})
 _FORBIDDEN_ANYWHERE = frozenset(
     {"fromfile", "genfromtxt", "loadtxt", "tofile", "savez", "savez_compressed", "savetxt", "memmap"}
 )
-_FORBIDDEN_IN_MODULES = _FORBIDDEN_ANYWHERE | {"load", "save"}  # a racer's own class may have a method "save"
+# A racer's own class may have a method "save".
+_FORBIDDEN_IN_MODULES = _FORBIDDEN_ANYWHERE | {"load", "save", "chdir", "FileHandler"}
 _MOST = 20
 
 # Of what pyflakes finds, that which fails for sure when it runs: an import too many hurts nobody.
@@ -82,8 +83,9 @@ def _forbidden(tree: ast.Module) -> Iterator[UserFault]:
         if isinstance(node, ast.Import)
         for alias in node.names
     }
+    known = _modules_by_name(tree)
     for node in ast.walk(tree):
-        for name in _names(node, modules):
+        for name in (*_names(node, modules), *_leaks(node, known)):
             line = getattr(node, "lineno", 1)  # whatever has a name has a line
             yield UserFault("reward_forbidden_name", line=line, name=printable(name))
 
@@ -104,6 +106,33 @@ def _names(node: ast.AST, modules: set[str]) -> Iterator[str]:
     elif isinstance(node, ast.Call) and isinstance(node.func, ast.Name) and node.func.id == "getattr":
         texts = [part.value for part in node.args if isinstance(part, ast.Constant)]
         yield from (text for text in texts if isinstance(text, str) and text in _FORBIDDEN_IN_MODULES)
+
+
+def _modules_by_name(tree: ast.Module) -> dict[str, str]:
+    """The modules that the text imports, by the names that it gives them."""
+    found = {}
+    for node in ast.walk(tree):
+        for alias in node.names if isinstance(node, ast.Import) else ():
+            top = alias.name.split(".")[0]
+            found[alias.asname or top] = alias.name if alias.asname else top
+    return found
+
+
+def _leaks(node: ast.AST, modules: dict[str, str]) -> Iterator[str]:
+    """Modules that may not be imported and that this node takes out of one that may, such as ``logging.os``."""
+    if isinstance(node, ast.ImportFrom) and node.module is not None and not node.level:
+        for alias in node.names:
+            if (leak := leak_in([node.module, alias.name])) != "":
+                yield leak
+    if not isinstance(node, ast.Attribute):
+        return
+    names: list[str] = []
+    way: ast.expr = node
+    while isinstance(way, ast.Attribute):
+        names.append(way.attr)
+        way = way.value
+    if isinstance(way, ast.Name) and way.id in modules and (leak := leak_in([modules[way.id], *reversed(names)])) != "":
+        yield leak
 
 
 def _definitions(tree: ast.Module) -> Iterator[UserFault]:

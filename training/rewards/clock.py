@@ -31,6 +31,9 @@ class EpisodeClock:
         return self._made[name]
 
 
+PRESENT = EpisodeClock()  # the clock of the present call, for the standard library's own modules
+
+
 def _time(clock: EpisodeClock) -> ModuleType:
     made: Any = ModuleType("time", "Simulated seconds of the episode; sleep() does not wait.")
     for name in _READ:
@@ -56,14 +59,23 @@ def _time(clock: EpisodeClock) -> ModuleType:
 def _datetime(clock: EpisodeClock) -> ModuleType:
     utc = real_datetime.UTC
 
-    class Date(real_datetime.date):
+    class AnyDate(type):
+        """Of a date and a moment: those of the real module are instances, too."""
+
+        def __instancecheck__(cls, instance: object) -> bool:
+            return isinstance(instance, cls.__bases__[0])  # type: ignore[attr-defined]
+
+        def __subclasscheck__(cls, other: type) -> bool:
+            return issubclass(other, cls.__bases__[0])  # type: ignore[attr-defined]
+
+    class Date(real_datetime.date, metaclass=AnyDate):
         """A date whose today() is that of the simulated clock."""
 
         @classmethod
         def today(cls) -> Any:
             return cls(*real_time.gmtime(clock.now)[:3])
 
-    class DateTime(real_datetime.datetime):
+    class DateTime(real_datetime.datetime, metaclass=AnyDate):
         """A moment whose now() is that of the simulated clock, in UTC."""
 
         @classmethod

@@ -24,7 +24,7 @@ from typing import Any, cast
 from paddock.errors import UserFault
 from paddock.simulator.physics import PADDOCK_CAR
 
-from .clock import EpisodeClock
+from .clock import PRESENT, EpisodeClock
 from .modules import importer
 from .watch import FILENAME, Halted, TooLong, TooMuchPrinted, watch
 
@@ -57,6 +57,7 @@ class Reward:
         """Runs the program's top level. Raises UserFault."""
         module = ModuleType(NAME)
         self._clock = EpisodeClock()
+        PRESENT.now = 0.0
         own = {"__import__": importer(self._clock, builtins.__import__)}
         module.__dict__["__builtins__"] = vars(builtins) | own
         watch.begin()
@@ -84,7 +85,7 @@ class Reward:
 
     def __call__(self, params: Params) -> float:
         """The reward, finite and within 1e5. Raises UserFault (codes ``reward_...``, with the ``line``)."""
-        self._clock.now = float(params.get("sim_time", 0.0))
+        PRESENT.now = self._clock.now = float(params.get("sim_time", 0.0))
         watch.begin()
         try:
             value = self._reward(params)

@@ -3,7 +3,7 @@
 Of the standard library: modules that only compute. What gives files, processes, threads, the network or internals of
 the interpreter (``os``, ``sys``, ``io``, ``pathlib``, ``subprocess``, ``threading``, ``socket``, ``pickle``, ...) is
 refused: the sandbox would stop it in the midst of a training. ``time`` and ``datetime`` are those of :mod:`.clock`;
-what ``logging`` and ``warnings`` write counts as printed.
+those that ``logging`` and ``calendar`` read are of the present call.
 """
 
 from __future__ import annotations
@@ -16,8 +16,7 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 from types import ModuleType
 from typing import Any
 
-from .clock import CLOCKS, EpisodeClock
-from .watch import watch
+from .clock import CLOCKS, PRESENT, EpisodeClock
 
 LIBRARIES = ("math", "random", "numpy", "scipy", "shapely")  # those of the field
 STANDARD = (
@@ -28,7 +27,8 @@ STANDARD = (
 )
 ALLOWED = (*LIBRARIES, *STANDARD)
 # Parts of the standard library's packages that compute only; logging.handlers has files and the network.
-_STANDARD_PARTS = ("collections.abc", "json.decoder", "json.encoder")
+_STANDARD_PARTS = ("collections.abc", "json.decoder", "json.encoder", "json.scanner")
+_OTHER_PARTS = ("json.tool", "logging.config", "logging.handlers")
 
 # numpy and scipy load their parts when they are first named, shapely most of them at once.
 _PARTS = {
@@ -60,6 +60,25 @@ def is_allowed(name: str) -> bool:
     if package in STANDARD and package != name:
         return name in _STANDARD_PARTS
     return package in (*ALLOWED, "__future__")
+
+
+def leak_in(names: Sequence[str]) -> str:
+    """The module at the end of a dotted way such as ``logging.os``, if it may not be imported; empty otherwise. Knows
+    the modules that are loaded."""
+    dotted = ".".join(names)
+    if dotted in _OTHER_PARTS:
+        return dotted
+    found: Any = sys.modules.get(names[0])
+    for at, name in enumerate(names[1:], start=1):
+        if not isinstance(found, ModuleType) or (at > 1 and not _may_be_reached(found, ".".join(names[:at]))):
+            return ""
+        found = vars(found).get(name)
+    return "" if not isinstance(found, ModuleType) or _may_be_reached(found, dotted) else found.__name__
+
+
+def _may_be_reached(module: ModuleType, dotted: str) -> bool:
+    own = module.__name__
+    return is_allowed(own) or is_allowed(own.removeprefix("_")) or (dotted in _STANDARD_PARTS)
 
 
 def importer(clock: EpisodeClock, original: Callable[..., Any]) -> Callable[..., Any]:
@@ -96,29 +115,16 @@ def preload(names: Iterable[str]) -> None:
     for name in names:
         with contextlib.suppress(ImportError):
             importlib.import_module(name)
-            if name in _TO_PRINTS:
-                _TO_PRINTS[name](sys.modules[name])
+            if name in _PREPARED:
+                _PREPARED[name](sys.modules[name])
 
 
-def _print_logs(logging: Any) -> None:
-    """Handlers without a stream of their own print, and so does what no handler takes."""
-    original = logging.StreamHandler.__init__
-
-    def begin(handler: Any, stream: Any = None) -> None:
-        original(handler, watch if stream is None else stream)
-
-    logging.StreamHandler.__init__ = begin
-    logging.lastResort = logging.StreamHandler()
-    logging.lastResort.setLevel(logging.WARNING)
+def _use_present_clock(library: Any, name: str) -> None:
+    """Let a module of the standard library read the clock of the present call."""
+    setattr(library, name, PRESENT.module(name))
 
 
-def _print_warnings(warnings: Any) -> None:
-    original = warnings.showwarning
-
-    def show(message: Any, category: Any, filename: str, lineno: int, file: Any = None, line: Any = None) -> None:
-        original(message, category, filename, lineno, watch if file is None else file, line or "")
-
-    warnings.showwarning = show
-
-
-_TO_PRINTS: dict[str, Callable[[Any], None]] = {"logging": _print_logs, "warnings": _print_warnings}
+_PREPARED: dict[str, Callable[[Any], None]] = {
+    "logging": lambda logging: _use_present_clock(logging, "time"),
+    "calendar": lambda calendar: _use_present_clock(calendar, "datetime"),
+}

@@ -65,6 +65,11 @@ class Watch(io.TextIOBase):
         """The call is over."""
         self._ticks = None
 
+    @property
+    def is_in_call(self) -> bool:
+        """Whether a call has begun and is not over."""
+        return self._ticks is not None
+
     def tick(self, _signal: int, frame: FrameType | None) -> None:
         """The timer. Raises TooLong in whatever runs, and again at every tick, should that be caught; Python itself
         swallows it in a ``__del__``, so ``too_long_in`` says in which line of the call the time was up (0: unknown).
@@ -114,6 +119,27 @@ class Watch(io.TextIOBase):
         return {"kept": kept, "last": last, "more": self._more}
 
 
+class _Errors(io.TextIOBase):
+    """``sys.stderr``: in a call it is printed to :data:`watch`, such as by ``traceback.print_exc`` and ``logging``;
+    outside of calls it is for operators."""
+
+    def __init__(self, operators: Any) -> None:
+        self._operators = operators
+
+    def writable(self) -> bool:
+        """It is there to be printed to."""
+        return True
+
+    def write(self, text: str) -> int:
+        """Take what is printed. Raises TooMuchPrinted in a call."""
+        return watch.write(text) if watch.is_in_call else self._operators.write(text)
+
+    def flush(self) -> None:
+        """Nothing of a call waits; what is for operators goes to them."""
+        if not watch.is_in_call:
+            self._operators.flush()
+
+
 def _line_of(frame: FrameType | None) -> int:
     while frame is not None and frame.f_code.co_filename != FILENAME:
         frame = frame.f_back
@@ -134,7 +160,7 @@ def line_in(stderr: str) -> int | None:
 
 
 def arm() -> None:
-    """Start the timer and take over ``sys.stdout``. Once, when a process starts, before its lock.
+    """Start the timer and take over ``sys.stdout`` and ``sys.stderr``. Once, when a process starts, before its lock.
 
     Crashes, the end of the process's own time and SIGUSR1 write the present line to stderr: :func:`line_in` finds it.
     """
@@ -144,4 +170,4 @@ def arm() -> None:
     signal.signal(signal.SIGPROF, watch.tick)
     signal.siginterrupt(signal.SIGPROF, False)  # no system call of a library ends early because of it
     signal.setitimer(signal.ITIMER_PROF, TICK_S, TICK_S)
-    sys.stdout = watch
+    sys.stdout, sys.stderr = watch, _Errors(sys.stderr)
