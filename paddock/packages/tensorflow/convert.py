@@ -143,7 +143,7 @@ class _Conversion:
             ) from error  # fmt: skip
         except TooManyFields as error:
             raise UserFault("graph_too_big", limit=self.context.limits.wire_fields) from error
-        except (Contradiction, WireError) as error:
+        except (Contradiction, WireError, ArithmeticError, TypeError, ValueError) as error:  # the latter are NumPy's
             raise UserFault("graph_invalid", node=printable(node.name)) from error
 
     def _call(self, node: TensorflowNode, values: list[Value]) -> None:

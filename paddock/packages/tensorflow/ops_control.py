@@ -17,6 +17,7 @@ def _pass_on(context: Context, node: TensorflowNode, inputs: list[Value]) -> lis
 
 @converts("IdentityN")
 def _pass_all_on(context: Context, node: TensorflowNode, inputs: list[Value]) -> list[Value]:
+    require(bool(inputs))
     return inputs
 
 

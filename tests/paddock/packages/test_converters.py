@@ -348,3 +348,46 @@ def test_functions_that_call_each_other_many_times_are_bounded() -> None:
     with pytest.raises(UserFault) as fault:
         admit(graph_of(branched(True), library=library(*functions)), read({"actions": ROW}))
     assert fault.value.code == "graph_too_big"
+
+
+def floats(writer: GraphWriter, name: str) -> str:
+    return writer.op(f"{name}_float", "Cast", name, DstT=Attr.dtype(FLOAT))
+
+
+def huge_range(writer: GraphWriter, row: str) -> str:
+    ends = [numbers(writer, name, value, "int64") for name, value in (("a", -(2**63)), ("b", 2**63 - 1), ("d", 1))]
+    writer.op("range", "Range", *ends)
+    return writer.op("made", "AddV2", row, floats(writer, "range"))
+
+
+def negative_power(writer: GraphWriter, row: str) -> str:
+    writer.op("power", "Pow", numbers(writer, "base", 2), numbers(writer, "exponent", -1))
+    return writer.op("made", "AddV2", row, floats(writer, "power"))
+
+
+def huge_fill(writer: GraphWriter, row: str) -> str:
+    writer.op("fill", "Fill", numbers(writer, "sizes", [0, 2**31 - 1, 2**31 - 1]), numbers(writer, "v", 1.0, "float32"))
+    return writer.op("made", "AddV2", row, "fill")
+
+
+def negative_flag(writer: GraphWriter, row: str) -> str:
+    writer.op("negative", "Neg", numbers(writer, "flags", [True], "bool"))
+    return writer.op("made", "AddV2", row, floats(writer, "negative"))
+
+
+def difference_of_flags(writer: GraphWriter, row: str) -> str:
+    writer.op("difference", "Sub", *(numbers(writer, name, [True], "bool") for name in "ab"))
+    return writer.op("made", "AddV2", row, floats(writer, "difference"))
+
+
+def nothing_passed_on(writer: GraphWriter, row: str) -> str:
+    return writer.node("made", "IdentityN", [])
+
+
+@pytest.mark.parametrize(
+    "build", [huge_range, negative_power, huge_fill, negative_flag, difference_of_flags, nothing_passed_on]
+)
+def test_known_values_that_numpy_cannot_compute_make_the_graph_invalid(build: Build) -> None:
+    with pytest.raises(UserFault) as fault:
+        admit(graph_of(build), read({"actions": ROW}))
+    assert fault.value.code == "graph_invalid"
