@@ -95,11 +95,11 @@ CASES = [
         "Password changed",
         {"Password": PASSWORD, "Password (again)": PASSWORD},
     ),
-    Case("newcomer", "/accounts/reauthenticate/", "Go on", "css=.race-card", {"Password": PASSWORD}),
+    Case("newcomer", "/accounts/reauthenticate/", "Continue", "css=.race-card", {"Password": PASSWORD}),
     Case(
         "newcomer", "/accounts/email/", "Change the address", "to new@example.org.", {"New address": "new@example.org"}
     ),
-    Case("alice", "/accounts/reauthenticate/", "Go on", "css=.race-card", {"Password": PASSWORD}),
+    Case("alice", "/accounts/reauthenticate/", "Continue", "css=.race-card", {"Password": PASSWORD}),
     Case("alice", "/accounts/email/", "Send it again", "A link to confirm your address"),
     Case("alice", "", "Keep the old address", "css=main:not(:has([name=action_remove]))"),
     Case(
@@ -187,6 +187,12 @@ CASES = [
     Case("newcomer", "/races/new/?track=oval", "Create the race", "Race created.", {"Name": "Lunch"}),
     Case("alice", "/races/later-race/edit/", "Save", "Saved.", {"Name": "Later still"}),
     Case("alice", "/races/secret-race/edit/", "Replace this link", "New link created"),
+    Case(
+        "alice",
+        "/races/secret-race/edit/",
+        "css=#spectators form button",
+        "The spectators' link is new.",
+    ),
     Case("alice", "/races/open-race/racers/", "css=[action$='gone/restore/'] button", "gone is back in the race."),
     Case("alice", "/races/open-race/racers/slowpoke/remove/", "Remove", "slowpoke is removed", {"Reason": "Rude"}),
     # real cars
@@ -231,7 +237,7 @@ CASES = [
     Case("alice", LIVE, "Begin", "css=.console-order"),
     Case("alice", LIVE, "css=#act-launch", "This racer has no model"),
     Case("alice", LIVE, "Pause", "css=#act-resume"),
-    Case("alice", LIVE, "Go on", "css=#act-pause"),
+    Case("alice", LIVE, "Continue", "css=#act-pause"),
     Case("alice", LIVE, "css=[value=down]", _logged("move")),
     Case("alice", LIVE, "css=[value=call]", "css=.console-slot.called"),
     Case("alice", LIVE, "css=[value=up]", _logged("move")),
