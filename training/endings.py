@@ -23,7 +23,7 @@ def how_it_ended(job: TrainingJob, reader: Racer | AnonymousUser) -> str:
     if job.reward_ms is None or job.reward_ms < SLOW_MS or job.ended_because == EndReason.FAILED:
         return why
     slow = _("Each call of the reward function took %(ms)s ms, a fast one takes less than 1 ms.")
-    return f"{why} {slow % {'ms': f'{job.reward_ms:,.0f}'}}"
+    return f"{why}. {slow % {'ms': f'{job.reward_ms:,.0f}'}}"
 
 
 def _why(job: TrainingJob, reader: Racer | AnonymousUser) -> str:

@@ -30,8 +30,8 @@ def ended(job: TrainingJob, why: str, **more) -> TrainingJob:
     [
         (EndReason.TIME, {"stop_minutes": 5}, "Time limit reached (5 minutes)", "5분"),
         (EndReason.STEPS, {"stop_steps": 5000}, "Step limit reached (5,000)", "5,000"),
-        (EndReason.CLEAN_LAPS, {"stop_clean_laps": 3}, "Goal reached: 3 clean laps in a row", "3바퀴"),
-        (EndReason.CLEAN_LAPS, {"stop_clean_laps": 1}, "Goal reached: 1 clean lap", "1바퀴"),
+        (EndReason.CLEAN_LAPS, {"stop_clean_laps": 3}, "Goal reached: 3 clean laps in a row", "랩 3개"),
+        (EndReason.CLEAN_LAPS, {"stop_clean_laps": 1}, "Goal reached: 1 clean lap", "랩 1개"),
     ],
 )
 def test_a_stop_condition_is_told_with_its_number(alice, oval, now, why, asked, says, in_korean):
@@ -84,3 +84,9 @@ def test_every_ending_has_a_reason(alice, oval, now, state, why):
         TrainingJob.objects.filter(pk=job.pk).update(**values)
     with pytest.raises(IntegrityError, match="training_end_has_reason"), transaction.atomic():
         TrainingJob.objects.filter(pk=job.pk).update(ended_because=why or "time")
+
+
+def test_the_end_and_the_slow_reward_function_are_two_sentences(alice, oval, now):
+    job = ended(a_training(alice, oval, now), EndReason.STOPPED, stopped_by=alice)
+    job.reward_ms = 86.0
+    assert how_it_ended(job, alice).startswith("Stopped by you. Each call of the reward function took 86 ms")
