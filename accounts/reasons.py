@@ -9,7 +9,7 @@ register(
     {
         "sign_up_invitation": _("This invitation is used up or has expired. Ask the sender for a new one."),
         "class_names": _("Write one name a line, of at most %(limit)s characters each. Nobody was added."),
-        "class_no_teacher": _("An account of a class has no classes of its own."),
+        "class_no_teacher": _("A class account cannot have classes."),
         "class_teacher_unknown": _(
             "No racer of this alias can teach the class: it is unknown, the first teacher's, or a learner's."
         ),
@@ -22,14 +22,12 @@ register(
         ),
         "follow_too_many": _("You follow %(limit)s racers, which is the most that one may. Unfollow one first."),
         "group_has_races": _("Races are held for this group alone. Hold them for everybody, or delete them first."),
-        "group_is_a_class": _(
-            "This group is a class: it stays with its teacher, who deletes it on the page of the class."
-        ),
+        "group_is_a_class": _("This group is a class. Its teacher can delete it on the page of the class."),
         "group_limit": _("You lead %(limit)s groups already, which is the most that one racer may."),
         "group_link_unknown": _("This link belongs to no group: it was replaced, or the group is gone."),
         "group_not_a_member": _("Only members can lead the group."),
         "group_not_yours": _("Only the leader of the group can do this."),
-        "picture_broken": _("This picture cannot be read to its end. Save it anew and try again."),
+        "picture_broken": _("This picture is incomplete. Save it again and retry."),
         "picture_format": _("Send a picture as PNG, JPEG or WebP."),
         "picture_too_large": _("The picture is larger than %(limit_mb)s MB."),
         "picture_too_many_pixels": _("The picture has more than %(limit)s million pixels."),
@@ -44,7 +42,7 @@ register(
         "team_no_such_racer": _("There is no racer of this alias."),
         "team_not_a_member": _("This racer is not in the team."),
         "team_not_asked": _("This invitation is not yours, or was taken back."),
-        "team_too_many_invitations": _("%(limit)s racers were asked and have not answered. Take some back first."),
+        "team_too_many_invitations": _("%(limit)s invitations are open. Withdraw some first."),
         "too_many_tokens": _("You already have %(limit)s API tokens. Revoke one that you no longer need."),
     },
 )

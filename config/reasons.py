@@ -16,8 +16,8 @@ register(
             "place."
         ),
         "database_tool_failed": _("%(tool)s failed: %(problem)s."),
-        "streams_full": _("As many pages as this site can serve are open. Pages go on by asking; try again later."),
-        "streams_away": _("The stream cannot be begun just now. Pages go on by asking; try again later."),
+        "streams_full": _("Too many live pages are open. This page updates by polling; try again later."),
+        "streams_away": _("The stream is not available now. This page updates by polling; try again later."),
     },
 )
 
@@ -25,7 +25,7 @@ register(
     "The stream",
     "user",
     {
-        "stream_topics": _("What the stream is asked for is not understood. Reload the page."),
+        "stream_topics": _("Unknown stream topic. Reload the page."),
         "stream_refused": _("The stream is for pages of this site, which ask for it with GET."),
         "streams_of_racer": _("You have as many pages open as the site allows. Close some."),
         "streams_of_address": _("As many pages as the site allows are open from your address. Close some."),

@@ -124,9 +124,7 @@ register(
     "Reports",
     "user",
     {
-        "report_model_gone": _(
-            "There is no such model for you: it has left its garage or is not shared any more. Choose another."
-        ),
+        "report_model_gone": _("This model is not available: it was deleted or is no longer shared. Choose another."),
         "report_tracks": _("List tracks only for a report on chosen tracks. The other sets include their own tracks."),
         "report_track_gone": _("There is no track %(track)s here. The closest names are: %(nearest)s."),
         "report_too_many_tracks": _("A report drives at most %(limit)s tracks. Choose fewer."),
@@ -143,12 +141,9 @@ register(
         "report_empty": _("Choose tracks, a track for the variations, or both."),
         "report_seed": _("The seed must be a whole number from 0 to %(most)s."),
         "report_direction": _("There is no such direction. Choose one of %(known)s."),
-        "reports_at_once": _(
-            "%(limit)s reports of yours are under way, as many as may be at a time. Wait for one, or stop one."
-        ),
+        "reports_at_once": _("You have %(limit)s reports in progress, the maximum. Wait for one, or stop one."),
         "reports_a_day": _(
-            "You have asked for %(limit)s reports within 24 hours, as many as a racer may. Come back later, or ask an "
-            "operator for more."
+            "You requested %(limit)s reports in 24 hours, the maximum. Try again later, or ask an operator for more."
         ),
         "reports_kept": _("You keep %(limit)s reports, as many as a racer may. Delete one that you need no more."),
         "report_under_way": _("The report is still being driven. Stop it first."),

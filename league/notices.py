@@ -28,7 +28,7 @@ SENTENCES = {
     NoticeKind.RETIMED: gettext_noop(
         "%(race)s was repeated with the engine %(engine)s. Your result: %(new)s (before, with %(before)s: %(old)s)."
     ),
-    NoticeKind.CUP: gettext_noop("The cup of %(day)s is over: you are in place %(place)s of division %(division)s."),
+    NoticeKind.CUP: gettext_noop("The cup of %(day)s is over. Your place in division %(division)s: %(place)s."),
     NoticeKind.FOLLOWED: gettext_noop("%(racer)s leads %(race)s with %(score)s."),
     NoticeKind.TEAM: gettext_noop("The team %(team)s asks you to join."),
     NoticeKind.SEASON: gettext_noop(

@@ -42,7 +42,7 @@ register(
         "rounds_overlap": _("%(race)s and %(other)s overlap. A division has one race at a time. Change the times."),
         "round_of_another_division": _("This stage needs a race of the %(division)s. Change the race or the stage."),
         "finale_before_qualifier": _("The finale opens before its qualifier closes at %(closes)s. Open it later."),
-        "cup_not_drawn": _("This is the knock-out of a cup: those who were drawn into this division race it."),
+        "cup_not_drawn": _("This is the knock-out of a cup. Only racers drawn into this division race in it."),
         "race_not_in_field": _("Only qualified racers can enter this race."),
         "postpone_hours": _("Enter a delay of 1 to %(most)s whole hours."),
         # webhooks
@@ -68,7 +68,7 @@ register(
         # invitations by e-mail
         "invitation_taken": _("This invitation was accepted already."),
         "invitation_too_soon": _("This address was written to less than a day ago."),
-        "invitations_a_day": _("You may invite %(limit)s addresses in 24 hours. Invite fewer, or go on tomorrow."),
+        "invitations_a_day": _("You can invite %(limit)s addresses in 24 hours. Invite fewer, or continue tomorrow."),
         "invited_file": _("The file is not text in UTF-8, or larger than %(limit_kb)s kB. Nobody was invited."),
         "invited_none": _("The list holds no e-mail address. Nobody was invited."),
         "invited_too_many": _("These are more than %(limit)s addresses. Invite them in parts."),

@@ -100,7 +100,7 @@ def _layout() -> dict[str, forms.Field]:
     """An empty one is as proposed."""
     fields = rule_fields(LAYOUT, strict=True)
     fields["random_boxes"].label = _("Boxes")
-    fields["random_boxes"].help_text = _("Positions are drawn anew each month.")
+    fields["random_boxes"].help_text = _("Positions are drawn again each month.")
     return fields | rule_fields(("sensors",), strict=True)
 
 

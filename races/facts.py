@@ -209,7 +209,7 @@ def _box_rules(race: Race) -> list[str]:
             "same in every lap for every car.",
             race.random_boxes,
         ) % {"count": race.random_boxes, "distance": f"{race.box_distance_m:g}"}
-    return [where, _("A box is 40 cm wide, 30 cm long and 25 cm high, and stands in the middle of its lane.")]
+    return [where, _("A box is 40 cm wide, 30 cm long and 25 cm high, in the middle of its lane.")]
 
 
 def _bot_rules(race: Race) -> list[str]:

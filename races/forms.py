@@ -64,7 +64,7 @@ class RaceForm(_RuleFields):  # type: ignore[misc, valid-type]
     physical = forms.BooleanField(
         label=_("Real cars, timed at the track"),
         required=False,
-        help_text=_("Nothing is simulated: timekeepers or sensors take the times."),
+        help_text=_("Real cars: timekeepers or sensors record the times."),
     )
     session_s = forms.IntegerField(
         label=_("Session (s)"),

@@ -43,7 +43,7 @@ class LiveForm(forms.Form):
     rounds = forms.IntegerField(label=_("Rounds"), min_value=1, max_value=MOST_ROUNDS, initial=2)
     attempt_ms = SecondsField(
         label=_("Seconds per attempt"),
-        help_text=_("So long each car drives; what it is ranked by is the race's rule."),
+        help_text=_("Driving time of each car. The race's rule ranks the laps."),
         min_value=LEAST_ATTEMPT_MS // 1000,
         max_value=MOST_ATTEMPT_MS // 1000,
         initial=180_000,

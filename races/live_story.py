@@ -16,9 +16,10 @@ from .ranking import Standing
 from .replay import SECTORS
 from .selectors.live import on_track, played, running_order
 from .selectors.live_runs import DrivenRun, shown_runs
-from .story_words import TRACED, Sentence, incident, seconds
+from .story_words import TRACED, Sentence, incident, ordinal, seconds
 
 MESSAGES = 20
+POSSIBLE = 0.8  # of the event's fastest last sector: no car improves on it by more, so nothing is said
 
 
 @dataclass
@@ -115,6 +116,8 @@ def _sector(at: datetime, alias: str, event: dict[str, Any], so_far: int, known:
     needs, last = known.fastest[0] - so_far, known.own_sectors.get((alias, SECTORS))
     if needs <= 0:
         yield Sentence(at, "needs", _("No fastest lap for %(racer)s.") % {"racer": alias})
+    elif needs < POSSIBLE * known.sectors.get(SECTORS, 0):
+        return
     elif last is None or needs == last:
         words = _("%(racer)s needs %(time)s in the last sector for the fastest lap.")
         yield Sentence(at, "needs", words % _in(alias, needs, 0))
@@ -158,13 +161,13 @@ def _outcome(run: DrivenRun, known: _Known) -> Iterator[Sentence]:
     held = known.best.get(run.alias)
     if held is not None and held.key <= run.standing.key:
         place = before.index(run.alias) + 1
-        yield Sentence(at, "place", _("%(racer)s stays at place %(place)s.") % {"racer": run.alias, "place": place})
+        yield Sentence(at, "place", _("%(racer)s stays %(place)s.") % {"racer": run.alias, "place": ordinal(place)})
         return
     known.best[run.alias] = run.standing
     after = known.ranked()
     place = after.index(run.alias) + 1
     if place > 1 or not run.standing.classified:
-        yield Sentence(at, "place", _("%(racer)s: place %(place)s.") % {"racer": run.alias, "place": place})
+        yield Sentence(at, "place", _("%(racer)s is %(place)s.") % {"racer": run.alias, "place": ordinal(place)})
     elif before and before[0] != run.alias:
         words = _("New leader: %(racer)s, before %(other)s.")
         yield Sentence(at, "leader", words % {"racer": run.alias, "other": before[0]})

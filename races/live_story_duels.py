@@ -94,7 +94,7 @@ def _outcome(event: LiveEvent, slot: LiveSlot, duels: Duels | None, now: datetim
     lost = ", ".join(car.entry.racer.alias for car in tie.cars if not car.won and car.entry is not None)
     is_final = len(duels.rounds[-1].ties) == 1 and tie.tie.round == duels.rounds[-1].number
     words = (
-        _("%(racer)s has won the final against %(other)s.") if is_final else _("%(racer)s goes on, %(other)s is out.")
+        _("%(racer)s has won the final against %(other)s.") if is_final else _("%(racer)s advances, %(other)s is out.")
     )
     yield Sentence(at, "leader", words % {"racer": won, "other": lost})
 

@@ -8,7 +8,7 @@ register(
     "platform",
     {
         "own_submit_failed": _(
-            "Paddock failed to send the car to the race. The run stands: submit the car on the race's page."
+            "Paddock failed to submit the car to the race. The run is valid: submit the car on the race's page."
         ),
     },
 )
@@ -31,7 +31,7 @@ register(
         "race_total_needs_all_laps": _("Total time counts every lap. Require all %(laps)s laps."),
         "race_sensors": _("Choose one or more different sensors, including a camera: %(known)s."),
         "race_group_is_private": _(
-            "This group is not listed: hold its race by invitation, so that nobody else sees it. Members need no link."
+            "This group is private. Make its race by invitation to keep it private; members need no link."
         ),
         "race_group_not_yours": _("You can hold races for listed groups and for those that you lead."),
         "race_group_only": _("This race is for members of %(group)s alone."),
@@ -86,13 +86,11 @@ register(
         ),
         "race_address_reserved": _("The address %(slug)s belongs to a page of this site. Choose another one."),
         "race_beside": _(
-            "Beside a race of real cars stands a simulated race on the same track that is public or yours. Choose one."
+            "The simulated race beside a real-car race must be on the same track, and public or yours. Choose one."
         ),
-        "race_is_physical": _(
-            "This race is driven with real cars at the track. Join it and bring your car; nothing is simulated here."
-        ),
-        "race_not_physical": _("This race is simulated, so nobody takes times in it."),
-        "timing_not_yours": _("Only timekeepers whom the organiser has named take times in this race. Ask them."),
+        "race_is_physical": _("This race uses real cars. Join it and bring your car to the track."),
+        "race_not_physical": _("This race is simulated. It has no timekeeping."),
+        "timing_not_yours": _("Only timekeepers of this race can record times. Ask the organiser to add you."),
         "timing_id_taken": _("This id belongs to another race or session. Give each session and lap a new one."),
         "timing_racer_unknown": _(
             "%(racer)s is not in this race. Have them join it, or record them as a guest: laps are taken over later."
@@ -100,10 +98,10 @@ register(
         "timing_clock_ahead": _(
             "The session begins in the future. Set the clock of the device right, then send again."
         ),
-        "timing_too_late": _(
-            "Laps are carried over until %(hours)s hours after the race has closed. Ask the organiser what to do."
+        "timing_too_late": _("Laps can be sent until %(hours)s hours after the race has closed. Ask the organiser."),
+        "timing_final": _(
+            "The results of this race are final: the stewards' window is over. Laps can no longer be changed."
         ),
-        "timing_final": _("The results of this race are final: the stewards' window is over. No lap changes any more."),
         "timing_stewards": _("The results are official, so only stewards correct them. Ask the league's admins."),
         "sessions_used_up": _("This racer has had all %(limit)s sessions that the race allows."),
         "sessions_overlap": _(
@@ -113,12 +111,10 @@ register(
         "guest_is_racer": _(
             "%(name)s is the alias of a racer in this race. Choose the racer, or give the guest another name."
         ),
-        "guest_name": _(
-            "A name has 1 to %(most)s characters on one line and begins with none of = + - @. Write another one."
-        ),
-        "guest_unknown": _("This link to take over laps belongs to nobody, or it was used. Ask the organiser."),
+        "guest_name": _("Use 1 to %(most)s characters on one line. The first may not be = + - or @."),
+        "guest_unknown": _("This link is invalid or was already used. Ask the organiser for a new one."),
         "guest_linked": _("The laps of %(guest)s were taken over already. Ask the organiser if they are yours."),
-        "lap_numbers": _("Laps are numbered from 1 without a gap, each with an id of its own."),
+        "lap_numbers": _("Number laps from 1 without gaps, each with a unique id."),
         "laps_too_many": _("A session has at most %(most)s laps. Begin another session."),
         "lap_too_short": _(
             "Lap %(lap)s is shorter than the shortest possible lap of this race (%(shortest)s ms). Mark it invalid or "
@@ -133,23 +129,21 @@ register(
         ),
         "lap_faults": _("Lap %(lap)s has 0 to %(most)s off tracks and resets. Correct the number."),
         "correction_needs_a_reason": _("Say why the lap is corrected. Everybody reads it."),
-        "correction_changes_nothing": _("That is what stands there already. Change something or leave it."),
-        "timekeeper_unknown": _("There is no racer %(racer)s. Write the alias as it stands on their page."),
+        "correction_changes_nothing": _("There is no change to save."),
+        "timekeeper_unknown": _("There is no racer %(racer)s. Check the alias on their page."),
         "timekeepers_too_many": _("A race has at most %(most)s timekeepers. Dismiss one first."),
         "sensors_too_many": _("A race has at most %(most)s sensors. Revoke one first."),
         "sensor_unknown": _("This race has no such sensor, or its token was revoked. Choose another or time by hand."),
         "sensor_busy": _("%(sensor)s times another session. End that one first."),
-        "sensor_token": _("This token belongs to no sensor. Send the one that was shown when the sensor was made."),
+        "sensor_token": _("Invalid sensor token. Send the token shown when the sensor was created."),
         "sensor_revoked": _("The token of this sensor was revoked at %(when)s. Ask the organiser for a new one."),
         "sensor_idle": _("No session runs with this sensor. A timekeeper begins one, then crossings count."),
         "sensor_clock_back": _(
-            "The sensor's clock went back by %(ms)s ms. Name another boot whenever the sensor has started anew."
+            "The sensor's clock went back by %(ms)s ms. Send a new boot id after each restart of the sensor."
         ),
-        "sensor_clock_stands": _(
-            "The sensor's clock stands still: %(seconds)s s have passed and it says the same. Start the sensor anew."
-        ),
+        "sensor_clock_stands": _("The sensor's clock has not moved for %(seconds)s s. Restart the sensor."),
         # laps from a file
-        "timing_file": _("Nothing was taken: %(lines)s lines have problems, the first in line %(line)s."),
+        "timing_file": _("Not imported: %(lines)s lines have problems, the first in line %(line)s."),
         "csv_heading": _("The heading has columns that are unknown (%(unknown)s) or lacks some (%(missing)s)."),
         "csv_form": _("This is no CSV. Save the table as comma-separated values in UTF-8."),
         "csv_too_large": _("The file is larger than %(most)s bytes. Send it in parts."),
@@ -274,7 +268,7 @@ register(
         "live_exists": _("This race already has a live event. Change its plan, or cancel it and plan another."),
         "live_with_duels": _("The duels have been drawn; it is too late for a live event."),
         "live_before_draw": _("The duels are drawn when the race closes, at %(closes)s. Let the event start later."),
-        "live_drawn": _("The draw decides who meets, and a duel that was shown stands. Hold or skip it instead."),
+        "live_drawn": _("The draw decides the pairs, and a finished duel cannot be moved. Hold or skip it instead."),
         "live_walkover": _("It was not driven: fewer than two of its racers are still in the race."),
         "live_of_real_cars": _("Real cars are timed where they drive. Only races of simulated cars are shown live."),
         "live_in_the_past": _("The start of the live event has passed. Choose a later time."),
@@ -282,15 +276,15 @@ register(
         "live_time_zone": _("%(zone)s is no time zone. Choose one of the list, such as Europe/Berlin."),
         "live_format": _("%(name)s goes from %(least)s to %(most)s."),
         "live_order": _("The order of a live event is one of these: %(known)s."),
-        "live_changed": _("Somebody did something in this live event meanwhile. Look at it, and try again."),
+        "live_changed": _("Another organiser changed this live event. Check it and try again."),
         "live_over": _("The live event is over."),
-        "live_not_running": _("The live event has not begun, or it is paused."),
-        "live_has_begun": _("The live event is under way. Only what has not begun, or runs, can be changed so."),
-        "live_nobody": _("Nobody is in this race. Wait until somebody has entered it."),
+        "live_not_running": _("The live event is not running."),
+        "live_has_begun": _("The live event is running. Only its coming runs can be changed."),
+        "live_nobody": _("This race has no entries yet. Wait for the first."),
         "live_slot_unknown": _("There is no such place in the running order."),
         "live_slot_state": _("That cannot be done to a place in the running order that is: %(state)s."),
         "live_busy": _("A run is on track. Wait until it is over."),
-        "live_nothing_next": _("Nothing is left in the running order. Add a racer, or end the event."),
+        "live_nothing_next": _("The running order is empty. Add a racer, or end the event."),
         "live_not_ready": _("This run is still being computed. Try again in a few seconds."),
         "live_start": _("The start must be on the lap: 0 m to less than %(length_m)s m after the finish line."),
         "live_interrupted": _("The site was away while this run was shown. Release it to show it from its start."),
@@ -301,7 +295,7 @@ register(
         "live_message": _("A message to spectators has at most %(most)s characters."),
         "live_not_in": _("Only entrants can take part in the live event. Enter the race first."),
         "live_already_in": _("This racer is in the running order already."),
-        "live_submissions_closed": _("Models are not chosen any more. Ask the organiser of the live event."),
+        "live_submissions_closed": _("The choice of models is closed. Ask the organiser of the live event."),
         "live_called": _("Your run is called or on track. Choose another model once it is over."),
         "live_lobby_closed": _("The lobby is not open yet. It opens an hour before the start."),
         "live_speed_off": _("Racers do not set their car's speed in this live event."),
@@ -321,9 +315,7 @@ register(
         "live_reactions_too_many": _("Too many reactions. Wait ten seconds."),
         "results_hidden": _("You hide results until you have watched the race. Watch it, or have its results shown."),
         "results_not_yet": _("The results are there once the race, or its live event, has ended."),
-        "highlights_none": _(
-            "Nothing in this live event makes a highlight: nobody finished a lap, crashed or saved a car."
-        ),
+        "highlights_none": _("No highlights: this live event has no completed lap, crash or save."),
         "certificate_no_place": _("%(racer)s has no place in this race, so there is no certificate."),
         "live_undo_late": _("That can no longer be undone: two minutes have passed, or it has gone on since."),
     },

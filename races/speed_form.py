@@ -10,7 +10,7 @@ from django.utils.translation import gettext_lazy as _
 from paddock.rules.speed import FASTEST_MPS, VALUES
 
 _LABELS = {
-    "multiplier": _("Times what the model wants"),
+    "multiplier": _("Factor on the model's speed"),
     "cap": _("At most, in m/s"),
     "absolute": _("Always, in m/s"),
     "percent_max": _("Per cent of 4 m/s"),

@@ -36,6 +36,15 @@ def incident(kind: str) -> str:
     }[kind]
 
 
+def ordinal(place: int) -> str:
+    """A place in words: ``1st``, ``12th``, ``23rd``."""
+    if place % 100 not in (11, 12, 13):
+        words = {1: _("%(place)sst"), 2: _("%(place)snd"), 3: _("%(place)srd")}.get(place % 10)
+        if words:
+            return words % {"place": place}
+    return _("%(place)sth") % {"place": place}
+
+
 def seconds(ms: int) -> str:
     """A time of a story: ``8.531 s``, from a minute on ``1:08.531``."""
     return f"{ms // 60_000}:{ms / 1000 % 60:06.3f}" if ms >= 60_000 else f"{ms / 1000:.3f} s"

@@ -81,7 +81,7 @@
       this.all("stage-tower").forEach((each) => { each.hidden = !told.standings.length; });
       this.all("has-podium").forEach((each) => { each.hidden = !told.podium.length; });
       this.all("message").forEach((each) => { each.hidden = !told.message || this.root.dataset.phase === "podium"; if (each.textContent !== told.message) each.textContent = told.message; });
-      if (!told.current && !this.root.show.slot) this.all("who").forEach((each) => { each.textContent = this.words.nobody; });
+      if (!told.current && !this.root.show.slot) this.all("who").forEach((each) => { each.textContent = told.next.length ? this.words.upNext.replace("%s", () => told.next[0].racer) : this.words.nobody; });
       this.all("tower").forEach((each) => this.tower(each));
       this.all("next").forEach((each) => this.next(each));
       this.all("podium").forEach((each) => this.podium(each));

@@ -157,7 +157,8 @@
     leave() {
       this.forget();
       this.blank();
-      this.write("who", this.root.dataset.nobody);
+      const [next] = (this.state && this.state.next) || [];
+      this.write("who", next ? this.root.dataset.upNext.replace("%s", () => next.racer) : this.root.dataset.nobody);
       this.tell("state", this.state);
     }
 

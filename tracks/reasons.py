@@ -16,7 +16,7 @@ register(
             "The address %(slug)s cannot be used. Use lower-case letters, digits and hyphens; it must be new."
         ),
         "track_shape_unknown": _(
-            "The shape of %(name)s is not known here: it came as a name with the results of an imported season."
+            "The shape of %(name)s is unknown: only its name was imported, with the results of a season."
         ),
         "track_in_use": _("Races or evaluations were driven on this track, so it stays."),
     },

@@ -76,7 +76,7 @@ LESSONS = (
         "policy",
         _("Policy"),
         _("What is learned: a network that turns pictures into actions."),
-        (_try(_("Train, then clone and go on"), name="policy"),),
+        (_try(_("Train, then clone and continue"), name="policy"),),
     ),
     Lesson(
         "episode-and-discount",

@@ -80,7 +80,7 @@ def _have_training() -> bool:
 
 
 FILES = Shelf(3, "trainings", _("Trainings: checkpoints, sim-traces, models for stable-baselines3"), _files)
-AT_ONCE = Quota(5, "trainings_at_once", "TRAININGS_AT_ONCE", _("Trainings under way"), _at_once, _have_training)
+AT_ONCE = Quota(5, "trainings_at_once", "TRAININGS_AT_ONCE", _("Trainings in progress"), _at_once, _have_training)
 MINUTES = Quota(
     6, "training_minutes", "TRAINING_MINUTES_A_MONTH", _("Minutes of training this month"), _minutes, _have_training
 )

@@ -11,8 +11,7 @@ register(
             "Paddock failed to send the model to its race. The model is in your garage: submit it there yourself."
         ),
         "evaluate_failed": _(
-            "Paddock failed to drive the model on the track that you chose. The model is in your garage: drive it "
-            "there yourself."
+            "The test drive failed on our side. The model is in your garage: start a test drive there."
         ),
     },
 )
@@ -81,8 +80,8 @@ register(
             "The test drive after training is not possible on %(track)s: %(problem)s Choose another track, or none."
         ),
         "training_course": _(
-            "The race type and what stands on the track contradict each other (%(problem)s). Object avoidance has "
-            "boxes, head-to-head has bot cars, a time trial has neither."
+            "The race type does not match the obstacles (%(problem)s). Object avoidance has boxes, head-to-head "
+            "has bot cars, a time trial has neither."
         ),
         "training_reward_missing": _("Write a reward function, or choose one of the examples."),
         "training_jobs_at_once": _(
@@ -93,11 +92,10 @@ register(
             "trainings count in full). Choose a shorter training."
         ),
         "training_no_model": _(
-            "This training has no such model, or not any more. Wait for its first iteration, or choose the other one."
+            "This model of the training does not exist. Wait for the first iteration, or choose the other one."
         ),
         "clone_not_yours": _(
-            "This model cannot be cloned: it is not yours, and its owner does not share it, or not any more. Choose "
-            "one of your own or a shared one."
+            "This model cannot be cloned: it is neither yours nor shared. Choose one of yours or a shared one."
         ),
         "clone_sensors": _(
             "The model to be cloned sees with %(has)s, this vehicle with %(wanted)s. Choose a vehicle with the same "
@@ -156,10 +154,10 @@ register(
             "Training is not installed on this site. The operator can add it with “make training”."
         ),
         "training_paused": _("The operator of this site has paused trainings."),
-        "trainer_died": _("The training ended unexpectedly (%(how)s). It will go on from its last checkpoint."),
-        "trainer_lost": _("The worker that trained disappeared. The training goes on from its last checkpoint."),
-        "trainer_protocol": _("The training sent something unreadable. It will go on from its last checkpoint."),
-        "trainer_error": _("The training failed (%(detail)s). It will go on from its last checkpoint."),
+        "trainer_died": _("The training ended unexpectedly (%(how)s). It resumes from its last checkpoint."),
+        "trainer_lost": _("The training worker was lost. The training resumes from its last checkpoint."),
+        "trainer_protocol": _("The training sent invalid data. It resumes from its last checkpoint."),
+        "trainer_error": _("The training failed (%(detail)s). It resumes from its last checkpoint."),
         "training_gave_up": _(
             "Paddock failed to train this model %(attempts)s times. The model is fine, and its "
             "minutes do not count. Train it again later."

@@ -45,7 +45,7 @@ class VideoAdmin(ReadOnly, admin.ModelAdmin):
     def megabytes(self, video: Video) -> str:
         return filesizeformat(video.size) if video.size else ""
 
-    @admin.action(description=gettext_lazy("Stop what is not done"), permissions=["delete"])
+    @admin.action(description=gettext_lazy("Stop unfinished videos"), permissions=["delete"])
     def stop(self, request: HttpRequest, queryset: QuerySet[Video]) -> None:
         now = timezone.now()
         done = sum(stop_video(video=video, now=now) for video in queryset.filter(state__in=UNDER_WAY))

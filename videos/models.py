@@ -54,10 +54,15 @@ class Video(Job):
     state = models.CharField(_("state"), max_length=8, choices=VideoState.choices, default=VideoState.WAITING)
     progress = models.PositiveSmallIntegerField(_("progress"), default=0, help_text=_("Per cent."))
     asked_by = models.ForeignKey(
-        settings.AUTH_USER_MODEL, models.SET_NULL, null=True, blank=True, related_name="+", verbose_name=_("asked by")
+        settings.AUTH_USER_MODEL,
+        models.SET_NULL,
+        null=True,
+        blank=True,
+        related_name="+",
+        verbose_name=_("requested by"),
     )
     asked_at = models.DateTimeField(_("requested at"), default=timezone.now)
-    asks = models.PositiveSmallIntegerField(_("times asked for"), default=1)
+    asks = models.PositiveSmallIntegerField(_("number of requests"), default=1)
     watched_at = models.DateTimeField(_("last watched"), null=True, blank=True)
 
     fingerprint = models.CharField(_("fingerprint"), max_length=64, blank=True)

@@ -44,6 +44,6 @@ def _have_videos() -> bool:
     return settings.VIDEOS
 
 
-VIDEOS_AT_ONCE = Quota(7, "videos_at_once", "VIDEOS_AT_ONCE", _("Videos under way"), _videos_at_once, _have_videos)
+VIDEOS_AT_ONCE = Quota(7, "videos_at_once", "VIDEOS_AT_ONCE", _("Videos in progress"), _videos_at_once, _have_videos)
 VIDEOS_A_DAY = Quota(8, "videos_a_day", "VIDEOS_A_DAY", _("Videos in 24 hours"), _videos_a_day, _have_videos)
 VIDEO_FILES = Shelf(4, "videos", _("Videos"), _video_files)

@@ -11,7 +11,7 @@ register(
             "A video follows one of the run's cars, of which there are one to %(most)s. There is no car %(number)s."
         ),
         "video_lap_unknown": _("The car that the video follows has %(laps)s laps. There is no lap %(lap)s."),
-        "video_no_steps": _("The car that the video follows did not drive, so there is nothing to show."),
+        "video_no_steps": _("The car in this video did not drive, so there is nothing to show."),
         "video_too_long": _(
             "This run lasts %(seconds)s seconds; a video shows %(limit)s at most. Make a video of one of its laps."
         ),
@@ -19,16 +19,11 @@ register(
         "video_part": _(
             "“%(part)s” is not a part of a run. Choose “whole”, “best” (the car's fastest lap) or the number of a lap."
         ),
-        "video_no_best_lap": _("Car %(car)s completed no lap, so it has no best one. Choose the whole run."),
+        "video_no_best_lap": _("Car %(car)s has no complete lap. Choose the whole run."),
         "video_language": _("Videos have their words in one of the languages %(known)s, not in “%(language)s”."),
-        "videos_off": _("No videos are made on this site at the moment: whoever operates it has switched them off."),
-        "videos_at_once": _(
-            "You have asked for %(limit)s videos that wait or are being drawn, as many as you may at once. Wait for "
-            "one, or stop one."
-        ),
-        "videos_a_day": _(
-            "You have asked for %(limit)s videos within a day, as many as you may. Ask for this one tomorrow."
-        ),
+        "videos_off": _("Videos are switched off on this site."),
+        "videos_at_once": _("You have %(limit)s videos in progress, the maximum. Wait for one, or stop one."),
+        "videos_a_day": _("You requested %(limit)s videos in a day, the maximum. Request this one tomorrow."),
         "video_stopped": _("The video was stopped before it was done. Ask for it again to have it."),
     },
 )
@@ -46,10 +41,9 @@ register(
     "platform",
     {
         "video_encoder_missing": _(
-            "The machine that draws videos cannot encode them (%(detail)s). Whoever operates this site sees with "
-            "“manage.py doctor” what is missing."
+            "The video worker cannot encode videos (%(detail)s). “manage.py doctor” shows the operator what is missing."
         ),
-        "video_file_lost": _("The file of this video is not there any more. Ask for the video again."),
+        "video_file_lost": _("The file of this video was deleted. Request the video again."),
         "video_gave_up": _("Paddock failed to make this video %(attempts)s times. Ask for it again later."),
     },
 )

@@ -31,7 +31,9 @@ class RacerGroup(models.Model):
         verbose_name=_("leader"),
     )
     is_listed = models.BooleanField(
-        _("listed"), default=False, help_text=_("Everybody sees it and who is in it, and may filter boards by it.")
+        _("listed"),
+        default=False,
+        help_text=_("Public: anyone can see the group and its members, and filter boards by it."),
     )
     code = models.CharField(_("code"), max_length=32, unique=True, default=new_code, editable=False)
     made_at = models.DateTimeField(_("created"))

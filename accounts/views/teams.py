@@ -142,5 +142,5 @@ def team_leave(request: HttpRequest) -> HttpResponse:
     except UserFault as fault:
         messages.error(request, explain(fault))
     else:
-        messages.success(request, _("You are in no team any more."))
+        messages.success(request, _("You have left the team."))
     return redirect("teams")

@@ -41,7 +41,7 @@ def _of(racers: Collection[int] | None) -> QuerySet[CarReport]:
     return reports if racers is None else reports.filter(owner__in=racers)
 
 
-AT_ONCE = Quota(11, "reports_at_once", "REPORTS_AT_ONCE", _("Reports under way"), _at_once)
+AT_ONCE = Quota(11, "reports_at_once", "REPORTS_AT_ONCE", _("Reports in progress"), _at_once)
 DAILY = Quota(12, "reports_a_day", "REPORTS_A_DAY", _("Reports in 24 hours"), _a_day)
 KEPT = Quota(13, "reports", "REPORTS_PER_RACER", _("Reports kept"), _kept)
 ALL = (AT_ONCE, DAILY, KEPT)

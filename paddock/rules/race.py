@@ -405,7 +405,10 @@ class BoardRules:
     duels_live_only: bool = rule(
         False,
         label=_("Draw the duels only live"),
-        help=_("Closing the race draws nothing: the duels are drawn when its live event begins, or by your button."),
+        help=_(
+            "The duels are drawn when the live event begins, or when you press the button. "
+            "Closing the race does not draw them."
+        ),
         race_types=(HEAD_TO_HEAD,),
         layout=True,
         fixed=False,

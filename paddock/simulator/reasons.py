@@ -42,9 +42,7 @@ register(
             "track, a time trial or object avoidance."
         ),
         "track_start_fixed": _("On a point-to-point track laps begin at the start. Set the start to 0."),
-        "box_on_start_line": _(
-            "Box %(number)s stands on the finish line. Move it at least %(least_m)s m away from it."
-        ),
+        "box_on_start_line": _("Box %(number)s is on the finish line. Move it at least %(least_m)s m away."),
         "boxes_overlap": _(
             "Boxes %(number)s and %(other)s block the track. Place boxes at least %(least_m)s m apart along the track."
         ),

@@ -44,9 +44,9 @@ UNDER_WAY = (LiveState.RUNNING, LiveState.PAUSED)
 class LiveOrder(models.TextChoices):
     """In which order racers drive, until somebody moves them."""
 
-    SLOWEST_FIRST = "slowest_first", _("the slowest qualifier first")
-    FASTEST_FIRST = "fastest_first", _("the fastest qualifier first")
-    AS_ENTERED = "as_entered", _("as they entered the race")
+    SLOWEST_FIRST = "slowest_first", _("slowest first")
+    FASTEST_FIRST = "fastest_first", _("fastest first")
+    AS_ENTERED = "as_entered", _("in entry order")
 
 
 class LiveEvent(models.Model):
@@ -80,7 +80,7 @@ class LiveEvent(models.Model):
         _("start"),
         null=True,
         blank=True,
-        help_text=_("So many metres after the race's finish line; the laps of the event begin and end there."),
+        help_text=_("Distance from the race's finish line, in metres, where laps of the event begin and end."),
     )
     seed = models.PositiveIntegerField(_("seed"), null=True, blank=True)
     order = models.CharField(_("order"), max_length=16, choices=LiveOrder.choices, default=LiveOrder.SLOWEST_FIRST)

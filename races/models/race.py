@@ -112,14 +112,14 @@ class Race(ChecksTogether, with_rules(RULES, inside_a_race)):  # type: ignore[mi
         _("real cars, timed at the track"),
         default=False,
         db_default=False,
-        help_text=_("Nothing is simulated: timekeepers or sensors take the times."),
+        help_text=_("Real cars: timekeepers or sensors record the times."),
     )
     session_s = models.PositiveSmallIntegerField(
         _("session"),
         default=180,
         db_default=180,
         validators=[MinValueValidator(SESSION_S[0]), MaxValueValidator(SESSION_S[1])],
-        help_text=_("Seconds that a racer has on the track; the lap begun when they are over still counts."),
+        help_text=_("Session length in seconds. A lap in progress at the end still counts."),
     )
     minimum_lap_ms = models.PositiveIntegerField(
         _("shortest possible lap"),

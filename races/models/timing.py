@@ -41,7 +41,7 @@ class LapNote(models.TextChoices):
 
     NONE = "", _("nothing")
     CLOCK = "clock", _("the clock stood still or jumped")
-    RELOADED = "reloaded", _("by the wall clock, as the page was loaded again meanwhile")
+    RELOADED = "reloaded", _("by the wall clock, because the page was reloaded")
 
 
 class Timekeeper(models.Model):
@@ -197,7 +197,7 @@ class CrossingVerdict(models.TextChoices):
 
     START = "start", _("begins a lap")
     LAP = "lap", _("ends a lap")
-    BOUNCE = "bounce", _("the crossing before once more")
+    BOUNCE = "bounce", _("repeats the previous crossing")
 
 
 class Crossing(models.Model):

@@ -19,7 +19,7 @@ ACTS = {
     "hold": _("holds back"),
     "interrupt": _("interrupted by an outage of the site"),
     "launch": _("launched"),
-    "message": _("told the spectators something"),
+    "message": _("sent a message to spectators"),
     "move": _("moved in the running order"),
     "pause": _("paused"),
     "plan": _("planned the event"),

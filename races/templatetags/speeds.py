@@ -26,10 +26,10 @@ def speed_command(one: Mapping[str, Any] | None) -> str:
         return _("model speed")
     value = one["value"]
     words = {
-        "multiplier": _("%(value)s times what the model wants"),
+        "multiplier": _("%(value)s × the model's speed"),
         "cap": _("at most %(value)s m/s"),
         "absolute": _("%(value)s m/s"),
         "percent_max": _("%(value)s %% of 4 m/s"),
-        "offset": _("%(value)s m/s on top of what the model wants"),
+        "offset": _("model's speed plus %(value)s m/s"),
     }
     return words[one["mode"]] % {"value": f"{value:+g}" if one["mode"] == "offset" else f"{value:g}"}

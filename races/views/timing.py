@@ -57,16 +57,16 @@ _SCRIPTS = ("paddock.js", "moves.js", "stream.js", "timing-store.js", "timing.js
 _WORDS = {
     "unsent": gettext_lazy("%s sessions have not been sent yet."),
     "allSent": gettext_lazy("All sent."),
-    "offline": gettext_lazy("No network. Go on: everything is kept in this browser and sent later."),
-    "loggedOut": gettext_lazy("The server does not know you any more. Log in again in another tab, then send."),
+    "offline": gettext_lazy("Offline. Keep timing: data is stored in this browser and sent later."),
+    "loggedOut": gettext_lazy("You are logged out. Log in again in another tab, then send."),
     "refused": gettext_lazy("%s sessions were refused. Their reasons stand below."),
     "bounce": gettext_lazy("%s s after the last: taken for the same crossing."),
-    "tooLong": gettext_lazy("Longer than %s minutes: no lap. The next one has begun."),
+    "tooLong": gettext_lazy("Longer than %s minutes: not counted. The next lap has started."),
     "clock": gettext_lazy("The clock of this device stood still or jumped by %s s. The lap is marked invalid."),
-    "reloaded": gettext_lazy("The page was loaded again: the lap under way is measured by the wall clock."),
-    "over": gettext_lazy("Time is up. The lap under way still counts."),
+    "reloaded": gettext_lazy("Page reloaded: the current lap is measured by the wall clock."),
+    "over": gettext_lazy("Time is up. The current lap still counts."),
     "elsewhere": gettext_lazy("This page is open in another tab. Times are taken there."),
-    "notKept": gettext_lazy("This browser keeps nothing here, so nothing outlives the page. Use another one."),
+    "notKept": gettext_lazy("This browser cannot store data, so a reload would lose laps. Use another browser."),
     "noReload": gettext_lazy("Without a network this page cannot be loaded again: do not close it."),
     "valid": gettext_lazy("valid"),
     "invalid": gettext_lazy("invalid"),
@@ -77,7 +77,7 @@ _WORDS = {
     "sure": gettext_lazy("Discard this session with its laps?"),
     "laps": gettext_lazy("laps: %s"),
     "sensorIdle": gettext_lazy("The sensor begins the first lap."),
-    "needsNetwork": gettext_lazy("A sensor needs a network. Time by hand meanwhile."),
+    "needsNetwork": gettext_lazy("The sensor is offline. Time by hand until it reconnects."),
     "who": gettext_lazy("Choose a racer, or write a guest's name."),
     "change": gettext_lazy("Change to the racer chosen above"),
     "running": gettext_lazy("in progress"),
@@ -211,7 +211,7 @@ def timekeeper_dismiss(request: HttpRequest, slug: str, alias: str) -> HttpRespo
     race = _physical(organised_race(request, slug))
     named = get_object_or_404(timekeepers_of(race), racer__alias=alias)
     timing.dismiss_timekeeper(race=race, racer=named.racer, by=racer_of(request))
-    messages.success(request, _("%(racer)s takes no times any more.") % {"racer": alias})
+    messages.success(request, _("%(racer)s is no longer a timekeeper.") % {"racer": alias})
     return redirect("race_timing_setup", race.slug)
 
 

@@ -122,7 +122,7 @@ def test_a_time_trial_of_six_from_the_lobby_to_the_podium(site, browser):
     # the racer makes their car slower while everybody counts down
     driver.get_by_role("button", name="×0.5").click()
     driver.get_by_role("button", name="Command now").click()
-    expect(driver.locator("#speed-state")).to_contain_text("0.5 times what the model wants", timeout=LATE_MS)
+    expect(driver.locator("#speed-state")).to_contain_text("0.5 × the model's speed", timeout=LATE_MS)
     all_of.shots("2-coming", "speed")
     for page in (phone, big):
         expect(page.locator("[data-who]")).to_have_text("bob", timeout=LATE_MS)

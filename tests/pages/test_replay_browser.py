@@ -19,7 +19,7 @@ PAGE = """<div data-replay="/run.json" data-play="Play" data-pause="Pause">
 <g data-car="0" hidden></g><g data-car="1" hidden></g></svg>
 <div data-player hidden><button data-toggle>Play</button><input type="range" min="0" data-seek>
 <select data-rate><option value="4">4</option></select><output data-out data-lap="Lap"></output></div>
-<img data-seen="/seen.png" hidden><a href="/saw" data-saw>What the car saw</a></div>"""
+<img data-seen="/seen.png" hidden><a href="/saw" data-saw>Camera view</a></div>"""
 
 PIXEL = '<svg xmlns="http://www.w3.org/2000/svg" width="1" height="1"/>'
 

@@ -1,4 +1,4 @@
-"""What the car saw, in a real browser: beside the replay at each moment, and step by step without scripts."""
+"""Camera view, in a real browser: beside the replay at each moment, and step by step without scripts."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ def test_the_frame_follows_the_replay(browser, live_server, transactional_db, ru
         playwright.expect(frame).to_have_js_property("naturalWidth", 320)
         if SHOTS:
             shoot(page, "run")
-        page.get_by_role("link", name="What the car saw").click()
+        page.get_by_role("link", name="Camera view").click()
         playwright.expect(page.get_by_role("heading", name="Lap 1 · 0:02.000")).to_be_visible()
         assert page.locator(".answer-bars li").count() == len(evaluation.spec["metadata"]["action_space"])
         if SHOTS:

@@ -7,12 +7,14 @@ from datetime import timedelta
 from pathlib import Path
 
 import pytest
+from django.utils.translation import override
 
 from evaluation.models import Evaluation
 from evaluation.services import finish_evaluation
 from races.live_story import story_of
 from races.services import live
 from races.services.live import launch
+from races.story_words import ordinal
 from races.templatetags.live import ACTS, act
 from tests.factories import a_racer, lap, outcome, start
 from tests.live_shows import a_show, begun, compute, show, slot_of
@@ -37,6 +39,7 @@ def test_what_has_no_words_is_said_as_it_is():
     [
         ((8_700,), ["carl needs 3.200 s in the last sector for the fastest lap."]),
         ((15_000,), ["No fastest lap for carl."]),
+        ((11_100,), []),
         (
             (9_600, 9_300),
             [
@@ -61,6 +64,8 @@ def test_a_commentator_is_told_what_is_needed_in_the_last_sector(now, wakes, dri
     slot = slot_of(event, "carl")
     needs = [each for each in story_of(event, slot.ends_at + timedelta(seconds=2)) if each.kind == "needs"]
     assert [each.text for each in reversed(needs)] == said
+    if not needs:
+        return
     begins_at = needs[-1].at
     assert not [each for each in story_of(event, begins_at - timedelta(milliseconds=600)) if each.kind == "needs"]
 
@@ -82,3 +87,13 @@ def test_a_sentence_comes_when_spectators_see_it_and_is_the_same_ever_after(now,
     told = story_of(event, lap)
     assert told[0].text == "bob sets the first time: 9.000 s."
     assert len({each.key for each in told}) == len(told)
+
+
+@pytest.mark.parametrize(
+    ("place", "said"),
+    [(1, "1st"), (2, "2nd"), (3, "3rd"), (4, "4th"), (11, "11th"), (12, "12th"), (23, "23rd"), (113, "113th")],
+)
+def test_places_are_ordinals_in_each_language(place, said):
+    assert ordinal(place) == said
+    with override("ko"):
+        assert ordinal(place) == f"{place}위"

@@ -62,8 +62,7 @@ class CloneField(forms.ModelChoiceField):
             required=False,
             error_messages={
                 "invalid_choice": gettext_lazy(
-                    "This model cannot be cloned: it is not yours, and its owner does not share it, or not any more. "
-                    "Choose one of your own or a shared one."
+                    "This model cannot be cloned: it is neither yours nor shared. Choose one of yours or a shared one."
                 )
             },
             **kwargs,

@@ -199,7 +199,7 @@ class TrainingForm(HyperparametersForm, LayoutForm, _Ending):  # type: ignore[mi
         help_text=_("The best model is submitted automatically."),
     )
     evaluate_on = forms.ModelChoiceField(
-        label=_("Drive it on a track when done"),
+        label=_("Test drive when done"),
         queryset=Track.objects.none(),
         to_field_name="slug",
         empty_label=_("no"),

@@ -104,7 +104,7 @@ class TrainingJob(with_columns(_RULES), Job):  # type: ignore[misc]
         default=dict,
         blank=True,
         db_default={},
-        help_text=_("While it drives: a picture (PNG, base64), what the policy would do, what it expects to earn."),
+        help_text=_("While running: camera picture (PNG, base64), next action and expected reward."),
     )
     steps_done = models.PositiveIntegerField(_("steps driven"), default=0)
     seconds_done = models.FloatField(_("seconds of training"), default=0.0)

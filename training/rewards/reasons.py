@@ -26,7 +26,7 @@ REWARD_REASONS = register(
             "“reward_function” in line %(line)s takes %(count)s arguments. It must take one (params), or the twelve of "
             "the form of 2018; “self” may stand before them. Others need a default."
         ),
-        "reward_undefined_name": _("Line %(line)s uses the name “%(name)s”, which nothing defines."),
+        "reward_undefined_name": _("Line %(line)s uses the undefined name “%(name)s”."),
         "reward_mistake": _("Line %(line)s will fail when it runs: %(detail)s."),
         "reward_forbidden_name": _(
             "Line %(line)s uses “%(name)s”, which a reward function may not: it has no files, no network and no other "

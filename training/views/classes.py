@@ -192,7 +192,7 @@ def class_log_in(request: HttpRequest, code: str = "") -> HttpResponse:
             if racer is not None:
                 login(request, racer, backend="django.contrib.auth.backends.ModelBackend")
                 return redirect("class_log_in")
-            problem = _("There is no such code. Look at it again, or ask your teacher for a new one.")
+            problem = _("Unknown code. Check it, or ask your teacher for a new one.")
     mine = None
     if request.user.is_authenticated and not code:
         mine = ClassLearner.objects.filter(racer=request.user).select_related("classroom__group").first()
