@@ -4,10 +4,11 @@ from __future__ import annotations
 
 import hashlib
 import os
-import stat
 from importlib.metadata import files
 from pathlib import Path
 from urllib.parse import quote
+
+from core.private_folders import is_private_to, make_private_folder
 
 SOCKET_PATH_LIMIT = 107  # bytes: sun_path of sockaddr_un is 108 with its closing zero
 MEMORY_MB = 128
@@ -34,9 +35,8 @@ def cache_url(socket: Path) -> str:
 
 def make_private(folder: Path) -> None:
     """Make ``folder`` for its owner only. Raises PermissionError when somebody else made it (below /tmp one could)."""
-    folder.mkdir(mode=0o700, parents=True, exist_ok=True)
-    found = folder.lstat()
-    if not stat.S_ISDIR(found.st_mode) or found.st_uid != os.getuid():
+    make_private_folder(folder)
+    if not is_private_to(folder, os.getuid()):
         raise PermissionError(f"{folder} belongs to somebody else")
     folder.chmod(0o700)
 

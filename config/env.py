@@ -16,12 +16,24 @@ import dj_database_url
 from django.core.exceptions import ImproperlyConfigured
 
 from accounts.regions import regions_in
+from core.private_folders import make_private_folder
 
 # What may stand in Django's ALLOWED_HOSTS: a name, a name below a domain (".example.org"), an address, or anything
 _HOST = re.compile(r"\*|\.?[A-Za-z0-9_-]+(\.[A-Za-z0-9_-]+)*|\[[0-9A-Fa-f:.]+\]")
 
-# what is in a data folder, from its first start on
-_OURS = {"secret-key", "paddock.sqlite3", "files", "run.lock", "uploads"}
+# What Paddock writes into its data folder; any of these may be first: a benchmark creates only the locks
+_OURS = {
+    "celerybeat-schedule",
+    "files",
+    "locks",
+    "paddock.sqlite3",
+    "run.lock",
+    "secret-key",
+    "static",
+    "streams",
+    "uploads",
+    "valkey",
+}
 
 
 def env_str(name: str, default: str | None = None) -> str:
@@ -173,7 +185,7 @@ def env_folder(name: str, default: Path) -> Path:
     """
     try:
         folder = Path(os.environ.get(name, "") or default).expanduser().resolve()
-        folder.mkdir(mode=0o700, parents=True, exist_ok=True)
+        make_private_folder(folder)
     except (OSError, ValueError, RuntimeError) as error:
         why = getattr(error, "strerror", None) or error
         raise ImproperlyConfigured(
@@ -216,7 +228,7 @@ def secret_from_file(path: Path) -> str:
     Two processes that start together agree: one creates the file, the other reads it.
     """
     if not path.exists():
-        path.parent.mkdir(parents=True, exist_ok=True)
+        make_private_folder(path.parent)
         draft = path.with_name(f"{path.name}.{os.getpid()}")
         descriptor = os.open(draft, os.O_WRONLY | os.O_CREAT | os.O_TRUNC, 0o600)
         with os.fdopen(descriptor, "w") as file:

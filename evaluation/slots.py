@@ -12,6 +12,7 @@ import time
 from collections.abc import Iterable, Iterator
 from pathlib import Path
 
+from core.private_folders import make_private_folder
 from paddock.errors import PlatformFault
 
 _POLL_S = 0.05
@@ -34,7 +35,7 @@ def upload_slot(
     web server, and the site must answer others all the while. ``who``: a racer's number; each gets one slot at a time.
     """
     directory = directory or default_directory()
-    directory.mkdir(mode=0o700, parents=True, exist_ok=True)
+    make_private_folder(directory)
     deadline = time.monotonic() + wait_s
     with contextlib.ExitStack() as held:
         if not _take_slot(held, directory, count, who):

@@ -9,11 +9,12 @@ from __future__ import annotations
 import contextlib
 import fcntl
 import os
-import stat
 import tempfile
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Self
+
+from core.private_folders import is_private_to, make_private_folder
 
 _CHECKOUT = Path(__file__).resolve().parent.parent.parent
 
@@ -69,11 +70,9 @@ def private_folder() -> Path:
     Raises OSError when there is none."""
     for folder in _places():
         with contextlib.suppress(OSError):
-            folder.mkdir(mode=0o700, parents=True, exist_ok=True)
-            found = folder.lstat()
-            if stat.S_ISDIR(found.st_mode) and found.st_uid == os.geteuid():
-                if found.st_mode & 0o077:
-                    folder.chmod(0o700)
+            make_private_folder(folder)
+            if is_private_to(folder, os.geteuid()):
+                folder.chmod(0o700)
                 return folder
     raise OSError(f"no folder can be made that is private to this user: tried {', '.join(map(str, _places()))}")
 

@@ -115,6 +115,12 @@ def test_a_small_car_from_the_console_is_admitted() -> None:
     assert admitted.macs > 0
 
 
+def test_a_slot_before_the_first_start_leaves_no_data_folder_open_to_others(tmp_path):
+    locks = tmp_path / "data" / "locks"
+    with upload_slot(1, 0.0, locks):
+        assert {made.stat().st_mode & 0o777 for made in (locks.parent, locks)} == {0o700}
+
+
 def test_an_upload_is_refused_while_all_slots_are_taken(tmp_path: Path) -> None:
     impatient = replace(DEFAULT_LIMITS, slots=1, slot_wait_s=0.0)
     with upload_slot(1, 0.0, tmp_path), pytest.raises(PaddockError) as fault:

@@ -151,7 +151,7 @@ class TestSecretsFolder:
         made.chmod(0o755)
         return made
 
-    @pytest.mark.parametrize("inside", [[], ["secret-key", "notes.txt"]], ids=["empty", "Paddock's"])
+    @pytest.mark.parametrize("inside", [[], ["secret-key", "notes.txt"], ["locks"], ["valkey"]])
     def test_a_folder_readable_by_others_is_closed_and_reported(self, open_one, inside, capsys):
         for name in inside:
             (open_one / name).touch()

@@ -220,6 +220,15 @@ def test_claims_are_kept_in_a_private_folder(tmp_path, monkeypatch):
     claims.claim("name").close()
 
 
+def test_claims_before_the_first_start_leave_no_data_folder_open_to_others(tmp_path, monkeypatch):
+    data = tmp_path / "site" / "data"
+    monkeypatch.setenv("PADDOCK_DATA", str(data))
+    folder = next(place for place in claims._places() if data in place.parents)
+    monkeypatch.setattr(claims, "_places", lambda: iter([folder]))
+    assert claims.private_folder() == folder
+    assert {made.stat().st_mode & 0o777 for made in (data.parent, data, folder.parent, folder)} == {0o700}
+
+
 @pytest.fixture
 def two_cores(tmp_path, monkeypatch):
     """Claims of two cores that nobody else has."""
