@@ -25,7 +25,7 @@ if TYPE_CHECKING:  # views import this module
     from drf_spectacular.openapi import AutoSchema
     from rest_framework.request import Request
 
-BEARER = b"bearer"
+SCHEMES = (b"bearer", b"token")  # RFC 6750's, and Knox's own
 _invalid = gettext_lazy("Invalid token.")
 
 
@@ -70,10 +70,14 @@ class TokenAuthentication(KnoxAuthentication):
             note_use(grant=grant, now=timezone.now())
         return found
 
+    def authenticate_header(self, request: Request) -> str:
+        """The challenge beside a 401 (RFC 6750, section 3)."""
+        return "Bearer"
+
     def _shown(self, request: Request) -> tuple | None:
         word, __, rest = get_authorization_header(request).strip().partition(b" ")
-        if word.lower() != BEARER:
-            return super().authenticate(request)
+        if word.lower() not in SCHEMES:
+            return None
         token = rest.split()
         if len(token) != 1:
             raise AuthenticationFailed(_invalid)

@@ -8,12 +8,13 @@ from typing import Any
 
 from django.http import HttpRequest, HttpResponse
 from django.shortcuts import render
+from django.utils.translation import get_language
 from django.views.decorators.http import require_safe
-from drf_spectacular.generators import SchemaGenerator
 
 from core.addresses import origin_of
 
 from .schema import WRITES
+from .schema_view import schema_in
 
 METHODS = ("get", *WRITES)
 SUBJECTS = (
@@ -55,10 +56,14 @@ def page(request: HttpRequest) -> HttpResponse:
     return render(request, "config/api.html", {"subjects": operations(), "origin": origin_of(request)})
 
 
-@lru_cache(maxsize=1)
 def operations() -> tuple[tuple[str, tuple[Operation, ...]], ...]:
-    """The operations of the schema by their subject, within one in the order of the addresses."""
-    schema = SchemaGenerator().get_schema(request=None, public=True)
+    """The operations of the schema by subject, in the order of their addresses, in the reader's language."""
+    return _operations(get_language())
+
+
+@lru_cache
+def _operations(language: str) -> tuple[tuple[str, tuple[Operation, ...]], ...]:
+    schema = schema_in(language)
     subjects: dict[str, list[Operation]] = {subject: [] for subject in SUBJECTS}
     for path, item in schema["paths"].items():
         for method in METHODS:

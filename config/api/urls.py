@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from django.urls import URLPattern, URLResolver, include, path, re_path
-from drf_spectacular.views import SpectacularJSONAPIView
 
 from evaluation import api as models
 from evaluation.reports import api as reports
@@ -25,7 +24,7 @@ from races.api import (
 )
 from tracks import api as tracks
 
-from . import reference, views
+from . import reference, schema_view, views
 
 version_1: list[URLPattern | URLResolver] = [
     path("auth/token/", views.TokenView.as_view(), name="api-token"),
@@ -135,7 +134,7 @@ version_1: list[URLPattern | URLResolver] = [
 
 urlpatterns = [
     path("v1/", include(version_1)),
-    path("schema/", SpectacularJSONAPIView.as_view(), name="api-schema"),
+    path("schema/", schema_view.SchemaView.as_view(), name="api-schema"),
     path("docs/", reference.page, name="api-docs"),
     re_path(r"^(?P<rest>[\s\S]*)$", views.UnknownAddressView.as_view()),
 ]

@@ -18,12 +18,12 @@ class Pages(PageNumberPagination):
     max_page_size = 100
 
     def get_page_size(self, request: Request) -> int:
-        """Rows on a page; a hundred for whoever asks for more. Raises ValidationError for an invalid number of rows."""
+        """Rows on a page. Raises ValidationError for anything but a whole number from 1 to 100."""
         asked = request.query_params.get(self.page_size_query_param)
         if asked is None:
             return self.page_size
         try:
-            return min(serializers.IntegerField(min_value=1).run_validation(asked), self.max_page_size)
+            return serializers.IntegerField(min_value=1, max_value=self.max_page_size).run_validation(asked)
         except serializers.ValidationError as refused:
             raise serializers.ValidationError({self.page_size_query_param: refused.detail}) from None
 

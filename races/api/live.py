@@ -17,6 +17,7 @@ from rest_framework.views import APIView
 
 from accounts.scopes import ORGANISE, RACE
 from accounts.who import racer_of
+from core.api.fields import ZonedDateTimeField
 from core.bodies import Body, read_as
 from evaluation.selectors import models_of
 from paddock.errors import UserFault
@@ -186,7 +187,7 @@ class LiveEventSerializer(serializers.Serializer):
 class LivePlanSerializer(Body):
     """The plan of a live event."""
 
-    starts_at = serializers.DateTimeField(help_text="The lobby opens an hour before.")
+    starts_at = ZonedDateTimeField(help_text="The lobby opens an hour before.")
     time_zone = serializers.CharField(required=False, max_length=64, help_text="Such as Europe/Berlin.")
     rounds = serializers.IntegerField(required=False, min_value=1, max_value=MOST_ROUNDS)
     attempt_ms = serializers.IntegerField(required=False, min_value=LEAST_ATTEMPT_MS, max_value=MOST_ATTEMPT_MS)

@@ -15,6 +15,7 @@ from rest_framework.views import APIView
 from accounts.models import Racer, RacerGroup
 from accounts.scopes import ORGANISE
 from accounts.who import racer_of
+from core.api.fields import ZonedDateTimeField
 from core.bodies import Body, read_as, refuse_fields
 from paddock.errors import UserFault
 from paddock.rules.race import RULES
@@ -148,8 +149,8 @@ class RaceChangeSerializer(with_rules(Body, RULES, asked=True)):  # type: ignore
         allow_null=True,
         help_text="The slug of a public, simulated race on the same track.",
     )
-    opens_at = serializers.DateTimeField(required=False)
-    closes_at = serializers.DateTimeField(required=False)
+    opens_at = ZonedDateTimeField(required=False)
+    closes_at = ZonedDateTimeField(required=False)
     visibility = serializers.ChoiceField(Visibility.choices, required=False)
     team_entries = serializers.ChoiceField(TeamEntries.choices, required=False, allow_blank=True)
     group = serializers.SlugRelatedField(
@@ -176,8 +177,8 @@ class NewRaceSerializer(RaceChangeSerializer):
 
     name = serializers.CharField(max_length=64)
     track = TrackField()
-    opens_at = serializers.DateTimeField()
-    closes_at = serializers.DateTimeField()
+    opens_at = ZonedDateTimeField()
+    closes_at = ZonedDateTimeField()
     division = serializers.ChoiceField(
         Division.choices, required=False, help_text="Makes it a race of the league; admins only."
     )

@@ -323,6 +323,7 @@ def test_the_message_is_in_the_language_of_the_request(alice, as_racer):
         "/api/v1/races/?page_size=ten",
         "/api/v1/tracks/?page_size=0",
         "/api/v1/tracks/?page_size=-1",
+        "/api/v1/races/?page_size=101",
         "/api/v1/races/tried/board/?page=x",
         "/api/v1/races/tried/board/?page_size=101",
     ],
@@ -336,4 +337,15 @@ def test_an_invalid_query_parameter_is_refused(address, alice, as_racer):
 
 @pytest.mark.django_db
 def test_an_unknown_query_parameter_is_ignored(alice, as_racer):
-    assert as_racer(alice).get("/api/v1/races/?utm_source=x&page_size=500").status_code == 200
+    assert as_racer(alice).get("/api/v1/races/?utm_source=x&page_size=100").status_code == 200
+
+
+@pytest.mark.django_db
+@pytest.mark.parametrize("field", ["opens_at", "closes_at"])
+def test_a_time_without_an_offset_is_refused(field, alice, as_racer):
+    opens, closes = (timezone.now() + timedelta(days=days) for days in (1, 2))
+    sent = {"name": "Night race", "track": a_track().slug}
+    sent |= {"opens_at": f"{opens:%Y-%m-%dT%H:%M:%SZ}", "closes_at": f"{closes:%Y-%m-%dT%H:%M:%S}+09:00"}
+    answer = as_racer(alice).post("/api/v1/races/", sent | {field: sent[field][:19]})
+    assert (answer.status_code, answer.data["fields"][field][0]["code"]) == (400, "no_offset")
+    assert as_racer(alice).post("/api/v1/races/", sent).status_code == 201

@@ -6,9 +6,12 @@ import re
 import warnings
 
 import pytest
+import yaml
 from django.core.management import call_command
+from django.utils.translation import get_language
 from drf_spectacular.generators import SchemaGenerator
 
+from config.api import schema_view
 from config.api.reference import operations
 from config.api.urls import version_1
 from core.api.errors import STATUS_OF
@@ -62,6 +65,37 @@ def test_the_schema_is_public(client, db):
     answer = client.get("/api/schema/")
     assert answer.status_code == 200
     assert answer.json()["info"]["title"] == "Paddock"
+
+
+@pytest.mark.parametrize(
+    ("accept", "media_type"),
+    [
+        ("*/*", "application/json"),
+        ("application/vnd.oai.openapi+json", "application/vnd.oai.openapi+json"),
+        ("application/vnd.oai.openapi", "application/vnd.oai.openapi"),
+        ("application/yaml", "application/yaml"),
+    ],
+)
+def test_the_schema_comes_in_the_accepted_format(client, db, schema, accept, media_type):
+    answer = client.get("/api/schema/", HTTP_ACCEPT=accept)
+    assert (answer.status_code, answer["Content-Type"].partition(";")[0]) == (200, media_type)
+    assert yaml.safe_load(answer.content)["paths"].keys() == schema["paths"].keys()  # JSON is YAML
+
+
+def test_the_schema_is_generated_once_per_language(client, db, monkeypatch):
+    schema_view._generate.cache_clear()
+    schema_view.schema_document.cache_clear()
+    generated = []
+    generate = SchemaGenerator.get_schema
+    monkeypatch.setattr(
+        SchemaGenerator,
+        "get_schema",
+        lambda *args, **kwargs: generated.append(get_language()) or generate(*args, **kwargs),
+    )
+    for language in ("en", "ko", "en", "ko", "de", "../en"):
+        assert client.get("/api/schema/", {"lang": language}).status_code == 200
+    client.get("/api/docs/")
+    assert sorted(generated) == ["en", "ko"]
 
 
 def test_the_reference_page_loads_nothing_from_other_sites(client, db):

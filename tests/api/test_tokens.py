@@ -93,7 +93,7 @@ def test_an_invalid_token_does_not_prevent_a_new_log_in(alice):
 def test_an_invalid_token_is_refused_in_the_error_format(alice, header):
     answer = Client().get("/api/v1/me/", headers={"Authorization": header})
     assert answer.status_code == 401
-    assert answer["WWW-Authenticate"] == "Token"
+    assert answer["WWW-Authenticate"] == "Bearer"
     assert answer.json()["code"] == "authentication_failed"
     assert answer.json()["fault"] == "user"
 

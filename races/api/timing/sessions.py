@@ -16,6 +16,7 @@ from rest_framework.views import APIView
 
 from accounts.scopes import ORGANISE
 from accounts.who import racer_of
+from core.api.fields import ZonedDateTimeField
 from core.bodies import Body, read_as
 from core.forms import explain
 from paddock.errors import UserFault
@@ -70,7 +71,7 @@ class SentSessionSerializer(Body):
     racer = serializers.CharField(required=False, allow_blank=True, default="", max_length=64, help_text="Alias.")
     guest = SentGuestSerializer(required=False, allow_null=True, default=None)
     car = serializers.CharField(required=False, allow_blank=True, default="", max_length=64)
-    started_at = serializers.DateTimeField(help_text="By the clock of the device, which `sent_at` sets right.")
+    started_at = ZonedDateTimeField(help_text="By the clock of the device, which `sent_at` sets right.")
     ended = serializers.BooleanField(default=False)
     discarded = serializers.BooleanField(default=False)
     sensor = serializers.IntegerField(required=False, allow_null=True, default=None, help_text="Which one measures.")
@@ -80,7 +81,7 @@ class SentSessionSerializer(Body):
 class CarryOverSerializer(Body):
     """What a device has timed, perhaps for a day without a network."""
 
-    sent_at = serializers.DateTimeField(help_text="Now, by the clock of the device.")
+    sent_at = ZonedDateTimeField(help_text="Now, by the clock of the device.")
     sessions = SentSessionSerializer(many=True, allow_empty=False, max_length=MOST_SESSIONS)  # type: ignore[call-arg]
 
 
