@@ -29,7 +29,7 @@ def now():
 
 @pytest.fixture
 def race(now) -> Race:
-    return a_race(now, name="Open race")
+    return a_race(now, name="Cached race")
 
 
 @pytest.fixture(autouse=True)
@@ -103,10 +103,10 @@ def test_a_changed_board_is_rendered_again_immediately(race, made, now, wakes):
 @pytest.mark.parametrize("how", [{"visibility": Visibility.INVITATION}, {"name": "Another name"}])
 def test_a_withdrawn_race_disappears_from_cached_pages(race, how):
     client, other = Client(), Client()
-    assert b"Open race" in client.get("/").content
+    assert b"Cached race" in client.get("/").content
     Race.objects.filter(pk=race.pk).update(**how)
-    assert b"Open race" not in client.get("/").content
-    assert b"Open race" not in other.get("/").content
+    assert b"Cached race" not in client.get("/").content
+    assert b"Cached race" not in other.get("/").content
 
 
 def test_an_uncommitted_change_is_neither_shown_nor_cached(race):

@@ -204,7 +204,7 @@ def test_a_season_at_the_address_of_a_page_is_refused(folder):
     for row in rows:
         row["season"] = "New"
     write_csv(folder / "races.csv", list(rows[0]), rows)
-    refused(folder, "import_season_exists")
+    assert refused(folder, "season_address_reserved") == {"season": "new"}
 
 
 def test_importing_again_with_other_numbers_is_refused(folder):

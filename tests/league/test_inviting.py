@@ -212,7 +212,7 @@ def test_the_pages(alice, bob, charlie):
     assert "accepted" in organiser.get(address).content.decode()
     stop = f"/invitations/stop/{inviting.stop_token('kim@example.org')}/"
     assert "No more invitations?" in Client(enforce_csrf_checks=True).get(stop).content.decode()
-    assert "any more" in Client(enforce_csrf_checks=True).post(stop).content.decode()
+    assert "will receive no more invitations" in Client(enforce_csrf_checks=True).post(stop).content.decode()
     assert Client().get("/invitations/stop/x/").status_code == 404
 
 

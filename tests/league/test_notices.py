@@ -12,6 +12,7 @@ from django.db import IntegrityError, transaction
 from django.test import Client
 
 from accounts.models import Racer
+from core.times import written
 from league.models import Mail, Notice, NoticeKind, Stage
 from league.notices import sentence
 from league.services import close_due_rounds, disqualify, put_back
@@ -19,7 +20,6 @@ from league.services.mails import LEASE, MAILS, send_mails
 from league.services.notices import choice_of, choose_notices, mark_read, stopping_token
 from paddock.errors import UserFault
 from races.services import cancel_race
-from races.services.gates import moment
 from tests.factories import a_race, a_racer, drive, laps
 from tests.happened import tell_what_happened
 from tests.league.seasons import HOUR, a_round, a_season, after, board, racers
@@ -190,7 +190,7 @@ class TestStewardDecision:
         assert (notice.racer, notice.path) == (racer, round_.race.get_absolute_url())
         assert sentence(notice) == (
             f"You are disqualified from {round_.race.name} (Two accounts). If this is a mistake, contact "
-            f"the organisers. They can reinstate you until {moment(round_.settled_at)}."
+            f"the organisers. They can reinstate you until {written(round_.settled_at)}."
         )
         assert "disqualified" not in told(other)
 

@@ -30,6 +30,7 @@ ABOUT_THE_DATABASE = (
     "simultaneous",
     "clock",
     "closing",
+    "succession",
     "stewards",
     "moved_rounds",
     "notices",

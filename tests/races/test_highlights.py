@@ -134,7 +134,7 @@ def test_who_may_ask_and_see(alice, now):
     assert "Make the video" in logged_in(bob).get(page).content.decode()
     assert logged_in(bob).post(address).url == f"{page}#highlights"
     assert Video.objects.get().asked_by == bob
-    assert "in the queue" in logged_in(a_racer("stella", is_staff=True)).get(page).content.decode()
+    assert "In queue: number 1." in logged_in(a_racer("stella", is_staff=True)).get(page).content.decode()
     assert logged_in(mallory).get(reverse("video_file", args=[Video.objects.get().public_id])).status_code == 404
 
 

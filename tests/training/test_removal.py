@@ -176,7 +176,7 @@ class TestDeletionPage:
         assert page in client.get(over.get_absolute_url()).content.decode()
         assert "2.0 MB" in client.get(page).content.decode()
         answer = client.post(page, {"models": "on"}, follow=True)
-        assert "2.0 MB are free" in answer.content.decode()
+        assert "2.0 MB freed" in answer.content.decode()
         assert TrainedModel.objects.get().deleted_at is not None
         assert client.get(page).status_code == 404
 
