@@ -7,7 +7,8 @@ from collections.abc import Sequence
 from core.events import Event
 from core.streams import Topic, register_moves, register_topic
 
-from .models import Round
+from .events import SEASON_DRAFTED
+from .models import Round, Season
 
 
 def register() -> None:
@@ -17,9 +18,16 @@ def register() -> None:
 
 
 def moves(events: Sequence[Event]) -> dict[int, set[str]]:
-    """What happens in a race moves the season that it belongs to."""
+    """What happens in a race moves the season that it belongs to. A draft moves itself and the season that it
+    continues."""
+    moved: dict[int, set[str]] = {}
     races = {event.race for event in events if event.race is not None}
-    if not races:
-        return {}
-    seasons = dict(Round.objects.filter(race__in=races).values_list("race_id", "season_id"))
-    return {event.pk: {f"season:{seasons[event.race]}"} for event in events if event.race in seasons}
+    if races:
+        seasons = dict(Round.objects.filter(race__in=races).values_list("race_id", "season_id"))
+        moved = {event.pk: {f"season:{seasons[event.race]}"} for event in events if event.race in seasons}
+    drafted = {event.pk: event.subject for event in events if event.kind == SEASON_DRAFTED.name}
+    if drafted:
+        rows = Season.objects.filter(slug__in=drafted.values()).values_list("slug", "pk", "follows_id")
+        drafts = {slug: {f"season:{season}" for season in pair if season} for slug, *pair in rows}
+        moved |= {pk: drafts[slug] for pk, slug in drafted.items() if slug in drafts}
+    return moved

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import asyncio
 from collections.abc import AsyncIterator
+from datetime import date
 
 import pytest
 
@@ -12,7 +13,10 @@ from config.streams.reader import HELD_BYTES, Reader, message
 from core.events import KINDS, Event
 from core.streams import TOPICS, Backstage, Topic, register_topic, topics_of
 from core.streams.topics import asked_for
+from league.events import SEASON_DRAFTED
+from league.services import create_season
 from tests.factories import a_race, a_racer
+from tests.league.seasons import a_season
 
 pytestmark = pytest.mark.django_db(transaction=True)
 
@@ -126,8 +130,18 @@ def test_only_what_is_a_topic_may_be_asked_for():
 
 def test_every_kind_of_event_moves_something(now):
     """A kind that moves nothing would leave a page standing still."""
-    race, ann = a_race(now), a_racer("ann")
+    race, ann, season = a_race(now), a_racer("ann"), a_season()
     for kind in KINDS.values():
         names = {"racer": ann.pk if "racer" in kind.names else None, "race": race.pk if "race" in kind.names else None}
-        event = Event(pk=1, kind=kind.name, at=now, racer_id=names["racer"], race=names["race"], subject="x")
+        event = Event(pk=1, kind=kind.name, at=now, racer_id=names["racer"], race=names["race"], subject=season.slug)
         assert topics_of([event])[1], kind.name
+
+
+def test_a_draft_moves_itself_and_the_season_that_it_continues(now):
+    season = a_season()
+    draft = create_season(
+        slug="2028", name="2028", starts_on=date(2028, 1, 1), ends_on=date(2028, 12, 31), follows=season
+    )
+    drafted = Event(pk=1, kind=SEASON_DRAFTED.name, at=now, subject=draft.slug)
+    deleted = Event(pk=2, kind=SEASON_DRAFTED.name, at=now, subject="gone")
+    assert topics_of([drafted, deleted]) == {1: {f"season:{season.pk}", f"season:{draft.pk}"}, 2: set()}
