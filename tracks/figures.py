@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 
-from django.db.models import Expression, F, OrderBy, QuerySet
+from django.db.models import Expression, F, OrderBy, QuerySet, Subquery
 from django.db.models.aggregates import Aggregate
 from django.utils.functional import Promise
 from django.utils.translation import gettext as _
@@ -27,7 +27,7 @@ class TrackFigure:
     label: str | Promise
     column: str
     shown: Callable[[Track], str]
-    annotation: Expression | Aggregate | None = None
+    annotation: Expression | Aggregate | Subquery | None = None
     falling: bool = False
     leads: bool = False
 

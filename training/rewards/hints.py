@@ -42,19 +42,20 @@ def _meant(tree: ast.Module) -> dict[str, str]:
     return meant
 
 
-def _assigned(node: ast.AST) -> Iterator[tuple[ast.AST, ast.AST]]:
+def _assigned(node: ast.AST) -> Iterator[tuple[ast.expr, ast.expr]]:
     """The pairs of target and value that a statement sets."""
+    targets: list[ast.expr]
     if isinstance(node, ast.Assign):
-        targets = node.targets
+        targets, value = node.targets, node.value
     elif isinstance(node, ast.AnnAssign | ast.NamedExpr) and node.value is not None:
-        targets = [node.target]
+        targets, value = [node.target], node.value
     else:
         return
     for target in targets:
-        if isinstance(target, ast.Tuple | ast.List) and isinstance(node.value, ast.Tuple | ast.List):
-            yield from zip(target.elts, node.value.elts, strict=False)
+        if isinstance(target, ast.Tuple | ast.List) and isinstance(value, ast.Tuple | ast.List):
+            yield from zip(target.elts, value.elts, strict=False)
         else:
-            yield target, node.value
+            yield target, value
 
 
 def _name_of(node: ast.AST) -> str:
@@ -101,7 +102,9 @@ def _numbers(node: ast.AST) -> list[float]:
     """The numbers of a constant, or of a list of constants; none where anything else is among them."""
     parts = node.elts if isinstance(node, ast.Tuple | ast.List | ast.Set) else [node]
     values = [part.value if isinstance(part, ast.Constant) else None for part in parts]
-    return [float(value) for value in values if type(value) in (int, float)] if None not in values else []
+    if None in values:
+        return []
+    return [float(value) for value in values if isinstance(value, int | float) and not isinstance(value, bool)]
 
 
 def _never(kind: type[ast.cmpop], values: list[float]) -> bool:
