@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from django.contrib.admin.models import ADDITION, CHANGE, DELETION
+from django.db import transaction
 from django.http import Http404
 from django.shortcuts import get_object_or_404
 from django.utils import timezone
@@ -158,8 +159,9 @@ class SeasonWrite(APIView):
         season = season_shown(slug)
         require(request, "league.delete_season")
         refuse_fields(request)
-        log(racer_of(request), season, DELETION, "Deleted through the API")
-        delete_season(season=season, now=timezone.now())
+        with transaction.atomic():
+            log(racer_of(request), season, DELETION, "Deleted through the API")
+            delete_season(season=season, now=timezone.now())
         return Response(status=status.HTTP_204_NO_CONTENT)
 
 
@@ -204,8 +206,8 @@ class RoundView(APIView):
         round_ = get_object_or_404(Round.objects.select_related("season", "race"), season__slug=slug, race__slug=race)
         require(request, "league.change_season", "races.delete_race")
         refuse_fields(request)
-        log(racer_of(request), round_.season, CHANGE, f"Deleted the race {race} through the API")
         delete_round(round=round_, now=timezone.now())
+        log(racer_of(request), round_.season, CHANGE, f"Deleted the race {race} through the API")
         return Response(status=status.HTTP_204_NO_CONTENT)
 
 

@@ -9,6 +9,7 @@ from django.contrib import messages
 from django.contrib.admin.models import ADDITION, CHANGE, DELETION
 from django.contrib.auth.decorators import login_required
 from django.core.exceptions import PermissionDenied, ValidationError
+from django.db import transaction
 from django.http import HttpRequest, HttpResponse
 from django.shortcuts import get_object_or_404, redirect, render
 from django.utils import timezone
@@ -18,6 +19,7 @@ from django.views.decorators.http import require_http_methods, require_POST
 
 from accounts.who import racer_of
 from core.forms import add_fault, explain
+from core.once import first_time, new_once, not_this_time
 from league.models import Season
 from league.selectors.deletable import kept_rounds
 from league.services.seasons import delete_round, delete_season, edit_season
@@ -51,20 +53,24 @@ class CopyForm(forms.Form):
 def season_copy(request: HttpRequest, slug: str) -> HttpResponse:
     """Make the same season again, some months later."""
     season = _season(request, slug, "league.add_season")
-    form = CopyForm(request.POST or None)
+    form, once = CopyForm(request.POST or None), request.POST.get("once", "")
     if request.method == "POST" and form.is_valid():
+        if not first_time(once):
+            return redirect("seasons")  # the copy is in the list
         try:
             copied = copy_season(season=season, now=timezone.now(), **form.cleaned_data)
         except UserFault as fault:
+            not_this_time(once)
             add_fault(form, fault)
         except ValidationError as refused:
+            not_this_time(once)
             for field, errors in refused.error_dict.items():
                 form.add_error(field if field in form.fields else None, errors)
         else:
             log(racer_of(request), copied.season, ADDITION, f"Copied from {season.slug} with {copied.races} races")
             _say_copied(request, copied)
             return redirect(copied.season)
-    context = {"season": season, "form": form, "rounds": season.rounds.count()}
+    context = {"season": season, "form": form, "rounds": season.rounds.count(), "once": new_once()}
     return render(request, "league/season_copy.html", context, status=422 if form.errors else 200)
 
 
@@ -101,8 +107,9 @@ def season_delete(request: HttpRequest, slug: str) -> HttpResponse:
                 messages.success(request, _("%(race)s is deleted.") % {"race": named(one.race.name)})
                 return redirect("season_delete", season.slug)
             if not wanted:
-                log(racer_of(request), season, DELETION, f"Deleted with {len(rounds)} races")
-                delete_season(season=season, now=now)
+                with transaction.atomic():
+                    log(racer_of(request), season, DELETION, f"Deleted with {len(rounds)} races")
+                    delete_season(season=season, now=now)
                 messages.success(request, _("%(season)s is deleted.") % {"season": named(season.name)})
                 return redirect("seasons")
         except UserFault as refused:

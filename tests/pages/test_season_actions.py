@@ -226,3 +226,22 @@ def test_the_track_of_a_race_of_the_league_is_no_page_of_the_site():
     with pytest.raises(Exception) as refused:
         a_round(season, 1, "single", slug="New")
     assert "race_address_reserved" in {error.code for error in refused.value.errors.error_dict["slug"]}
+
+
+def test_a_double_click_copies_a_season_once(client, season):
+    path = reverse("season_copy", args=[season.slug])
+    once = client.get(path).context["once"]
+    for _ in range(2):
+        assert client.post(path, {"months": "", "name": "", "slug": "", "once": once}).status_code == 302
+    assert Season.objects.count() == 2
+
+
+@pytest.mark.parametrize("by_api", [False, True])
+def test_a_refused_deletion_is_not_in_the_audit(client, season, by_api):
+    enter_race(race=Race.objects.get(slug="2027-01-open"), racer=a_racer(), now=JANUARY)
+    if by_api:
+        client.delete(f"/api/v1/seasons/{season.slug}/")
+    else:
+        assert client.post(reverse("season_delete", args=[season.slug])).status_code == 409
+    assert Season.objects.exists()
+    assert not LogEntry.objects.filter(change_message__startswith="Deleted").exists()
