@@ -379,6 +379,6 @@ def test_a_race_of_another_division_cannot_take_a_stage(season):
 def test_closing_a_month_with_many_racers_needs_few_queries(season, django_assert_max_num_queries):
     january = a_round(season, 1, "open-qualifier")
     board(january.race, racers(60))
-    with django_assert_max_num_queries(24):
+    with django_assert_max_num_queries(25):
         close_round(round=january, now=after(january))
     assert Membership.objects.count() == 12 and Entry.objects.count() == 60

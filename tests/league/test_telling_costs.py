@@ -19,8 +19,8 @@ from tests.happened import queue_deliveries, tell_what_happened
 
 pytestmark = pytest.mark.django_db
 
-# Webhooks are few, and all of them are looked at each time.
-WHOLE_TABLES = {"league_webhook"}
+# Webhooks and seasons are few: a site adds a season or two a year.
+WHOLE_TABLES = {"league_season", "league_webhook"}
 
 
 def read_whole(call: Callable[[], object]) -> set[str]:
