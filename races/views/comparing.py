@@ -18,6 +18,7 @@ from paddock.errors import UserFault
 from races.comparing import LapComparison, best_lap, compare, ghost_data, lap_line
 from races.lap_charts import gap_chart, speed_chart
 from races.layout import driven_boxes
+from races.models import Entry, Submission
 from races.replay import lap_rows, map_size, replay_data
 from races.selectors.comparable import direction_of, offers_to_compare, refuse_incomparable
 from races.selectors.results import place_of
@@ -109,12 +110,22 @@ def evaluation_compared_replay(request: HttpRequest, public_id: str, other_id: s
 
 
 def _ahead(shown: Evaluation) -> str:
-    """The id of the run that counts for the car ahead of this run's racer; empty where nobody is ahead."""
+    """The id of the run that counts for the car ahead of this run's racer: a racer's, or else the slowest house car
+    that is faster, or else the fastest one. Empty in a race without other results."""
     submission = getattr(shown, "submission", None)
-    place = None if submission is None else place_of(submission.entry)
-    rival = place and (place.ahead or place.leader)
-    best = rival and rival.entry.best
+    if submission is None:
+        return ""
+    place = place_of(submission.entry)
+    rival = place.ahead or place.leader
+    best = rival.entry.best if rival else _house_car_ahead(submission.entry)
     return best.evaluation.public_id if best else ""
+
+
+def _house_car_ahead(entry: Entry) -> Submission | None:
+    house = Entry.objects.filter(race=entry.race_id, is_baseline=True, best__isnull=False).exclude(pk=entry.pk)
+    house = house.select_related("best__evaluation").order_by("rank_score", "rank_lap", "pk")
+    found = house.filter(rank_score__lt=entry.rank_score).last() or house.first()
+    return found.best if found else None
 
 
 def _finished(request: HttpRequest, public_id: str) -> Evaluation:

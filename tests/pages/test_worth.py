@@ -187,7 +187,7 @@ def test_after_a_result_the_next_steps_are_to_compare_and_to_train_on(now, monke
     assert client.get(compare).headers["Location"] == where
     assert "Compare with the car ahead" in client.get(race.get_absolute_url()).content.decode()
     assert "Train on" not in page_of(mine, bob) and "Compare with the car ahead" in page_of(mine, bob)
-    assert "with=ahead" not in page_of(leader, bob)
+    assert "Compare with another run" in page_of(leader, bob)
     monkeypatch.setattr("training.templatetags.training.build_of_model", lambda model: "a network that learns on")
     model = mine.evaluation.model.public_id
     clone = (
@@ -204,6 +204,16 @@ def test_a_car_without_a_rank_is_compared_with_the_leader(now):
     assert "Compare with the leader" in page_of(mine, alice)
     answer = Client().get(f"/evaluations/{leader.evaluation.public_id}/compare/?with=ahead")
     assert answer.status_code == 200  # nobody is ahead: the list of runs
+
+
+def test_the_leader_is_compared_with_the_next_faster_house_car(now):
+    race = a_race(now)
+    mine = drive(race, a_racer("alice"), laps(12_000, 12_000, 12_000), now)
+    drive(race, a_racer("flyer", is_house=True), laps(10_000, 10_000, 10_000), now)
+    brisk = drive(race, a_racer("brisk", is_house=True), laps(11_000, 11_000, 11_000), now)
+    drive(race, a_racer("steady", is_house=True), laps(13_000, 13_000, 13_000), now)
+    answer = Client().get(f"/evaluations/{mine.evaluation.public_id}/compare/?with=ahead")
+    assert brisk.evaluation.public_id in answer.headers["Location"]
 
 
 def test_a_house_car_is_compared_with_the_leader_in_words(now):

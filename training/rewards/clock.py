@@ -63,10 +63,10 @@ def _datetime(clock: EpisodeClock) -> ModuleType:
         """Of a date and a moment: those of the real module are instances, too."""
 
         def __instancecheck__(cls, instance: object) -> bool:
-            return isinstance(instance, cls.__bases__[0])  # type: ignore[attr-defined]
+            return isinstance(instance, cls.__bases__[0])
 
         def __subclasscheck__(cls, other: type) -> bool:
-            return issubclass(other, cls.__bases__[0])  # type: ignore[attr-defined]
+            return issubclass(other, cls.__bases__[0])
 
     class Date(real_datetime.date, metaclass=AnyDate):
         """A date whose today() is that of the simulated clock."""
