@@ -31,7 +31,7 @@ COUNTED = 20  # followers that others are told the number of; beyond it stands "
 
 def can_follow(viewer: Viewer, racer: Racer) -> bool:
     """Whether the viewer may follow a racer: somebody else whose account is active and no house car's. Who is in a
-    class follows, and is followed by, only who is in it and its teachers. Twin of :func:`racers_to_follow`."""
+    class follows, and is followed by, only its learners and teachers. Twin of :func:`racers_to_follow`."""
     if not isinstance(viewer, Racer) or viewer.pk == racer.pk or racer.is_house:
         return False
     if not (viewer.is_active and racer.is_active):

@@ -65,11 +65,11 @@ def for_the_reader(value: object) -> object:
 
 
 def site_day(now: datetime) -> date:
-    """The day in the site's time zone, whoever asks."""
+    """The day in the site's time zone, independent of the reader's."""
     return timezone.localdate(now, timezone.get_default_timezone())
 
 
 def start_of_month(now: datetime) -> datetime:
-    """When the month began in the site's time zone, whoever asks."""
+    """When the month began in the site's time zone, independent of the reader's."""
     local = timezone.localtime(now, timezone.get_default_timezone())
     return local.replace(day=1, hour=0, minute=0, second=0, microsecond=0)

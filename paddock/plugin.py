@@ -26,7 +26,7 @@ def register_envs() -> None:
 
     from gymnasium.envs.registration import register, registry
 
-    # what multiprocessing itself hands on to every child: without it one that is spawned knows no environment
+    # multiprocessing passes this on to every child; without it a spawned child knows no environment
     getattr(current_process(), "_config", {})["paddock"] = _InChildren()
 
     for name in _NAMES:

@@ -1,4 +1,4 @@
-"""What the runs of a live event are told: the race's rules, with a start and a seed of the event.
+"""The rules of a live event's runs: the race's, with the event's own start and seed.
 
 So a car does not repeat live exactly the laps of its qualifying. Both are announced with the event and stand in the
 specification of each run, by which it is verified like any other.

@@ -19,7 +19,7 @@ from .selectors.live_runs import DrivenRun, shown_runs
 from .story_words import TRACED, Sentence, incident, ordinal, seconds
 
 MESSAGES = 20
-POSSIBLE = 0.8  # of the event's fastest last sector: no car improves on it by more, so nothing is said
+POSSIBLE = 0.8  # of the event's fastest last sector: no car improves on it by more, so no sentence is written
 
 
 @dataclass

@@ -38,7 +38,7 @@ def spectator_token(race: Race) -> str:
 
 
 def race_of_token(token: str) -> Race | None:
-    """The race that a token opens; None for one that is not valid (any more), and for races that are public."""
+    """The race that a token opens; None for an invalid or renewed token, and for public races."""
     found = _TOKEN.fullmatch(token)
     if found is None:
         return None

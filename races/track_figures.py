@@ -21,8 +21,8 @@ _HELD = Q(**{f"races__{name}": value for name, value in _SHOWN.items()})
 
 
 def standard_races() -> QuerySet[Race]:
-    """The races whose laps compare across races: simulated time trials of this site by standard rules, that is with no
-    cheaper off track than usual and no racer who sets the car's speed."""
+    """The races whose laps compare across races: simulated time trials of this site by standard rules, that is with
+    no cheaper off-track penalty than the default and no speed control by racers."""
     fair = Race.objects.filter(
         **_SHOWN,
         race_type=RaceType.TIME_TRIAL,

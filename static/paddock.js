@@ -299,7 +299,7 @@
     const heading = document.querySelector("#main h1");
     if (!field && heading && !heading.hasAttribute("tabindex")) heading.tabIndex = -1;
     (field || heading || document.getElementById("main"))?.focus({ preventScroll: true });
-    // who comes from elsewhere is offered the skip link and the header first
+    // visitors from other sites reach the skip link and the header first
     const skip = document.querySelector(".skip");
     if (field || !skip || document.referrer.startsWith(location.origin)) return;
     document.addEventListener("keydown", (event) => {

@@ -32,7 +32,7 @@ class Classroom(models.Model):
 
 
 class ClassTeacher(models.Model):
-    """A second teacher of a class, who does all that its first one does but deleting it and choosing teachers."""
+    """A second teacher of a class, with the first teacher's rights except deleting it and choosing teachers."""
 
     classroom = models.ForeignKey(Classroom, models.CASCADE, related_name="teachers", verbose_name=_("class"))
     racer = models.ForeignKey(

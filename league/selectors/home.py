@@ -59,7 +59,7 @@ def home_races(open_now: QuerySet[Race], reader: Racer | AnonymousUser, now: dat
 
 
 def _refusals(races: list[Race], reader: Racer | AnonymousUser, now: datetime) -> dict[int, str]:
-    """Why the reader may not enter, by race. A guest is taken for somebody who has just signed up."""
+    """Why the reader may not enter, by race. A guest counts as a racer without any result."""
     if not reader.is_authenticated:
         pro = [race for race in races if race.kind == RaceKind.LEAGUE and race.division == Division.PRO]
         closed: dict[int, UserFault] = {race.pk: UserFault("race_pro_only") for race in pro}

@@ -25,8 +25,8 @@ def proof_of(season: Season) -> dict[str, Any]:
     those whose recorded score is the time that the race is ranked by. ``promotion``: of those recorded in a pro race,
     whom our rule had promoted from an open race that closed before it opened. ``finale``: of those recorded in a
     finale, who is in the field that our rule forms of its qualifier. ``championship``: how many qualify by our rule.
-    ``differences``: who is not where the record has them, by race. ``notes``: sentences about what the record itself
-    contradicts or leaves out.
+    ``differences``: racers at another place than in the record, by race. ``notes``: contradictions and gaps of the
+    record itself.
     """
     recorded = season.rounds.filter(race__record__isnull=False).select_related("race")
     rounds = list(recorded.order_by("race__record__position"))

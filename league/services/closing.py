@@ -84,7 +84,7 @@ def rework(*, round: Round, now: datetime) -> None:
 
 
 def _rework(season: Season, rounds: Iterable[Round], before: set[int], now: datetime) -> None:
-    """``before``: who was a pro of the season until now."""
+    """``before``: the season's pros until now."""
     affected = []
     for one in rounds:
         one.season = season

@@ -125,7 +125,7 @@ def _is_address(word: str) -> bool:
 
 @transaction.atomic
 def invite_by_mail(*, race: Race, by: Racer, addresses: Iterable[str], language: str, now: datetime) -> int:
-    """Invite these addresses (:func:`addresses_of`) to a race; who was invited already stays as they are. How many are
+    """Invite these addresses (:func:`addresses_of`) to a race; racers with an invitation keep it. How many are
     new. All or none: raises UserFault("race_not_yours" | "race_closed" | "race_cancelled" | "invitations_a_day")."""
     _require_organiser(race, by)
     require_not_over(race, now)

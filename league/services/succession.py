@@ -49,9 +49,9 @@ _SETTINGS = (
     "continues",
 )
 _RACE_FIELDS = tuple(name for name in EDITABLE_FIELDS if name not in ("opens_at", "closes_at", "beside"))
-# What somebody promised for one season: an admin who copies it decides, the clock does not.
+# Promises for one season: an admin may copy them, the clock never does.
 _PROMISES = ("prize", "sponsor")
-# A year, or two as in 2026-27; the second one is told from a month by being the next year.
+# A year, or two as in 2026-27; the second one must be the following year, or it would be a month.
 _YEARS = re.compile(r"(?<!\d)(20\d\d)(?:([-–/])(\d\d)(?!\d))?(?!\d)")
 _LAST_NUMBER = re.compile(r"(\d{1,3})(?!.*\d)")
 

@@ -321,7 +321,7 @@ class LiveView(APIView):
         operation_id="read_live",
         summary="The live event of a race",
         description=(
-            "What runs, who is next, how it stands. Nothing of a run is told before it was played. Of a race by "
+            "What runs, who is next, how it stands. A run's results appear only after it was played. Of a race by "
             "invitation a spectators' token in the header `X-Paddock-Spectator` opens this and the poses."
         ),
         responses=LiveEventSerializer,

@@ -3,7 +3,7 @@
 ``sys.argv[1:]``: modules to import before the lock (:func:`.modules.wanted_modules`). It says ``{"state": "locked"}``
 when it can be asked. Question: ``{"code", "check", "whole", "waypoints", "states"}``. Answer: ``{"faults": [{"code",
 "params", "state"}], "warnings": [the same], "rewards": [...], "printed"}`` with a reward (or null) for each state that
-was come to. ``check``: whether the text is checked first, as for somebody who is writing it; and all states are tried,
+was come to. ``check``: whether the text is checked first, as in the editor; and all states are tried,
 where otherwise the first fault is the end. ``whole``: all states must be come to in the time of one call, and before
 them a first step with ``steps`` 1 is tried, as the field's check does; otherwise what there was no time for is left
 out.

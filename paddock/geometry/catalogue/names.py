@@ -1,4 +1,4 @@
-"""Every name of the catalogue's tracks, and the closest names to one that is unknown. No Django.
+"""Every name of the catalogue's tracks, and the closest matches of an unknown name. No Django.
 
 A track is known by its address (``po-chun-speedway``), its name in the old console (``Po-Chun Speedway``) and its
 files in the official simulator (``penbay_open``, and ``penbay_open_cw`` for the clockwise variant).

@@ -3,7 +3,7 @@
 The graph is evaluated from the policy backwards with known and unknown values: everything that does not depend on the
 sensors (shapes, frozen training flags, weights) is computed here, the rest becomes ONNX nodes. What the policy does not
 need is never looked at, and branches that are not taken (those of training) are dead, as in TensorFlow's executor.
-TensorFlow 2 writes such branches as functions: the one that is taken is converted in place of its call.
+TensorFlow 2 writes such branches as functions: the branch taken is converted in place of its call.
 """
 
 from __future__ import annotations
