@@ -16,7 +16,7 @@ from django.templatetags.static import static
 from django.urls import reverse
 from django.utils import timezone
 from django.utils.translation import gettext as _
-from django.utils.translation import gettext_lazy
+from django.utils.translation import gettext_lazy, ngettext
 from django.views.decorators.http import require_http_methods, require_POST, require_safe
 
 from accounts.models import Racer
@@ -331,5 +331,6 @@ def _take_file(request: HttpRequest, race: Race) -> HttpResponse:
     except UserFault as fault:
         tell_fault(request, fault)
     else:
-        messages.success(request, _("%(count)s laps of the file stand in the race.") % {"count": count})
+        imported = ngettext("%(count)s lap imported.", "%(count)s laps imported.", count)
+        messages.success(request, imported % {"count": count})
     return redirect("race_timing_setup", race.slug)

@@ -207,7 +207,7 @@ CASES = [
     Case("alice", "", "Make a sensor", "Copy it now", {"Name of the sensor": "Strip"}),
     Case("alice", "/races/real-race/timing/set-up/", "Revoke Old gate", "Token revoked."),
     Case("alice", "", "Give Tom Guest", "are those of gone now.", {"Alias of Tom Guest": "gone"}),
-    Case("alice", "", "Take the laps", "1 laps of the file stand in the race.", {"CSV file": [LAPS]}),
+    Case("alice", "", "Take the laps", "1 lap imported.", {"CSV file": [LAPS]}),
     Case(
         "alice",
         "/races/real-race/laps/{timed_lap}/correct/",
