@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from copy import copy
 from datetime import datetime
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from django.core.exceptions import FieldDoesNotExist
 from django.db.models import Field, Model
@@ -16,35 +16,41 @@ from .forms import same_value, unknown_fields, warn_of_ignored
 _BUTTONS = frozenset({"_save", "_continue", "_addanother", "_saveasnew", "_popup", "_to_field"})
 
 
-class ComparedChanges:
-    """The log names the fields whose values have changed, and the page those that were sent and not taken."""
+if TYPE_CHECKING:
+    from django.contrib.admin import ModelAdmin
 
-    model: type[Model]
+    Base = ModelAdmin[Any]
+else:
+    Base = object
+
+
+class ComparedChanges(Base):
+    """The log names the fields whose values have changed, and the page those that were sent and not taken."""
 
     def get_object(self, request: HttpRequest, object_id: str, from_field: Any = None) -> Any:
         """As Django's; remembers what is stored before the form writes into the row."""
-        found = super().get_object(request, object_id, from_field)  # type: ignore[misc]
+        found = super().get_object(request, object_id, from_field)
         request.stored_row = copy(found)  # type: ignore[attr-defined]
         return found
 
     def save_form(self, request: HttpRequest, form: ModelForm, change: bool) -> Any:
         """As Django's; a moment that nobody moved keeps its fraction of a second, which the form does not show."""
-        row = super().save_form(request, form, change)  # type: ignore[misc]
+        row = super().save_form(request, form, change)
         stored = getattr(request, "stored_row", None)
-        for name in form.fields if change and stored is not None else ():
-            before = _value(stored, name)
+        for name in form.fields if change else ():
+            before = None if stored is None else _value(stored, name)
             if isinstance(before, datetime) and same_value(before, getattr(row, name)):
                 setattr(row, name, before)
         return row
 
-    def construct_change_message(self, request: HttpRequest, form: ModelForm, formsets: Any, add: bool = False) -> Any:
+    def construct_change_message(self, request: HttpRequest, form: Any, formsets: Any, add: bool = False) -> Any:
         """As Django's, of a form that knows what has changed."""
         stored = getattr(request, "stored_row", None)
         if not add and stored is not None:
             form.__dict__["changed_data"] = _changed(form, stored)
             if not getattr(request, "is_refused", False):
                 self._warn(request, form, formsets, stored)
-        return super().construct_change_message(request, form, formsets, add)  # type: ignore[misc]
+        return super().construct_change_message(request, form, formsets, add)
 
     def _warn(self, request: HttpRequest, form: ModelForm, formsets: Any, stored: Model) -> None:
         beside = tuple(f"{each.prefix}-" for each in formsets or ())

@@ -30,7 +30,7 @@ LABEL = "label"
 def explain(fault: PaddockError) -> str:
     """The fault's sentence in the reader's language, details filled in. The detail ``label`` is a field's label."""
     params: dict[str, Any] = {
-        key: gettext(value) if key == LABEL or value in WORDS else for_the_reader(value)
+        key: gettext(str(value)) if key == LABEL or value in WORDS else for_the_reader(value)
         for key, value in fault.params.items()
     }
     return fault.reason.render(params, gettext(fault.reason.sentence))

@@ -20,6 +20,8 @@ MODEL_TEXTS = {"verbose_name", "verbose_name_plural"}
 class TextBlindAutodetector(MigrationAutodetector):
     """Django's detector, blind to texts of fields and models."""
 
+    generated_operations: dict[str, list[Any]]
+
     def deep_deconstruct(self, obj: Any) -> Any:
         deconstructed = super().deep_deconstruct(obj)
         if isinstance(obj, models.Field):

@@ -63,7 +63,9 @@ class RoundAdmin(ReadOnly, admin.ModelAdmin):
     def settled(self, round_: Round) -> str:
         if round_.closed_at is None:
             return _("held back") if round_.held_at else "-"
-        return _("under review") if round_.is_under_review(timezone.now()) else written(round_.settled_at)
+        if round_.settled_at is None or round_.is_under_review(timezone.now()):
+            return _("under review")
+        return written(round_.settled_at)
 
     @admin.action(description=gettext_lazy("Publish: make the results official"), permissions=["steward"])
     def publish(self, request: HttpRequest, queryset: QuerySet[Round]) -> HttpResponse | None:

@@ -10,6 +10,7 @@ from typing import Any, cast
 
 from django import forms
 from django.core.exceptions import ValidationError
+from django.http import QueryDict
 from django.utils import timezone
 from django.utils.crypto import get_random_string
 from django.utils.dates import MONTHS
@@ -180,7 +181,8 @@ class SeasonForm(forms.Form):
         wrong = set(self.errors)
         if not wrong or not wrong <= {*self.OF_A_SEASON, "name", "slug", "prizes"}:
             return None
-        data = self.data.copy()
+        data = QueryDict(mutable=True)
+        data.update(self.data)
         usual: dict[str, Any] = {"name": "-", "slug": get_random_string(20), "prizes": ""}
         for name in wrong:
             data[name] = usual.get(name, self.fields[name].initial)

@@ -97,7 +97,7 @@ class LiveForm(forms.Form):
 
     def _post_clean(self) -> None:
         """Report everything at once: of a form without errors the service says the rest."""
-        super()._post_clean()
+        super()._post_clean()  # type: ignore[misc]  # Django's hook, which the stubs leave out
         if self.errors and not {"starts_at", "time_zone"} & set(self.errors):
             try:
                 check_plan({"starts_at": self.plan()["starts_at"]}, self.now)

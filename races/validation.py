@@ -89,7 +89,8 @@ def check_race(race: Race, *, now: datetime, before: Race | None = None, submiss
         _collect(problems, lambda: _check_group(race))
     _collect(problems, lambda: check_times(race, now=now, before=before, submissions=submissions))
     changed = set() if before is None else set(changed_fields(before, race))
-    if {"opens_at", "closes_at"} & changed and not {"opens_at", "closes_at"} & set(problems.error_dict):
+    times = {"opens_at", "closes_at"}
+    if before is not None and times & changed and not times & set(problems.error_dict):
         for check in _TIME_CHECKS:
             _collect(problems, partial(check, race, before))
     if (before is None or changed & set(BOX_AND_BOT_FIELDS)) and not LAID_OUT_BY & set(problems.error_dict):

@@ -9,6 +9,7 @@ from typing import Any
 from django.conf import settings
 from django.http import HttpResponse
 from django.utils import translation
+from django.utils.encoding import force_bytes
 from drf_spectacular.generators import SchemaGenerator
 from drf_spectacular.renderers import (
     OpenApiJsonRenderer,
@@ -18,7 +19,6 @@ from drf_spectacular.renderers import (
 )
 from drf_spectacular.utils import extend_schema
 from rest_framework.permissions import AllowAny
-from rest_framework.renderers import BaseRenderer
 from rest_framework.request import Request
 from rest_framework.views import APIView
 
@@ -40,9 +40,9 @@ class SchemaView(APIView):
         language = request.query_params.get("lang", "")
         if language not in dict(settings.LANGUAGES):
             language = translation.get_language()
-        renderer = request.accepted_renderer
-        body = schema_document(language, type(renderer))
-        return HttpResponse(body, content_type=f"{renderer.media_type}; charset=utf-8", headers={"Vary": "Accept"})
+        media_type = str(request.accepted_renderer.media_type)
+        body = schema_document(language, media_type)
+        return HttpResponse(body, content_type=f"{media_type}; charset=utf-8", headers={"Vary": "Accept"})
 
 
 def schema_in(language: str) -> dict[str, Any]:
@@ -58,8 +58,9 @@ def _generate(language: str) -> dict[str, Any]:
 
 
 @lru_cache
-def schema_document(language: str, renderer: type[BaseRenderer]) -> bytes:
-    """The schema as ``renderer`` writes it."""
+def schema_document(language: str, media_type: str) -> bytes:
+    """The schema as the renderer of ``media_type`` writes it."""
     schema = schema_in(language)
+    renderer = next(each for each in SchemaView.renderer_classes if each.media_type == media_type)
     with translation.override(language):
-        return renderer().render(schema, renderer_context={})
+        return force_bytes(renderer().render(schema, renderer_context={}))

@@ -47,11 +47,11 @@ def home_races(open_now: QuerySet[Race], reader: Racer | AnonymousUser, now: dat
     fields."""
     is_learner = Exists(ClassLearner.objects.filter(racer=reader.pk))
     races = list(open_now.annotate(reader_is_learner=is_learner)[:LOOKED_AT])
-    if races and not races[0].reader_is_learner:  # type: ignore[attr-defined]
+    if races and not races[0].reader_is_learner:
         remember_no_learner(reader)
     refused = _refusals(races, reader, now)
     allowed = [race for race in races if race.pk not in refused]
-    busy = [race for race in allowed if race.entry_count or race.kind == RaceKind.LEAGUE]  # type: ignore[attr-defined]
+    busy = [race for race in allowed if race.entry_count or race.kind == RaceKind.LEAGUE]
     quiet = [race for race in allowed if race not in busy]
     cards = (busy + quiet[: max(0, LEAST_CARDS - len(busy))])[:CARDS]
     rest = sorted((race for race in races if race not in cards), key=lambda race: race.pk in refused)

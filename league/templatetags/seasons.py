@@ -34,7 +34,9 @@ def round_shown(race: Race) -> Round | None:
 def division_words(race: Race) -> str:
     """Whose a league race is and how a racer comes into it, by the rules of its season where it has one."""
     round_ = round_of(race)
-    return entry_rule(race.division, round_ and round_.stage, round_ and round_.season)
+    if round_ is None:
+        return entry_rule(race.division, None, None)
+    return entry_rule(race.division, round_.stage, round_.season)
 
 
 @register.simple_tag
