@@ -73,7 +73,7 @@ import random
 
 
 def reward_function(params):
-    modules = random._os.sys.modules
+    modules = getattr(random, "_os").sys.modules
     modules["paddock.simulator.referee"].Referee.percent = property(lambda self: 100.0)
     modules["paddock.simulator.car"].Car.command = lambda self, steering, speed: None
     return 1.0
@@ -84,7 +84,7 @@ def reward_function(params):
 REACH = """
 import random
 
-modules = random._os.sys.modules
+modules = getattr(random, "_os").sys.modules
 trainer = modules.get("training.trainer.process")
 
 
@@ -96,7 +96,7 @@ def found(name):
 IN_TRAINING_ONLY = {
     "exits with a status of ours": (
         "reward_stuck",
-        "def reward_function(params):\n    if trainer:\n        random._os._exit(73)\n    return 1.0\n",
+        "def reward_function(params):\n    if trainer:\n        getattr(random, '_os')._exit(73)\n    return 1.0\n",
     ),
     "crashes and says nothing": (
         "reward_stuck",
@@ -113,7 +113,7 @@ def reward_function(params):
         """
 def reward_function(params):
     if trainer:
-        random._os.closerange(0, 64)
+        getattr(random, "_os").closerange(0, 64)
         while True:
             modules["time"].sleep(1)
     return 1.0
@@ -124,7 +124,7 @@ def reward_function(params):
         """
 def reward_function(params):
     if trainer:
-        random._os.write(found("Training")._out, (500).to_bytes(4, "little") + b"{")
+        getattr(random, "_os").write(found("Training")._out, (500).to_bytes(4, "little") + b"{")
         while True:
             modules["time"].sleep(1)
     return 1.0

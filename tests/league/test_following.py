@@ -116,7 +116,7 @@ def test_the_pages(alice, bob, charlie, now, wakes):
     timed(race, bob, 11_000, now)
     assert guest.get("/following/").status_code == 302 and guest.post("/racers/bob/follow/").status_code == 302
     assert me.get("/racers/bob/follow/").status_code == 405 and me.post("/racers/nobody/follow/").status_code == 404
-    assert "You follow nobody yet" in me.get("/following/").content.decode()
+    assert "You follow no racers yet" in me.get("/following/").content.decode()
     assert "/racers/bob/follow/" in me.get("/racers/bob/").content.decode()
     assert "You follow bob." in me.post("/racers/bob/follow/", follow=True).content.decode()
     page = me.get("/racers/bob/").content.decode()

@@ -39,7 +39,7 @@ def test_a_cup_that_is_over_names_its_winners_and_what_they_did(client, real_now
     CupPlace.objects.create(cup=cup, division=1, racer=second, place=2, qualified=1)
     shown = client.get(cup.get_absolute_url()).content.decode()
     assert shown.index("won") < shown.index("second")
-    assert "won ended 1 place above" in shown
+    assert "won gained 1 place over qualifying" in shown
     assert "won" in client.get(reverse("cups")).content.decode()
     assert cup.get_absolute_url() in client.get(won.get_absolute_url()).content.decode()
 

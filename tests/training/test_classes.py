@@ -110,7 +110,7 @@ def test_guesses_are_limited_and_right_codes_are_not_counted(made, monkeypatch):
     for _ in range(5):
         assert Client().post("/class/", {"code": card.code}).status_code == 302
     for number in range(3):
-        assert "no such code" in Client().post("/class/", {"code": f"AAAABBBBCCC{number}"}).content.decode()
+        assert "Unknown code" in Client().post("/class/", {"code": f"AAAABBBBCCC{number}"}).content.decode()
     assert "too many wrong codes" in Client().post("/class/", {"code": card.code}).content.decode()
 
 

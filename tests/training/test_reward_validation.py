@@ -263,7 +263,7 @@ def test_our_own_files_are_hidden_at_the_strongest_level():
     if probe().level < LEVEL_NAMESPACES:
         pytest.skip("no namespaces here")
     text = (
-        "import random\nfound = random._os.sys.modules['os']\n"
+        "import random\nfound = getattr(random, '_os').sys.modules['os']\n"
         "def reward_function(params):\n    found.listdir('/')\n    return 1.0"
     )
     assert [(problem.code, problem.line) for problem in validate_reward(text)] == [("reward_raised", 4)]
