@@ -138,9 +138,18 @@ CASES = [
     Case("alice", "/classes/7c/", "css=#plan button", "Saved."),
     Case("alice", "/classes/7c/", "css=#learners [value=codes]", "css=.class-card", {"Ann Lee": True}),
     Case("alice", "/classes/7c/", "css=#learners [value=all-codes]", "css=.class-card"),
+    Case("alice", "/classes/7c/", "Add the teacher", "bob teaches the class, too.", {"Alias of another teacher": "bob"}),
+    Case("alice", "/classes/7c/", "css=[value=remove-teacher]", "bob no longer teaches the class."),
+    Case(
+        "alice",
+        "/classes/7c/",
+        "Take out and delete",
+        "Ben Park is out of the class.",
+        {"Ben Park": True, "css=#sure": True},
+    ),
     Case("alice", "/classes/7c/", "Delete everything", "Class deleted", {"Its name, to be sure": "7c"}),
-    Case("guest", "/class/", "css=form button", "There is no such code.", {"Code on your card": "ABCD"}),
-    Case("guest", "/class/ABCDEFGHJKMN/", "css=form button", "There is no such code."),
+    Case("guest", "/class/", "css=form button", "Unknown code.", {"Code on your card": "ABCD"}),
+    Case("guest", "/class/ABCDEFGHJKMN/", "css=form button", "Unknown code."),
     # teams
     Case("admin", "/teams/new/", "Found the team", "The team is founded.", {"Name": "Kites"}),
     Case("alice", "/teams/comets/", "Ask to join", "Saved.", {"Alias": "slowpoke"}),
@@ -167,6 +176,9 @@ CASES = [
     Case("admin", "/groups/club/", "Turn down", "Saved."),
     Case("admin", "/groups/club/", "Delete the group", "Group deleted."),
     # invitations by e-mail
+    Case(
+        "alice", "/races/secret-race/invited/", "Preview", "css=#preview", {"css=[name=addresses]": "b@x.org, nobody"}
+    ),
     Case(
         "alice",
         "/races/secret-race/invited/",
@@ -375,7 +387,7 @@ CASES = [
         "/seasons/2027/copy/",
         "Copy this season",
         "Season copied: 3 races.",
-        {"Name": "Copy", "Address": "copy"},
+        {"css=[name=name]": "Copy", "css=[name=slug]": "copy"},
     ),
     Case("admin", "/seasons/copy/delete/", "css=[name=round]", "is deleted."),
     Case("admin", "/seasons/copy/delete/", "Delete the season", "is deleted."),

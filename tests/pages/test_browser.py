@@ -120,7 +120,7 @@ def test_boxes_placed_by_an_organiser_appear_on_the_map(page: playwright.Page) -
     playwright.expect(page.get_by_label("Box 2: percentage of the lap")).to_be_focused()
     page.keyboard.type("26")
     page.get_by_label("Box 2: lane").select_option(label="outer lane")
-    playwright.expect(page.locator("#layout")).to_contain_text("Boxes 1 and 2 overlap")
+    playwright.expect(page.locator("#layout")).to_contain_text("Boxes 1 and 2 block the track")
     page.get_by_label("Box 2: percentage of the lap").fill("60")
     page.get_by_label("Box 2: percentage of the lap").blur()
     playwright.expect(page.locator("#layout .track-box")).to_have_count(2)
@@ -156,7 +156,7 @@ def test_a_file_that_is_too_large_is_reported_before_it_is_sent(page: playwright
         file.truncate(513 * 1024 * 1024)
     page.goto("/models/upload/")
     page.locator("input[type=file]").set_input_files(huge)
-    playwright.expect(page.locator("[data-chosen]")).to_contain_text("More than 512 MB")
+    playwright.expect(page.locator("[data-chosen]")).to_contain_text("Larger than the limit of 512 MB")
     page.get_by_role("main").get_by_role("button", name="Upload").click()
     assert page.evaluate("document.querySelector('input[type=file]').validity.customError")
     assert page.url.endswith("/models/upload/")
@@ -170,7 +170,7 @@ def test_a_training_folder_is_uploaded_and_a_checkpoint_chosen(page: playwright.
     page.locator("input[type=file]").set_input_files(tmp_path / name)
     page.get_by_label("Checkpoint").fill("5")
     page.get_by_role("main").get_by_role("button", name="Upload").click()
-    playwright.expect(page.get_by_text("It holds: 4, 9.")).to_be_visible()
+    playwright.expect(page.get_by_text("Available: 4, 9.")).to_be_visible()
     page.locator("input[type=file]").set_input_files(tmp_path / name)
     page.get_by_label("Checkpoint").fill("4")
     page.get_by_role("main").get_by_role("button", name="Upload").click()
@@ -228,7 +228,7 @@ def test_times_are_shown_in_the_visitors_time_zone(page: playwright.Page) -> Non
     page.goto("/races/")
     page.locator(".race-card :is(h2, h3) a").first.click()
     moment = page.locator(".race-side dl time").first
-    playwright.expect(moment).to_have_attribute("title", re.compile(r"UTC · Europe/Berlin$"))
+    playwright.expect(moment).to_have_attribute("title", re.compile(r"CES?T · Europe/Berlin$"))
     assert page.locator("time[data-local]").count() == 0
 
 

@@ -31,10 +31,10 @@ LOOK = """async ([theme, options]) => {
 }"""
 
 
-# A date in words or in another order than 2026-11-30: there is one style on all pages.
+# A date with the month first, in figures alone, or as ISO 8601: there is one style on all pages, "Sat 28 Nov, 14:32".
 OTHER_DATES = r"""() => {
   const months = "(Jan|Feb|Mar|Apr|May|June?|July?|Aug|Sept?|Oct|Nov|Dec)[a-z]*\\.?";
-  const other = new RegExp(`${months} \\d{1,2}\\b|\\d{1,2} ${months}|\\d{1,2}[/.]\\d{1,2}[/.]\\d{4}`);
+  const other = new RegExp(`${months} \\d{1,2}\\b|\\d{4}-\\d\\d-\\d\\d \\d\\d:|\\d{1,2}[/.]\\d{1,2}[/.]\\d{4}`);
   return document.querySelector("main").innerText.split("\n").filter((line) => other.test(line));
 }"""
 

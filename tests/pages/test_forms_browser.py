@@ -153,7 +153,9 @@ def _outcome(page, then: str):
 def _fill(page, label: str, value: object) -> None:
     main = page.locator("main, #content").first
     field = main.locator(label) if label.startswith("css=") else main.get_by_label(label, exact=True)
-    kind = field.evaluate("field => field.type")
+    kind = field.evaluate(
+        "field => { const menu = field.closest('details'); if (menu) menu.open = true; return field.type; }"
+    )
     if kind == "file":
         field.set_input_files(value)
     elif kind.startswith("select"):

@@ -195,7 +195,7 @@ def sees(page) -> None:
         }"""
     )
     expect(page.locator(".seen-cars figcaption")).to_have_text("12° · 1.5 m/s")
-    expect(page.locator(".seen-cars canvas")).to_have_accessible_name("What the camera of carl sees")
+    expect(page.locator(".seen-cars canvas")).to_have_accessible_name("Camera view of carl")
 
 
 def alpha_at_corner(page, shot: bytes) -> int:

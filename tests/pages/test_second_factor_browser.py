@@ -83,7 +83,7 @@ def test_a_racer_logs_in_with_a_passkey_and_with_an_app(live_server, settings) -
         assert page.locator("img.qr").evaluate("image => image.naturalWidth") > 0
         page.get_by_label("Authenticator code").fill(code_of(secret))
         press("Set it up")
-        page.get_by_text("Set up.").wait_for()
+        page.get_by_text("Set up.", exact=True).wait_for()
 
         # a name, and no more of it
         press("Manage passkeys", "link")

@@ -130,7 +130,7 @@ def test_a_day_without_a_network_is_carried_over_once(keeper, race):
     keeper.drive()
     keeper.press("Lap")
     keeper.said("have not been sent")
-    keeper.said("No network")
+    keeper.said("Offline.")
     keeper.written()
     keeper.page.reload()
     keeper.ready()

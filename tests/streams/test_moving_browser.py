@@ -336,5 +336,5 @@ def test_the_console_follows_the_stream(looks_at, on_track) -> None:
     page.locator('#console [data-act="message"]').wait_for()
     assert len(asked) <= 3
     pause_live(event=on_track, by=alice, seen=None, now=timezone.now())
-    page.get_by_role("button", name="Go on", exact=True).wait_for()
+    page.get_by_role("button", name="Continue", exact=True).wait_for()
     assert page.problems == []

@@ -31,8 +31,8 @@ pytestmark = pytest.mark.slow
 
 HERE = Path(__file__).parent
 SITES = sorted(path.name.removesuffix(".tar.xz") for path in HERE.glob("site-*.tar.xz"))
-# of another version by right: an edition is another where a race has more fields
-OTHERWISE = {"edition"}
+# of another version by right: an edition is another where a race has more fields, and rules are sentences
+OTHERWISE = {"edition", "ranking_rule", "rules", "tie_rule"}
 RENAMED = {"line": "trajectory"}  # a key of then: its name now
 
 

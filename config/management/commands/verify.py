@@ -99,8 +99,8 @@ def _car_pairs(
     return {
         f"{prefix}trace_sha256": (stored.trace_sha256, car.trace_sha256),
         f"{prefix}lap times (ms)": ([lap["time_ms"] for lap in stored.laps], [lap["time_ms"] for lap in car.laps]),
-        f"{prefix}ended because": (stored.end_reason, car.end_reason),
-        f"{prefix}retired because": (stored.retired_code, car.retired["code"] if car.retired else ""),
+        f"{prefix}reason for ending": (stored.end_reason, car.end_reason),
+        f"{prefix}reason for retiring": (stored.retired_code, car.retired["code"] if car.retired else ""),
     }
 
 
