@@ -138,7 +138,9 @@ CASES = [
     Case("alice", "/classes/7c/", "css=#plan button", "Saved."),
     Case("alice", "/classes/7c/", "css=#learners [value=codes]", "css=.class-card", {"Ann Lee": True}),
     Case("alice", "/classes/7c/", "css=#learners [value=all-codes]", "css=.class-card"),
-    Case("alice", "/classes/7c/", "Add the teacher", "bob teaches the class, too.", {"Alias of another teacher": "bob"}),
+    Case(
+        "alice", "/classes/7c/", "Add the teacher", "bob teaches the class, too.", {"Alias of another teacher": "bob"}
+    ),
     Case("alice", "/classes/7c/", "css=[value=remove-teacher]", "bob no longer teaches the class."),
     Case(
         "alice",
