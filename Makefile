@@ -1,6 +1,7 @@
 # Two commands do everything: `make run` and `make test`.
 SHELL := /bin/sh
-PYTHON ?= python3
+# Empty: scripts/choose-python.sh takes the best at hand
+export PYTHON ?=
 VENV := .venv
 BIN := $(VENV)/bin
 HOST ?= 127.0.0.1
@@ -15,7 +16,9 @@ export ORT_DISABLE_TELEMETRY := 1
 # Each process would compile our code and rewrite the tests anew
 unexport PYTHONDONTWRITEBYTECODE
 
-.PHONY: help setup run training package test journeys soak lint lock audit bench clean compiled system-run system-test
+# A Python that is gone takes .venv and its stamps with it, so that comes first
+.NOTPARALLEL:
+.PHONY: help setup run training package wheels test journeys soak lint lock audit bench clean compiled system-run system-test
 
 help: ## what can be made
 	@grep -E '^[a-z-]+:.*## ' $(MAKEFILE_LIST) | sed -E 's/:.*## /\t/' | expand -t 12
@@ -25,32 +28,38 @@ setup: system-run $(VENV)/.run $(VENV)/.offered compiled ## virtual environment 
 run: setup ## the site and a worker at http://127.0.0.1:8000 (HOST=, PORT=)
 	@exec $(BIN)/python manage.py run --host $(HOST) --port $(PORT)
 
-training: system-run $(VENV)/.training ## what training models needs, however large, for the next "make run"
+training: system-run $(VENV)/.training ## what training models needs, for the next "make run" (TORCH_INDEX=)
 
-package: $(VENV)/.run ## the racers' package, a wheel and a source archive in dist/: the engine and the command paddock
+package: system-run $(VENV)/.run ## the racers' package, a wheel and a source archive in dist/: the engine and the command paddock
 	@$(BIN)/python scripts/package.py
 
+wheels: ## PyBullet's wheel for this Python (PYTHON=) into dist/, beside the racers' package: pip install --find-links dist
+	@$(or $(PYTHON),python3) scripts/build_pybullet.py
+
+setup run: export STEPS := 4
+test journeys soak lint bench: export STEPS := 5
 PYTEST := $(BIN)/python -m pytest -n $(WORKERS) --dist loadgroup --no-loadscope-reorder
-test: system-test $(VENV)/.test $(VENV)/.offered compiled ## every claim in minutes (PYTEST_ARGS= for more, WORKERS= at a time)
+test: system-test $(VENV)/.offered compiled $(VENV)/.browser ## every claim in minutes (PYTEST_ARGS= for more, WORKERS= at a time)
 	$(PYTEST) -m "not slow and not soak" $(PYTEST_ARGS)
 
-journeys: system-test $(VENV)/.test $(VENV)/.offered compiled ## real browsers, programs and servers from end to end: what is marked slow
+journeys: system-test $(VENV)/.offered compiled $(VENV)/.browser ## real browsers, programs and servers from end to end: what is marked slow
 	$(PYTEST) -m "slow and not soak" $(PYTEST_ARGS)
 
-soak: system-test $(VENV)/.test $(VENV)/.offered compiled ## what both leave out: minutes each, variants, many examples
-	PADDOCK_SOAK=1 $(PYTEST) -m "soak or hypothesis" $(PYTEST_ARGS)
+soak: system-test $(VENV)/.offered compiled $(VENV)/.browser ## what both leave out: minutes each, variants, many examples
+	PADDOCK_SOAK=1 $(PYTEST) -m "soak or hypothesis" --timeout 7200 $(PYTEST_ARGS)
 
 lint: system-test $(VENV)/.test ## style, layering, types, migrations, translations
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
 	$(BIN)/lint-imports
 	$(BIN)/mypy
+	$(BIN)/mypy --python-version 3.14
 	$(BIN)/python manage.py makemigrations --check --dry-run
 	$(BIN)/python scripts/lint_migrations.py
 	$(BIN)/python manage.py check
 	$(BIN)/python manage.py spectacular --validate --fail-on-warn --file /dev/null
 
-bench: $(VENV)/.test compiled ## all benchmarks, as one JSON object (BENCH_ARGS=--quick: minutes)
+bench: system-run $(VENV)/.test compiled ## all benchmarks, as one JSON object (BENCH_ARGS=--quick: minutes)
 	@$(BIN)/python -m benchmarks $(BENCH_ARGS)
 
 clean: ## the virtual environment (never the data)
@@ -58,44 +67,49 @@ clean: ## the virtual environment (never the data)
 
 system-run:
 	@scripts/system-packages.sh run
+	@scripts/choose-python.sh $(VENV)
 
 system-test:
 	@scripts/system-packages.sh test
+	@scripts/choose-python.sh $(VENV)
 
 # Each time: its source may have changed, or there is a compiler now. Without one the camera is slower, that is all
 compiled: $(VENV)/.run
 	@$(BIN)/python -m paddock.simulator.compiled || true
 
 $(VENV)/bin/python:
-	@$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11))' || { echo "Paddock needs Python 3.11 or newer; name it with make PYTHON=/path/to/python3.11" >&2; exit 1; }
-	$(PYTHON) -m venv $(VENV)
+	@scripts/choose-python.sh $(VENV)
 
 # To the version and the sha-256 of every file; ours is built with the setuptools that is locked
-LOCKED := -m pip install --quiet --require-hashes --no-deps --requirement
+PIP := scripts/pip_progress.py
+LOCKED := $(PIP) install --require-hashes --no-deps --requirement
 
 $(VENV)/.run: $(VENV)/bin/python pyproject.toml locks/run.txt
-	$(BIN)/python $(LOCKED) locks/run.txt
-	$(BIN)/python -m pip install --quiet --no-deps --no-build-isolation --editable .
+	@$(BIN)/python -m pip --version >/dev/null 2>&1 || $(BIN)/python -m ensurepip >/dev/null # the first make was cut off
+	@$(BIN)/python scripts/build_pybullet.py --install # for pip it is there already, where no wheel has a locked hash
+	@STEP=3 $(BIN)/python $(LOCKED) locks/run.txt
+	@STEP=3 $(BIN)/python $(PIP) install --no-deps --no-build-isolation --editable .
 	@touch $@
 
-# Training comes with the rest where torch is small; once looked at, "make training" adds it
+# Training comes with the rest; where it was left out, "make training" adds it. A download that broke off goes on next time
 $(VENV)/.offered: $(VENV)/.run
-	@$(BIN)/python scripts/offer_training.py
-	@touch $@
+	@if STEP=4 $(BIN)/python scripts/offer_training.py; then touch $@; fi
 
-# PyPI's torch carries gigabytes of CUDA: TORCH_INDEX= names the index that torch is taken from, and no other
-export TORCH_INDEX ?=
-$(VENV)/.training: $(VENV)/.run locks/training.txt
+$(VENV)/.training: $(VENV)/.run locks/training.txt locks/torch.sha256
 	$(BIN)/python scripts/offer_training.py --always
 	@touch $@
 
 $(VENV)/.test: $(VENV)/.run locks/test.txt
-	$(BIN)/python $(LOCKED) locks/test.txt
+	@STEP=5 $(BIN)/python $(LOCKED) locks/test.txt
 	@touch $@
 
-$(VENV)/.tools: locks/tools.txt
-	$(PYTHON) -m venv $(VENV)/tools
-	$(VENV)/tools/bin/python $(LOCKED) locks/tools.txt
+$(VENV)/.browser: $(VENV)/.test
+	@scripts/system-packages.sh browser
+	@touch $@
+
+$(VENV)/.tools: $(VENV)/bin/python locks/tools.txt
+	$(BIN)/python -m venv $(VENV)/tools
+	@$(VENV)/tools/bin/python $(LOCKED) locks/tools.txt
 	@touch $@
 
 lock: $(VENV)/.tools ## locks/ and constraints.txt anew, after a change of dependencies (needs an index)

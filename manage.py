@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import gc
 import os
 import sys
 from typing import TYPE_CHECKING
@@ -14,9 +15,11 @@ if TYPE_CHECKING:
 def main() -> None:
     os.environ.setdefault("DJANGO_SETTINGS_MODULE", "config.settings")
     if sys.argv[1:2] == ["run"]:
-        from config.own_address import take_own_address
+        from config.operations.listen_address import set_site_url
 
-        take_own_address(sys.argv[2:])
+        set_site_url(sys.argv[2:])
+    else:
+        gc.set_threshold(400_000)  # loading makes 175,000 objects that stay; a command ends soon
     from django.core.exceptions import ImproperlyConfigured
     from django.core.management import execute_from_command_line
 
@@ -36,10 +39,13 @@ def main() -> None:
 
 def _database_fault(error: Exception) -> PlatformFault | None:
     """What a command ends with that found no database or no tables; None for what is a bug."""
-    from config.management import database_fault
+    from core.management.base import database_fault
 
     return database_fault(error)
 
 
 if __name__ == "__main__":
-    main()
+    try:
+        main()
+    except KeyboardInterrupt:
+        sys.exit(130)

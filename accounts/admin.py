@@ -1,7 +1,5 @@
 """Racers, with their addresses, second factors and quotas, and invitations to sign up in the admin site."""
 
-from __future__ import annotations
-
 from datetime import timedelta
 from typing import Any
 
@@ -23,10 +21,10 @@ from django.utils.translation import ngettext
 
 from core.admin import ComparedChanges
 
-from .avatars.keeping import remove_picture
 from .models import Classroom, GroupMember, Racer, RacerGroup, RacerQuota, SignUpInvitation, Team, TeamMember
+from .pictures.services import remove_picture
+from .request_racer import racer_of
 from .templatetags.accounts import avatar
-from .who import racer_of
 
 A_FORTNIGHT = timedelta(days=14)
 
@@ -40,15 +38,11 @@ POWERS = ("is_staff", "is_superuser", "groups", "user_permissions")
 
 
 class QuotaInline(admin.TabularInline):
-    """Limits that hold for this racer in place of the site's."""
-
     model = RacerQuota
     extra = 0
 
 
 class NewRacerForm(AdminUserCreationForm):
-    """A racer that an admin makes."""
-
     class Meta:
         model = Racer
         fields = ("alias", "email")
@@ -66,14 +60,12 @@ class RacerForm(UserChangeForm):
 
 
 class EmailInline(admin.TabularInline):
-    """The addresses that the racer has confirmed or not."""
-
     model = EmailAddress
     extra = 0
 
 
 class FactorInline(admin.TabularInline):
-    """The racer's second factors: which there are. They may be taken away from who has lost them."""
+    """The racer's second factors. Admins delete lost ones."""
 
     model = Authenticator
     extra = 0
@@ -85,7 +77,7 @@ class FactorInline(admin.TabularInline):
 
 @admin.register(Racer)
 class RacerAdmin(ComparedChanges, UserAdmin):
-    """Racers. Who has raced is deactivated, never deleted: their results are part of other racers' boards."""
+    """Racers. They are deactivated, not deleted: their results belong to other racers' boards."""
 
     form = RacerForm
     add_form = NewRacerForm
@@ -118,7 +110,6 @@ class RacerAdmin(ComparedChanges, UserAdmin):
         return fixed if request.user.is_superuser else fixed + POWERS
 
     def has_change_permission(self, request: HttpRequest, obj: Racer | None = None) -> bool:
-        """Nobody but a superuser changes a superuser."""
         mightier = obj is not None and obj.is_superuser and not request.user.is_superuser
         return super().has_change_permission(request, obj) and not mightier
 
@@ -126,8 +117,8 @@ class RacerAdmin(ComparedChanges, UserAdmin):
         used = obj is not None and (obj.entries.exists() or obj.evaluations.exists() or obj.organised_races.exists())
         return super().has_delete_permission(request, obj) and not used
 
-    def get_actions(self, request: HttpRequest) -> dict:
-        actions = super().get_actions(request)
+    def get_actions(self, request: HttpRequest, *where: Any, **named: Any) -> dict[str, Any]:
+        actions = super().get_actions(request, *where, **named)
         actions.pop("delete_selected", None)
         return actions
 
@@ -165,7 +156,7 @@ class RacerAdmin(ComparedChanges, UserAdmin):
 
 @admin.register(SignUpInvitation)
 class SignUpInvitationAdmin(ComparedChanges, admin.ModelAdmin):
-    """Links to sign up with. One that is used up or over stays here, with who made it; deleting it ends it."""
+    """Links to sign up. Used and expired ones stay in the list; deleting one ends it."""
 
     list_display = ("__str__", "link", "uses", "used", "expires_at", "made_by", "made_at")
     list_filter = ("made_at", "expires_at")
@@ -191,12 +182,14 @@ class SignUpInvitationAdmin(ComparedChanges, admin.ModelAdmin):
 
 
 class MemberInline(admin.TabularInline):
-    """Who is in a group or asks to be."""
-
     model = GroupMember
     extra = 0
     fields = ("racer", "asked_at", "confirmed_at", "confirmed_by")
     autocomplete_fields = ("racer", "confirmed_by")
+
+
+def _is_class(group: RacerGroup | None) -> bool:
+    return group is not None and Classroom.objects.filter(group=group).exists()
 
 
 @admin.register(RacerGroup)
@@ -212,20 +205,16 @@ class RacerGroupAdmin(ComparedChanges, admin.ModelAdmin):
 
     def get_readonly_fields(self, request: HttpRequest, obj: RacerGroup | None = None) -> tuple[str, ...]:
         """A class is never listed, and stays with its teacher."""
-        is_class = obj is not None and Classroom.objects.filter(group=obj).exists()
-        return ("is_listed", "leader") if is_class else ()
+        return ("is_listed", "leader") if _is_class(obj) else ()
 
     def has_delete_permission(self, request: HttpRequest, obj: RacerGroup | None = None) -> bool:
-        is_class = obj is not None and Classroom.objects.filter(group=obj).exists()
-        return super().has_delete_permission(request, obj) and not is_class
+        return super().has_delete_permission(request, obj) and not _is_class(obj)
 
     def get_changeform_initial_data(self, request: HttpRequest) -> dict[str, Any]:
         return {"made_at": timezone.now()} | super().get_changeform_initial_data(request)
 
 
 class TeamMemberInline(admin.TabularInline):
-    """Who is in a team."""
-
     model = TeamMember
     extra = 0
     fields = readonly_fields = ("racer", "joined_at")

@@ -11,16 +11,17 @@ class AccountsConfig(AppConfig):
         from django.contrib.auth.signals import user_logged_in
         from django.db.models.signals import post_delete
 
-        from core.pages import register_slots
+        from core.pages.registry import register_slots
 
         from . import events  # noqa: F401 - its kinds of events are known from the start
-        from .avatars.keeping import PICTURES, take_picture_along
-        from .classes import LEARNERS
+        from .class_accounts.services import LEARNERS
         from .following import FOLLOWED
         from .models import Racer, TeamMember
+        from .pictures.services import PICTURES, take_picture_along
         from .quotas import register as register_quota
-        from .receivers import keep_the_session, know_the_address, lead_on_without, take_over_on_reset
-        from .storage import register
+        from .signing_in.receivers import keep_the_session, know_the_address, take_over_on_reset
+        from .teams.services import lead_on_without
+        from .usage.storage import register
 
         register(PICTURES)
         register_quota(LEARNERS)

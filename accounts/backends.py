@@ -1,7 +1,5 @@
 """How a password is checked."""
 
-from __future__ import annotations
-
 from typing import Any
 
 from allauth.account.auth_backends import AuthenticationBackend
@@ -9,14 +7,12 @@ from django.contrib.auth.base_user import AbstractBaseUser
 from django.core.exceptions import PermissionDenied
 from django.http import HttpRequest
 
-from .log_in import racer_with
+from .models import Racer
+from .signing_in.attempt_limits import racer_with
 
 
 class PasswordBackend(AuthenticationBackend):
-    """allauth's, with the answer final: one guess is one password hashed, be it right, wrong or of nobody.
-
-    Django's own backend stays in the settings behind this one, for the sessions that were begun with it.
-    """
+    """allauth's backend with a final answer: one guess hashes one password. Django's backend serves older sessions."""
 
     def authenticate(self, request: HttpRequest | None, **credentials: Any) -> AbstractBaseUser:
         """The racer. Raises PermissionDenied for all else, upon which no other backend is asked."""
@@ -24,6 +20,12 @@ class PasswordBackend(AuthenticationBackend):
         if user is None:
             raise PermissionDenied
         return user
+
+    def get_user(self, user_id: Any) -> AbstractBaseUser | None:
+        """The racer of a session, with their class, which pages of races ask for."""
+        found = Racer.objects.select_related("learner__classroom").filter(pk=user_id).order_by()
+        racer = next(iter(found), None)  # first() would compile an order of all these columns
+        return racer if racer is not None and self.user_can_authenticate(racer) else None
 
     def _authenticate(self, request: HttpRequest | None, **credentials: Any) -> AbstractBaseUser | None:
         return self._check_password(racer_with(credentials), credentials["password"])

@@ -1,72 +1,39 @@
-"""Following racers: who may follow whom, who sees that they do, and doing it.
+"""Following racers. Only the follower and admins see whom a racer follows; the followed racer sees the number."""
 
-Only who follows knows whom they follow, and admins; the followed racer learns how many they are. Accounts of classes
-follow and are followed within their class alone.
-"""
-
-from __future__ import annotations
-
-from collections.abc import Collection, Mapping
+from collections.abc import Collection
 from datetime import datetime
-from typing import TYPE_CHECKING
 
 from django.db import transaction
-from django.db.models import Count, Q, QuerySet
+from django.db.models import Count, QuerySet
 from django.utils.translation import gettext_lazy as _
 
-from core.locks import hold
+from core.database.locks import hold
+from core.streams.shared_pieces import shared_value
 from paddock.errors import UserFault
 
-from .classes import can_teach, classes_taught_by
-from .models import ClassLearner, ClassTeacher, Follow, Racer
-from .quotas import Quota, limit_of
+from .class_accounts.services import can_teach
+from .models import Classroom, Follow, Racer, Viewer
+from .quotas import CountedRows, Quota, limit_of
 
-if TYPE_CHECKING:
-    from django.contrib.auth.models import AnonymousUser
-
-    Viewer = Racer | AnonymousUser | None
-
-COUNTED = 20  # followers that others are told the number of; beyond it stands "20+"
+COUNTED = 20  # others see the number of followers up to here, then "20+"
 
 
 def can_follow(viewer: Viewer, racer: Racer) -> bool:
-    """Whether the viewer may follow a racer: somebody else whose account is active and no house car's. Who is in a
-    class follows, and is followed by, only its learners and teachers. Twin of :func:`racers_to_follow`."""
+    """Whether the viewer can follow a racer: another active account; in a class only its learners and teachers."""
     if not isinstance(viewer, Racer) or viewer.pk == racer.pk or racer.is_house:
         return False
     if not (viewer.is_active and racer.is_active):
         return False
     mine, theirs = _class_of(viewer), _class_of(racer)
-    if mine is None and theirs is None:
-        return True
     if mine is not None and theirs is not None:
-        return mine.classroom_id == theirs.classroom_id
+        return mine == theirs
     if mine is not None:
-        return can_teach(racer, mine.classroom)
-    return theirs is not None and can_teach(viewer, theirs.classroom)
-
-
-def racers_to_follow(viewer: Viewer) -> QuerySet[Racer]:
-    """All racers whom the viewer may follow. Twin of :func:`can_follow`."""
-    if not isinstance(viewer, Racer) or not viewer.is_active:
-        return Racer.objects.none()
-    others = Racer.objects.filter(is_active=True, is_house=False).exclude(pk=viewer.pk)
-    mine = _class_of(viewer)
-    if mine is None:
-        return others.filter(Q(learner=None) | Q(learner__classroom__in=classes_taught_by(viewer)))
-    second = ClassTeacher.objects.filter(classroom=mine.classroom_id).values("racer")
-    teachers = Q(pk=mine.classroom.group.leader_id) | Q(pk__in=second)
-    return others.filter(Q(learner__classroom=mine.classroom_id) | teachers & Q(learner=None))
-
-
-def can_see_follow(viewer: Viewer, follow: Follow) -> bool:
-    """Whether the viewer may know that one racer follows another: who follows, and admins. Twin of
-    :func:`follows_visible_to`."""
-    return isinstance(viewer, Racer) and (viewer.is_staff or viewer.pk == follow.follower_id)
+        return can_teach(racer, mine)
+    return theirs is None or can_teach(viewer, theirs)
 
 
 def follows_visible_to(viewer: Viewer) -> QuerySet[Follow]:
-    """Twin of :func:`can_see_follow`."""
+    """Follows that the viewer sees: their own, and admins all."""
     follows = Follow.objects.select_related("followed")
     if not isinstance(viewer, Racer):
         return follows.none()
@@ -74,32 +41,30 @@ def follows_visible_to(viewer: Viewer) -> QuerySet[Follow]:
 
 
 def followed_by(racer: Viewer) -> QuerySet[Follow]:
-    """Whom a racer follows, the latest first, without accounts that are closed by now."""
+    """The racers that a racer follows, the latest first, without closed accounts."""
     mine = follows_visible_to(racer).filter(followed__is_active=True)
     return mine.filter(follower=racer.pk) if isinstance(racer, Racer) else mine
 
 
 def followers_of(racer: int) -> list[int]:
-    """Who follows a racer (ids) and is to hear of them: nobody whose account is closed."""
+    """Ids of a racer's followers with active accounts."""
     active = Follow.objects.filter(followed=racer, follower__is_active=True, followed__is_active=True)
     return list(active.order_by("pk").values_list("follower", flat=True))
 
 
 def followers_shown(viewer: Viewer, racer: Racer) -> str:
-    """How many follow a racer, as the viewer is told it: the racer and admins the number, others none beyond
-    ``COUNTED``; empty for nobody."""
+    """The number of followers: exact for the racer and admins, up to ``COUNTED`` for others, empty for none."""
     active = Follow.objects.filter(followed=racer, follower__is_active=True)
-    if isinstance(viewer, Racer) and (viewer.is_staff or viewer.pk == racer.pk):
-        return str(active.count() or "")
-    count = active[: COUNTED + 1].count()
-    return f"{COUNTED}+" if count > COUNTED else str(count or "")
+    count = shared_value(("followers", racer.pk), lambda: active.count())
+    is_exact = isinstance(viewer, Racer) and (viewer.is_staff or viewer.pk == racer.pk)
+    return f"{COUNTED}+" if count > COUNTED and not is_exact else str(count or "")
 
 
-def _followed(racers: Collection[int] | None, now: datetime) -> Mapping[int, float]:
+def _followed(racers: Collection[int] | None, now: datetime) -> CountedRows:
     found = Follow.objects.order_by()
     if racers is not None:
         found = found.filter(follower__in=racers)
-    return dict(found.values_list("follower").annotate(Count("pk")))
+    return found.values_list("follower").annotate(Count("pk"))
 
 
 FOLLOWED = Quota(13, "followed", "FOLLOWED_PER_RACER", _("Racers you follow"), _followed)
@@ -125,5 +90,7 @@ def unfollow_racer(*, follower: Racer, racer: Racer) -> None:
     Follow.objects.filter(follower=follower, followed=racer).delete()
 
 
-def _class_of(racer: Racer) -> ClassLearner | None:
-    return ClassLearner.objects.filter(racer=racer).select_related("classroom__group").first()
+def _class_of(racer: Racer) -> Classroom | None:
+    """No query for a racer who was read with their class."""
+    learner = getattr(racer, "learner", None)
+    return None if learner is None else learner.classroom

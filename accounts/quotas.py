@@ -1,46 +1,45 @@
-"""What one racer may use of the site: the site's limits, and what an admin has set for a single racer instead.
+"""Limits on each racer: the site's, or an admin's for a single racer. Each room registers its own."""
 
-Each room registers what it limits when the site starts, with the function that counts; it refuses by the same two
-functions that pages and API show, :func:`limit_of` and :func:`used_by`.
-"""
-
-from __future__ import annotations
-
-from collections.abc import Callable, Collection, Mapping
+from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass
 from datetime import datetime
-from typing import TYPE_CHECKING
+from typing import Any, Protocol
 
 from django.conf import settings
+from django.db.models import QuerySet, Value
+from django.utils.functional import Promise
 
-if TYPE_CHECKING:
-    from django.utils.functional import _StrPromise
+# Rows of (racer id, number used), which share one query with those of other quotas
+CountedRows = QuerySet[Any, tuple[int, int]]
+# Numbers used by racer id, of these racers or of all; those without use may be left out
+Count = Callable[[Collection[int] | None, datetime], Mapping[int, float] | CountedRows]
 
-    from accounts.models import Racer
 
-# Numbers used by racer id, of these racers or of all; who has used nothing may be left out.
-Count = Callable[[Collection[int] | None, datetime], Mapping[int, float]]
+class QuotaOwner(Protocol):
+    """A racer, with the limits that an admin has set for them."""
+
+    @property
+    def pk(self) -> Any: ...
+    @property
+    def quotas(self) -> Any: ...
 
 
 @dataclass(frozen=True)
 class Quota:
-    """One thing that is limited for each racer.
-
-    ``setting`` names the site's limit, ``label`` says what is counted, with its unit. ``shown`` may say that the site
-    has no such thing at all; pages show quotas by ``place``.
-    """
+    """A limit for each racer. ``setting``: the site's limit; ``label``: the counted thing with its unit; ``shown``:
+    whether the site has that thing at all; ``place``: the order on pages."""
 
     place: int
     name: str
     setting: str
-    label: str | _StrPromise
+    label: str | Promise
     count: Count
     shown: Callable[[], bool] = lambda: True
 
 
 @dataclass(frozen=True)
 class Usage:
-    """How much of a quota a racer has used. ``own`` says that an admin has set the limit for this racer."""
+    """A racer's use of a quota. ``own``: whether an admin has set the limit for this racer."""
 
     quota: Quota
     used: float
@@ -70,46 +69,45 @@ def register(quota: Quota) -> None:
     _quotas[quota.name] = quota
 
 
-def all_quotas() -> tuple[Quota, ...]:
-    """Every quota that this site has, in the order of the pages."""
-    return tuple(quota for quota in _in_order() if quota.shown())
+def all_quotas(only: Collection[str] | None = None) -> tuple[Quota, ...]:
+    """The quotas that the site shows, or those of the names in ``only``."""
+    return tuple(quota for quota in _in_order() if (quota.shown() if only is None else quota.name in only))
 
 
 def name_choices() -> list[tuple[str, object]]:
-    """Names and labels for a form."""
     return [(quota.name, quota.label) for quota in _in_order()]
 
 
-def limit_of(racer: Racer, name: str) -> int:
+def limit_of(racer: QuotaOwner, name: str) -> int:
     """How much of the quota ``name`` the racer may use. Raises KeyError for an unknown quota."""
     quota = _quotas[name]
     own = racer.quotas.filter(name=name).values_list("limit", flat=True).first() if racer.pk else None
-    return _site_limit(quota) if own is None else own
+    return site_limit(quota) if own is None else own
 
 
-def used_by(racer: Racer, name: str, now: datetime) -> float:
+def used_by(racer: QuotaOwner, name: str, now: datetime) -> float:
     """How much of the quota ``name`` the racer has used. Raises KeyError for an unknown quota."""
-    return _quotas[name].count([racer.pk], now).get(racer.pk, 0)
+    return amounts([_quotas[name]], [racer.pk], now)[name].get(racer.pk, 0)
 
 
-def usage_of(racer: Racer, now: datetime, only: Collection[str] | None = None) -> list[Usage]:
-    """All quotas of one racer, or those of the names in ``only``."""
-    own = dict(racer.quotas.values_list("name", "limit"))
-    return [
-        Usage(
-            quota,
-            quota.count([racer.pk], now).get(racer.pk, 0),
-            own.get(quota.name, _site_limit(quota)),
-            quota.name in own,
-        )
-        for quota in all_quotas()
-        if only is None or quota.name in only
-    ]
+def amounts(quotas: Sequence[Quota], racers: Collection[int] | None, now: datetime) -> dict[str, dict[int, float]]:
+    """By quota what these racers (or all) have used of it, by racer id."""
+    used: dict[str, dict[int, float]] = {quota.name: {} for quota in quotas}
+    rows = []
+    for number, quota in enumerate(quotas):
+        found = quota.count(racers, now)
+        if isinstance(found, QuerySet):
+            rows.append(found.annotate(_quota=Value(number)))
+        else:
+            used[quota.name].update(found)
+    for racer, value, number in rows[0].union(*rows[1:], all=True) if rows else ():
+        used[quotas[number].name][racer] = value
+    return used
 
 
 def _in_order() -> list[Quota]:
     return sorted(_quotas.values(), key=lambda quota: quota.place)
 
 
-def _site_limit(quota: Quota) -> int:
+def site_limit(quota: Quota) -> int:
     return getattr(settings, quota.setting)

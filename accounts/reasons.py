@@ -5,44 +5,53 @@ from paddock.errors.reasons import register
 
 register(
     "Account",
-    "user",
-    {
-        "sign_up_invitation": _("This invitation is used up or has expired. Ask the sender for a new one."),
+    invalid={
         "class_names": _("Write one name a line, of at most %(limit)s characters each. Nobody was added."),
+        "picture_broken": _("This picture is incomplete. Save it again and retry."),
+        "picture_format": _("Send a picture as PNG, JPEG or WebP."),
+    },
+    forbidden={
         "class_no_teacher": _("A class account cannot have classes."),
+        "class_not_yours": _("Only the teacher of the class may do this."),
+        "follow_not_this": _(
+            "You cannot follow this racer: the account is closed, yours, a house car's or a class account."
+        ),
+        "group_not_yours": _("Only the leader of the group can do this."),
+        "team_by_invitation": _("There is a team of this name: its captain can invite you."),
+        "team_captain_only": _("Only the captain of the team may do this."),
+        "team_not_asked": _("This invitation is not yours, or was taken back."),
+    },
+    not_found={
+        "sign_up_invitation": _("This invitation is used up or has expired. Ask the sender for a new one."),
         "class_teacher_unknown": _(
             "No racer of this alias can teach the class: it is unknown, the first teacher's, or a learner's."
         ),
-        "class_too_many_teachers": _("A class has at most %(limit)s teachers beside the first one."),
-        "class_not_yours": _("Only the teacher of the class may do this."),
-        "class_too_many": _("You may have %(limit)s learners in all your classes. Ask an operator for more."),
-        "class_too_many_codes": _("There were too many wrong codes from here. Wait five minutes."),
-        "follow_not_this": _(
-            "You cannot follow this racer: the account is closed, a house car's or your own, or one of a class."
-        ),
-        "follow_too_many": _("You follow %(limit)s racers, which is the most that one may. Unfollow one first."),
-        "group_has_races": _("Races are held for this group alone. Hold them for everybody, or delete them first."),
-        "group_is_a_class": _("This group is a class. Its teacher can delete it on the page of the class."),
-        "group_limit": _("You lead %(limit)s groups already, which is the most that one racer may."),
         "group_link_unknown": _("This link belongs to no group: it was replaced, or the group is gone."),
         "group_not_a_member": _("Only members can lead the group."),
-        "group_not_yours": _("Only the leader of the group can do this."),
-        "picture_broken": _("This picture is incomplete. Save it again and retry."),
-        "picture_format": _("Send a picture as PNG, JPEG or WebP."),
-        "picture_too_large": _("The picture is larger than %(limit_mb)s MB."),
-        "picture_too_many_pixels": _("The picture has more than %(limit)s million pixels."),
-        "team_by_invitation": _("There is a team of this name: its captain can invite you."),
-        "team_captain_only": _("Only the captain of the team may do this."),
-        "team_full": _("The team has %(limit)s racers, which is the most that one may."),
+        "team_link_unknown": _("This link belongs to no team: it was replaced, or the team is gone."),
+        "team_no_such_racer": _("There is no racer of this alias."),
+        "team_not_a_member": _("This racer is not in the team."),
+    },
+    conflict={
+        "class_too_many_teachers": _("A class has at most %(limit)s teachers besides its owner."),
+        "class_too_many": _("You may have %(limit)s learners in all your classes. Ask an operator for more."),
+        "follow_too_many": _("You already follow %(limit)s racers, the maximum. Unfollow one first."),
+        "group_has_races": _("Races are held for this group alone. Hold them for everybody, or delete them first."),
+        "group_is_a_class": _("This group is a class. Its teacher changes it on the page of the class."),
+        "group_limit": _("You already lead %(limit)s groups, the maximum."),
+        "team_full": _("The team already has %(limit)s racers, the maximum."),
         "team_hand_over_first": _("A captain makes somebody else captain before they leave."),
         "team_in_it_already": _("This racer is in the team already."),
         "team_in_one_already": _("You are in a team. Leave it before you join another."),
-        "team_link_unknown": _("This link belongs to no team: it was replaced, or the team is gone."),
         "team_name_taken": _("There is a team of this name."),
-        "team_no_such_racer": _("There is no racer of this alias."),
-        "team_not_a_member": _("This racer is not in the team."),
-        "team_not_asked": _("This invitation is not yours, or was taken back."),
         "team_too_many_invitations": _("%(limit)s invitations are open. Withdraw some first."),
         "too_many_tokens": _("You already have %(limit)s API tokens. Revoke one that you no longer need."),
+    },
+    too_large={
+        "picture_too_large": _("The picture is larger than %(limit_mb)s MB."),
+        "picture_too_many_pixels": _("The picture has more than %(limit)s million pixels."),
+    },
+    too_many_requests={
+        "class_too_many_codes": _("There were too many wrong codes from here. Wait five minutes."),
     },
 )

@@ -1,7 +1,5 @@
 """What a token may be made for. Each operation of the API needs one scope; a program is given no more than it needs."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable
 from typing import Any
 
@@ -15,23 +13,19 @@ LABELS = {
     TRAIN: _("train: start trainings, edit vehicles"),
     ORGANISE: _("organise: create and edit races, seasons, tracks and webhooks"),
 }
-# What a view says in place of a scope: any token will do, or only one that may do everything
+# Values of ``token_scope`` besides scopes: any token, or only one with all scopes
 ANY, EVERY = "any", "every"
 SAFE = ("GET", "HEAD", "OPTIONS")
 
 
 def needed(view: Any, method: str) -> tuple[str, ...]:
-    """The scopes that a token must have for this method of a view of the API.
-
-    A view says ``token_scope`` for what it writes; one that says nothing is open only to tokens with all of them.
-    """
+    """The scopes that a token needs for this method of an API view: for writes its ``token_scope``, without one all."""
     if method in SAFE:
         return (READ,)
-    said = getattr(view, "token_scope", EVERY)
-    return {ANY: (), EVERY: SCOPES}.get(said, (said,))
+    scope = getattr(view, "token_scope", EVERY)
+    return {ANY: (), EVERY: SCOPES}.get(scope, (scope,))
 
 
 def in_order(scopes: Iterable[str]) -> list[str]:
-    """These scopes as they are always listed."""
     chosen = set(scopes)
     return [scope for scope in SCOPES if scope in chosen]

@@ -1,4 +1,4 @@
-"""What accounts tell the rooms above."""
+"""Signals of accounts to the rooms above."""
 
 from django.dispatch import Signal
 

@@ -21,6 +21,7 @@ from . import load
 # Part: module, and options for a full and for a quick measurement.
 PARTS: dict[str, tuple[str, tuple[str, ...], tuple[str, ...]]] = {
     "evaluation": ("evaluation", (), ("--runs", "1", "--laps", "1", "--no-site")),
+    "commands": ("commands", (), ("--runs", "3", "--commands", "version", "help")),
     "car_report": ("car_report", (), ("--models", "flyer")),
     "board": ("board", ("--runs", "9"), ("--sizes", "1000,10000", "--runs", "3", "--closed", "2000", "--load", "0")),
     "board_postgres": (
@@ -38,12 +39,18 @@ PARTS: dict[str, tuple[str, tuple[str, ...], tuple[str, ...]]] = {
         ("--seeds", "1", "--parts", "laps", "--compared-steps", "0", "--tracks", "oval"),
     ),
     "generalist": ("generalist", (), ("--minutes", "0.5", "--unseen", "oval-track")),
+    "house_start": ("house_start", (), ("--tracks", "oval")),
     "video": ("video", (), ("--seconds", "5")),
+    "reads": ("reads", (), ("--runs", "1")),
+    "pages": ("pages", (), ("--runs", "3")),
+    "pages_postgres": ("pages", ("--postgres",), ("--postgres", "--runs", "3")),
+    "pages_big": ("pages", ("--big",), ("--big", "--runs", "3", "--pages", "home", "race")),
     "slow": ("slow", (), ("--connections", "200", "--seconds", "2")),
     "spectators": ("spectators", (), ("--seconds", "2", "--rate", "100")),
     "streams": ("streams", (), ("--streams", "50", "--seconds", "20")),
     "live": ("live", (), ("--quick",)),
     "panels": ("panels", (), ("--panels", "20", "--seconds", "6")),
+    "rest": ("rest", (), ("--starts", "1", "--rest", "20")),
     "processors": ("processors", (), ("--quick",)),
 }
 LIMIT_S = 3600

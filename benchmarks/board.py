@@ -111,15 +111,18 @@ def _look(name: str, race: Any) -> Callable[[], Callable[[], Any]]:
     from django.conf import settings
     from django.test import Client, override_settings
 
-    from races.selectors import board, rank_of, shared_boards
-    from races.selectors.counting import totals_of
+    from core.streams import shared_pieces
+    from races.boards.selectors.board import board, rank_of
+    from races.boards.selectors.counts import totals_of
 
     count = totals_of(race).rows
     middle = board(race, page=max(1, count // 100)).rows[0].entry
     client = Client()
     # each page is made: readers would be given the one that was made before
-    shared_boards.LIVES_S = -1.0
-    with override_settings(MIDDLEWARE=[name for name in settings.MIDDLEWARE if name != "config.guests.SharedPages"]):
+    shared_pieces.LIVES_S = -1.0
+    with override_settings(
+        MIDDLEWARE=[name for name in settings.MIDDLEWARE if name != "config.middleware.shared_pages.SharedPages"]
+    ):
         client.handler.load_middleware()
     looks: dict[str, Callable[[], Any]] = {
         "first page": lambda: board(race),
@@ -142,8 +145,8 @@ def _result(race: Any) -> Callable[[], Callable[[], Any]]:
     """A car of a new racer whose result is recorded: the transaction that ends an evaluation."""
     from django.utils import timezone
 
-    from evaluation.services import finish_evaluation
-    from races.services import submit_model
+    from evaluation.running.queue.jobs import finish_evaluation
+    from races.entries.services.submissions import submit_model
     from tests.factories import a_model, a_racer, laps, outcome, start
 
     def ready() -> Callable[[], Any]:
@@ -161,7 +164,8 @@ def _close(entries: int) -> dict[str, float]:
     from django.utils import timezone
 
     from league.models import Membership
-    from league.services import close_round, create_season, schedule_round
+    from league.seasons.services.seasons import create_season, schedule_round
+    from league.stewarding.official_results import close_round
 
     now = timezone.now()
     season = create_season(slug="bench", name="Bench", starts_on=now.date(), ends_on=(now + timedelta(days=30)).date())

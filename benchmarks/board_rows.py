@@ -42,7 +42,7 @@ def fill(race: Any, count: int, now: datetime) -> None:
     """Entries of the first ``count`` racers, nine in ten of them classified, with many equal scores."""
     from accounts.models import Racer
     from races.models import Entry
-    from races.ranking import LAST, NO_RESULT
+    from races.ranks import LAST, NO_RESULT
 
     first = Racer.objects.filter(alias="r0").values_list("pk", flat=True).get()
     without_result = "n % 10 = 0"
@@ -71,7 +71,7 @@ def fill(race: Any, count: int, now: datetime) -> None:
 @contextmanager
 def counted_at_the_end() -> Iterator[None]:
     """No board is counted within; afterwards all are."""
-    from races.board_triggers import install, rebuild
+    from races.boards.triggers import install, rebuild
 
     on_a_server = connection.vendor == "postgresql"
     with connection.cursor() as cursor:

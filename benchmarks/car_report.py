@@ -15,13 +15,13 @@ from typing import Any
 
 os.environ.setdefault("OMP_NUM_THREADS", "1")
 
-from evaluation.drives import DriveJob, DriveOutcome, LapDrive, drive_all
 from evaluation.reports import MOST_IN_CHUNK
 from evaluation.reports.grading import DrivenLap, robustness_of
-from evaluation.venue import Venue
+from evaluation.running.drives import DriveJob, DriveOutcome, LapDrive, drive_all
+from evaluation.running.race_setup import Venue
 from paddock.geometry.catalogue import CATALOGUE, by_slug
 from paddock.rules.report import VARIATIONS
-from paddock.simulator.variations import variations
+from paddock.simulator.randomisation import variations
 
 from .machine import measured_on
 from .models import CONSOLE, AdmittedCar, admitted, cars

@@ -1,9 +1,9 @@
 """``python -m benchmarks.decisions``: what it takes that a network decides the same everywhere, step by step.
 
-Reads runs as :mod:`training.golden.bare` does, and prints a JSON object for each: of its first car how many steps were
-answered in which way, how much of its bound the errors of float32 ever used, and the time of the network's answers as
-they race (``judged_s``), of the runtime's alone (``plain_s``), and of all the rest of the run (``rest_s``). Each step
-asks both, in turns one first and then the other.
+Reads runs as :mod:`training.golden.bare_process` does, and prints a JSON object for each: of its first car how many
+steps were answered in which way, how much of its bound the errors of float32 ever used, and the time of the network's
+answers as they race (``judged_s``), of the runtime's alone (``plain_s``), and of all the rest of the run (``rest_s``).
+Each step asks both, in turns one first and then the other.
 """
 
 from __future__ import annotations
@@ -16,12 +16,13 @@ from typing import Any
 import numpy as np
 
 from paddock.network.bound import NetworkFacts
+from paddock.network.policy_wire import PolicyHeader
 from paddock.network.session import load
 from paddock.simulator.action import ActionSpace
 from paddock.simulator.deciding import Policy
-from paddock.simulator.race import run_race
+from paddock.simulator.race import Entrant, RaceSettings, run_race
 from paddock.simulator.sensors import policy_header
-from training.golden.bare import answer_each
+from training.golden.bare_process import answer_each
 from training.golden.cars import car
 from training.golden.runs import GoldenRun
 
@@ -34,7 +35,7 @@ class Asked:
         self.space = ActionSpace.from_metadata(one.metadata)
         header = policy_header(one.metadata, self.space)
         facts = NetworkFacts.from_dict(one.facts)
-        unjudged = {key: value for key, value in header.items() if key != "ranges"}
+        unjudged: PolicyHeader = {"inputs": header["inputs"], "outputs": header["outputs"]}
         self._judged, self._plain = Policy(load(one.onnx, facts), header), Policy(load(one.onnx, facts), unjudged)
         self._exact = Policy(load(one.onnx, NetworkFacts(bound=None)), header)
         self.sensors, self.lidar = sorted(one.metadata["sensor"]), one.metadata.get("lidar_config")
@@ -67,7 +68,9 @@ def drive(run: GoldenRun) -> dict[str, Any]:
     """The figures of a run's first car, alone on the track."""
     asked = Asked(run.cars[0])
     begun = perf_counter()
-    run_race(run.geometry(), run.rules, asked.space, asked.sensors, asked, lidar_config=asked.lidar)
+    run_race(
+        RaceSettings(run.geometry(), run.rules, [Entrant(asked.space, asked.sensors, asked, lidar_config=asked.lidar)])
+    )
     rest_s = perf_counter() - begun - asked.judged_s - asked.plain_s - asked.checking_s
     return {
         "name": run.name,

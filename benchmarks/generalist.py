@@ -1,9 +1,9 @@
 """``python -m benchmarks.generalist [--json]``: does one training make a car that laps tracks which it has never seen?
 
-The training is the one that the wizard proposes for an all-round car (``training/all_round.py``: eight tracks, both
-directions, light, colours and starts drawn anew), behind the sandbox and alone, for its 15 minutes of wall time. Its
-best model then drives three laps by the platform's own evaluation on twelve tracks that it has never seen, and on its
-own eight: a track counts as lapped when one of the three laps has no fault. Promised: 10 of the 12.
+The training is the one that the wizard proposes for an all-round car (``training/wizard/all_round.py``: eight tracks,
+both directions, light, colours and starts drawn anew), behind the sandbox and alone, for its 15 minutes of wall time.
+Its best model then drives three laps by the platform's own evaluation on twelve tracks that it has never seen, and on
+its own eight: a track counts as lapped when one of the three laps has no fault. Promised: 10 of the 12.
 
 ``--minutes`` and ``--unseen`` make it shorter; then nothing is promised. ``--shared``: on a machine that does other
 things the minutes are of processor time; the trainer is one process with one thread, so on an idle machine the two are
@@ -21,9 +21,9 @@ from typing import Any
 os.environ.setdefault("OMP_NUM_THREADS", "1")
 
 from paddock.rules.training import randomisation
-from training import all_round
 from training.trainer.client import Iteration, Listener, train
 from training.trainer.spec import TrainerSpec
+from training.wizard import all_round
 
 from .machine import measured_on
 from .processor import Clock

@@ -173,9 +173,9 @@ def _show(seconds: float) -> tuple[Any, Any, Any]:
     from django.db import transaction
     from django.utils import timezone
 
-    from core import wakeup
+    from core.wakeups import workers as wakeup
     from evaluation.models import Evaluation
-    from evaluation.services import finish_evaluation
+    from evaluation.running.queue.jobs import finish_evaluation
     from races.models import LiveSlot
     from tests.evaluation.stubs import HEADER
     from tests.factories import a_racer, lap, outcome, start
@@ -229,8 +229,8 @@ def measure(spectators: int = SPECTATORS, seconds: float = SECONDS) -> dict[str,
         from django.utils import timezone
 
         from core.events.models import Event
+        from races.live.services import launch, set_message
         from races.models import LiveSlot, SlotState
-        from races.services.live import launch, say_to_spectators
 
         event, alice, quiet = _show(seconds)
         context = multiprocessing.get_context("spawn")
@@ -264,7 +264,7 @@ def measure(spectators: int = SPECTATORS, seconds: float = SECONDS) -> dict[str,
                         moments: list[float] = []
                         with transaction.atomic():
                             transaction.on_commit(partial(_note, moments))
-                            say_to_spectators(event=event, message=words, by=alice, seen=None, now=timezone.now())
+                            set_message(event=event, message=words, by=alice, seen=None, now=timezone.now())
                         said[words] = moments[0]
                         newest = Event.objects.filter(kind="live.changed", race=event.race_id).latest("pk")
                         committed[newest.pk] = moments[0]

@@ -64,7 +64,7 @@ def measure(races: Mapping[int, Any], seconds: int, turns: int = TURNS) -> dict[
 
 
 def _wrk(address: str, server: int, seconds: int) -> dict[str, float]:
-    before = _processor_s(server)
+    before = processor_s(server)
     command = ["wrk", "-t1", f"-c{CONNECTIONS}", f"-d{seconds}s", "--timeout", "30s", address]
     done = subprocess.run(command, capture_output=True, text=True, timeout=seconds + 60)
     rate, failed = _RATE.search(done.stdout), _FAILED.search(done.stdout)
@@ -73,11 +73,11 @@ def _wrk(address: str, server: int, seconds: int) -> dict[str, float]:
         raise LoadError(f"{address}: {done.stdout}{done.stderr}")
     return {
         "per_second": float(rate[1]),
-        "per_processor_second": int(served[1]) / max(_processor_s(server) - before, 1e-9),
+        "per_processor_second": int(served[1]) / max(processor_s(server) - before, 1e-9),
     }
 
 
-def _processor_s(parent: int) -> float:
+def processor_s(parent: int) -> float:
     """Processor time of a process's children: those that serve."""
     children = Path(f"/proc/{parent}/task/{parent}/children").read_text().split()
     ticks = 0

@@ -5,9 +5,10 @@ from __future__ import annotations
 import io
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
-from evaluation.admit import admit
+from evaluation.garage.admission import admit
+from paddock.network.bound import FactsDocument
+from paddock.packages.metadata import MetadataDocument
 from paddock.packages.read import UploadPart
 
 CHECKOUT = Path(__file__).resolve().parent.parent
@@ -30,8 +31,8 @@ class AdmittedCar:
 
     name: str
     onnx: bytes
-    metadata: dict[str, Any]
-    facts: dict[str, Any]
+    metadata: MetadataDocument
+    facts: FactsDocument
     parameters: int
     macs: int
 

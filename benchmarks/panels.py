@@ -97,8 +97,8 @@ def measure(panels: int = PANELS, seconds: float = SECONDS) -> dict[str, Any]:
         django.setup()
         from django.utils import timezone
 
+        from races.live.services import launch
         from races.models import LiveSlot, SlotState
-        from races.services.live import launch
 
         event, alice, _quiet = _show(STARTS_S + len(WAYS) * (seconds + 8.0))
         slot = launch(event=event, by=alice, seen=None, now=timezone.now())

@@ -73,8 +73,10 @@ def fill(count: int, racers: int, track: Any, now: datetime) -> None:
 def _looks(runs: int, now: datetime) -> dict[str, float]:
     from django.db import transaction
 
-    from evaluation import selectors, services
-    from evaluation.queue_order import ORDER, queued
+    from evaluation.running.queue import selectors
+    from evaluation.running.queue.jobs import EVALUATIONS
+    from evaluation.running.queue.order import ORDER, queued
+    from evaluation.running.queue.services import queue_evaluation
     from paddock.rules.race import RaceRules
 
     front, last = queued().order_by(*ORDER)[0], queued().order_by(*ORDER).reverse()[0]
@@ -85,16 +87,16 @@ def _looks(runs: int, now: datetime) -> dict[str, float]:
         selectors.queue_length()
 
     def claim() -> None:
-        assert services.EVALUATIONS.claim(worker="bench", now=now) is not None
+        assert EVALUATIONS.claim(worker="bench", now=now) is not None
 
     def submit() -> None:
-        services.queue_evaluation(owner=last.owner, model=last.model, track=last.track, rules=RaceRules(), now=now)
+        queue_evaluation(owner=last.owner, model=last.model, track=last.track, rules=RaceRules(), now=now)
 
     found, clock = {}, processor_clock()
     timed: dict[str, Callable[[], object]] = {
         "place of the first": lambda: look(front),
         "place of the last": lambda: look(last),
-        "sweep": lambda: services.EVALUATIONS.sweep(now=now),
+        "sweep": lambda: EVALUATIONS.sweep(now=now),
         "claim": claim,
         "submission": submit,
     }

@@ -17,15 +17,16 @@ import math
 import statistics
 import time
 from collections.abc import Callable
+from dataclasses import asdict
 from functools import cache
 from typing import Any
 
-from evaluation.pipeline import RaceJob, evaluate
+from evaluation.running.pipeline import RaceJob, evaluate
 from paddock.geometry.catalogue import CATALOGUE
 from paddock.geometry.track import TrackGeometry
-from paddock.packages.metadata import parse_metadata
+from paddock.packages.metadata import MetadataDocument, parse_metadata
 from paddock.rules.race import RaceRules
-from training.actions import discrete_actions
+from training.jobs.settings_checks import discrete_actions
 from training.rewards.examples import example
 from training.trainer.client import Iteration, Listener, train
 from training.trainer.spec import LAP_TIME, TrainerSpec
@@ -52,7 +53,7 @@ def line_of(slug: str) -> RacingLine:
     return minimum_curvature_line(track_of(slug))
 
 
-def clean_laps(slug: str, onnx: bytes, metadata: dict[str, Any]) -> list[int]:
+def clean_laps(slug: str, onnx: bytes, metadata: MetadataDocument) -> list[int]:
     """The milliseconds of each lap without a reset in an evaluation of three laps by the platform."""
     checked = parse_metadata(json.dumps(metadata).encode()).to_dict()
     outcome = evaluate(RaceJob(track_of(slug), RaceRules(laps=LAPS), onnx, checked))
@@ -62,7 +63,7 @@ def clean_laps(slug: str, onnx: bytes, metadata: dict[str, Any]) -> list[int]:
 class _Pace(Listener):
     """Looks for the first policy that is fast enough, until the budget is spent."""
 
-    def __init__(self, slug: str, metadata: dict[str, Any], wanted_s: float, budget_s: float, by_cpu: bool) -> None:
+    def __init__(self, slug: str, metadata: MetadataDocument, wanted_s: float, budget_s: float, by_cpu: bool) -> None:
         self.slug, self.metadata, self.wanted_ms = slug, metadata, wanted_s * 1000.0
         self.budget_s, self.by_cpu = budget_s, by_cpu
         self.clock, self.began = Clock(), time.monotonic()
@@ -122,8 +123,8 @@ def to_pace(
     line_s = line_of(slug).lap_s(speed_limit)
     actions = discrete_actions(30.0, 5, speed_limit, 3)
     spec = make(slug, seed, stop_clean_laps=None, best_metric=LAP_TIME, reward_code=example(REWARD).code)
-    metadata = {**spec.metadata, "action_space_type": "discrete", "action_space": actions}
-    spec = TrainerSpec(**{**spec.to_dict(), "metadata": metadata, "stop_seconds": budget_s * (20.0 if by_cpu else 1.0)})
+    metadata: MetadataDocument = {**spec.metadata, "action_space_type": "discrete", "action_space": actions}
+    spec = TrainerSpec(**{**asdict(spec), "metadata": metadata, "stop_seconds": budget_s * (20.0 if by_cpu else 1.0)})
     notes = _Pace(slug, metadata, near * line_s, budget_s, by_cpu)
     train(spec, notes, asked_to_stop=notes.stop)
     notes.clock.close()

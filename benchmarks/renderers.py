@@ -16,15 +16,16 @@ import numpy as np
 
 from paddock.geometry.track import TrackGeometry
 from paddock.network.bound import NetworkFacts
+from paddock.network.policy_wire import PolicyInput
 from paddock.network.session import load
 from paddock.rules.race import OBJECT_AVOIDANCE, RaceRules
 from paddock.simulator.action import ActionSpace
 from paddock.simulator.camera.optics import Optics
 from paddock.simulator.camera.view import Camera
 from paddock.simulator.car import Pose
-from paddock.simulator.clock import STEP_MS
 from paddock.simulator.deciding import Policy
 from paddock.simulator.layout import lay_out
+from paddock.simulator.physics import STEP_MS
 from paddock.simulator.policies import CentreLinePilot
 from paddock.simulator.sensors import POSE, sensor_spec
 from paddock.simulator.solids import Solid, box
@@ -108,7 +109,7 @@ def _network(car: AdmittedCar) -> Callable[[np.ndarray], object]:
     """The policy process's own loop body, in this process."""
     specs = [sensor_spec(name) for name in sorted(car.metadata["sensor"])]
     space = ActionSpace.from_metadata(car.metadata)
-    inputs = [{"name": spec.name, "dtype": spec.dtype, "shape": list(spec.shape)} for spec in specs]
+    inputs: list[PolicyInput] = [{"name": spec.name, "dtype": spec.dtype, "shape": list(spec.shape)} for spec in specs]
     policy = Policy(
         load(car.onnx, NetworkFacts.from_dict(car.facts)),
         {"inputs": inputs, "outputs": space.size, "ranges": space.ranges},

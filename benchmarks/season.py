@@ -32,7 +32,7 @@ _STAGES = {"open-qualifier": 0.93, "pro-qualifier": 0.06, "pro-finale": 0.01}  #
 
 def make_folder(folder: Path, results: int) -> Path:
     """Write a season with about so many results as ``import_season`` reads it; the same for the same number."""
-    from league.history import RACE_COLUMNS
+    from league.history.columns import RACE_COLUMNS
 
     chance = random.Random(results)
     (folder / "results").mkdir(parents=True)
@@ -48,7 +48,7 @@ def make_folder(folder: Path, results: int) -> Path:
 
 
 def _race(file: str, stage: str, month: int, count: int) -> dict[str, Any]:
-    from league.history import LAPS_COLUMNS
+    from league.history.columns import LAPS_COLUMNS
 
     finale = stage == "pro-finale"
     opens = datetime(2031, month + finale, 10 if finale else 1, tzinfo=UTC)
@@ -61,7 +61,7 @@ def _race(file: str, stage: str, month: int, count: int) -> dict[str, Any]:
 
 
 def _write_results(path: Path, count: int, racers: int, chance: random.Random, month: int) -> None:
-    from league.history import RESULT_COLUMNS
+    from league.history.columns import RESULT_COLUMNS
 
     sent = int(datetime(2031, month, 2, tzinfo=UTC).timestamp()) * 1000
     scores = sorted(chance.randint(20_000, 300_000) for _ in range(count))
@@ -103,7 +103,7 @@ def _import(folder: Path) -> dict[str, Any]:
     from django.db import transaction
     from django.utils import timezone
 
-    from league.services.importing import import_folder
+    from league.history.season_import import import_folder
     from races.models import Entry, Race
 
     began, processor = time.perf_counter(), time.process_time()

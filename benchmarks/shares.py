@@ -16,8 +16,8 @@ from dataclasses import dataclass
 from multiprocessing.synchronize import Barrier
 from typing import Any
 
-from evaluation.crew import Crew
-from evaluation.pipeline import RaceJob, evaluate
+from evaluation.running.pipeline import RaceJob, evaluate
+from evaluation.running.process_pool import ProcessPool
 from paddock.geometry.track import TrackGeometry
 from paddock.rules.race import RaceRules
 
@@ -155,13 +155,13 @@ def _together_s(job: RaceJob, count: int, cores: int) -> float:
 def _among(job: RaceJob, barrier: Barrier, times: Any, cores: int) -> None:
     """One of several runs that begin together; tells when it began and ended, by the clock that all share."""
     os.sched_setaffinity(0, sorted(os.sched_getaffinity(0))[-cores:])
-    crew = Crew(venues=[job.venue])
+    pool = ProcessPool(venues=[job.venue])
     time.sleep(whole.READY_S * max(1.0, barrier.parties / cores))
-    while crew.runner.wants_processor():
+    while pool.runner.wants_processor():
         time.sleep(whole.READY_S)
     barrier.wait()
     began = time.monotonic()
-    evaluate(job, crew=crew)
+    evaluate(job, pool=pool)
     times.put((began, time.monotonic()))
 
 

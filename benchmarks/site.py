@@ -183,7 +183,7 @@ def _running_site(data: Path) -> Iterator[str]:
         site = subprocess.Popen(
             [sys.executable, "manage.py", "run", "--port", str(port)],
             cwd=CHECKOUT,
-            env=_environment(data / "state"),
+            env=environment(data / "state"),
             stdout=output,
             stderr=subprocess.STDOUT,
             start_new_session=True,
@@ -196,15 +196,20 @@ def _running_site(data: Path) -> Iterator[str]:
         tail = log.read_text(errors="replace")[-4000:]
         raise SiteError(f"{error}\nThe site's log ends with:\n{tail}") from error
     finally:
-        site.send_signal(signal.SIGINT)
-        try:
-            site.wait(STOP_S)
-        except subprocess.TimeoutExpired:
-            site.kill()
-            site.wait()
+        stop(site)
 
 
-def _environment(state: Path) -> dict[str, str]:
+def stop(site: subprocess.Popen[Any]) -> None:
+    """End a site as Ctrl-C does, or kill it after :data:`STOP_S`."""
+    site.send_signal(signal.SIGINT)
+    try:
+        site.wait(STOP_S)
+    except subprocess.TimeoutExpired:
+        site.kill()
+        site.wait()
+
+
+def environment(state: Path) -> dict[str, str]:
     """This process's environment without a word about any other installation's database, broker or settings."""
     kept = {name: value for name, value in os.environ.items() if not name.startswith("PADDOCK_")}
     for name in ("DATABASE_URL", "CELERY_BROKER_URL", "CACHE_URL", "STORAGE", "EMAIL_URL"):

@@ -222,7 +222,7 @@ def everything(connections: int = CONNECTIONS, seconds: float = SECONDS, upload_
     from django.conf import settings
     from django.utils import timezone
 
-    from accounts.tokens import create_token
+    from accounts.tokens.services import create_token
     from tests.factories import a_racer
 
     large = settings.STATIC_ROOT / LARGE
@@ -244,7 +244,7 @@ def _broker() -> AbstractContextManager:
     """The site's own: limits of uploads are counted there."""
     from django.conf import settings
 
-    from config import broker
+    from config.serving import broker
     from tests.servers import answers, running
 
     broker.make_private(settings.VALKEY_DIR)

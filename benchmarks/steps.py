@@ -18,13 +18,14 @@ os.environ.setdefault("OMP_NUM_THREADS", "1")
 
 import numpy as np
 
-from evaluation.runner_process import policy_of
+from evaluation.running.runner_process import policy_of
 from evaluation.sandbox.policy import PolicyProcess
 from paddock.geometry.catalogue import CATALOGUE
 from paddock.geometry.track import TrackGeometry
 from paddock.rules.race import RaceRules
 from paddock.simulator import race
 from paddock.simulator.action import ActionSpace
+from paddock.simulator.race import Entrant, RaceSettings
 from paddock.simulator.sensors import policy_header
 
 from .machine import measured_on
@@ -76,7 +77,9 @@ def measure(car: AdmittedCar, track: TrackGeometry, *, laps: int, runs: int) -> 
             client = policy.client(header)
             sensors, ask = sorted(car.metadata["sensor"]), policy_of(client, space)
             with _Watch(policy.process.inner_pid) as watch:
-                race.run_race(track, RaceRules(laps=laps), space, sensors, ask, places=client.places)
+                race.run_race(
+                    RaceSettings(track, RaceRules(laps=laps), [Entrant(space, sensors, ask, places=client.places)])
+                )
             steps += watch.steps[WARM:]
     took, physics, camera, network, policy_s = 1e6 * np.array([step for step in steps if step[-1] > 0.0]).T
     parts = took, physics, camera, network, policy_s - network, took - physics - camera - policy_s

@@ -1,10 +1,11 @@
-"""``python -m benchmarks.streams [--json]``: many open pages of a running site, beside racing.
+"""``python -m benchmarks.streams [--signed-in] [--json]``: many open pages of a running site, beside racing.
 
 The whole site (``manage.py run``) on a data folder of its own. ``--streams`` guests look at one race through the web
-server's port. Its board moves ``--rate`` times a second, while a worker drives car after car. Each guest does as a
-page does: reads the stream, and when the race moved asks for the page, conditionally, spread over the time that the
-stream names. Milliseconds from the commit to what a guest's stream was told and to the page; events that a guest was
-not told of, by their numbers; memory and processor of the stream process; and what is sent where nothing happens.
+server's port, or so many racers, each with a session and their own topic beside the race's. Its board moves ``--rate``
+times a second, while a worker drives car after car. Each guest does as a page does: reads the stream, and when the
+race moved asks for the page, conditionally, spread over the time that the stream names. Milliseconds from the commit
+to what a guest's stream was told and to the page; events that a guest was not told of, by their numbers; memory and
+processor of the stream process; and what is sent where nothing happens.
 """
 
 from __future__ import annotations
@@ -39,10 +40,11 @@ _ENV = {"DJANGO_SETTINGS_MODULE": "config.settings", "OMP_NUM_THREADS": "1"}
 class _Guest:
     """One open page."""
 
-    def __init__(self, site: str, path: str, topic: str) -> None:
+    def __init__(self, site: str, path: str, topic: str, session: str = "") -> None:
         where = urlsplit(site)
         self._host, self._port = where.hostname or "127.0.0.1", where.port or 80
-        self._path, self._topic = path, topic
+        self._path, self._topic = path, f"{topic}&of=me" if session else topic
+        self._cookie = f"Cookie: {session}\r\n" if session else ""
         self.told: dict[int, float] = {}  # when, by the number of the event
         self.shown: dict[int, float] = {}
         self.bytes = 0
@@ -59,7 +61,7 @@ class _Guest:
         last = ""
         while True:
             incoming, outgoing = await asyncio.open_connection(self._host, self._port)
-            header = f"Last-Event-ID: {last}\r\n" if last else ""
+            header = self._cookie + (f"Last-Event-ID: {last}\r\n" if last else "")
             request = f"GET /stream/?of={self._topic} HTTP/1.1\r\nHost: {self._host}:{self._port}\r\n{header}\r\n"
             outgoing.write(request.encode())
             try:
@@ -116,6 +118,7 @@ class _Guest:
             lines = [b"GET %s HTTP/1.1" % self._path.encode(), b"Host: %s:%d" % (self._host.encode(), self._port)]
             lines += [b"X-Paddock-Parts: 1", b"Accept-Encoding: gzip", b"Connection: close"]
             lines.append(b"X-Paddock-At: %d" % max(waited))
+            lines += [self._cookie.strip().encode()] if self._cookie else []
             if self._tag:
                 lines.append(b"If-None-Match: " + self._tag)
             outgoing.write(b"\r\n".join([*lines, b"", b""]))
@@ -129,11 +132,11 @@ class _Guest:
             outgoing.close()
 
 
-def _guests(site: str, path: str, topic: str, count: int, ready: Any, over: Any, found: Any) -> None:
-    """A process of all guests; it tells what they saw."""
+def _guests(site: str, path: str, topic: str, sessions: list[str], ready: Any, over: Any, found: Any) -> None:
+    """A process of all guests; it tells what they saw. ``sessions``: the cookie of each, empty without one."""
 
     async def all_of_them() -> list[_Guest]:
-        looking = [_Guest(site, path, topic) for _ in range(count)]
+        looking = [_Guest(site, path, topic, session) for session in sessions]
         idle = [_Guest(site, "", "season:0") for _ in range(IDLE)]
         tasks = []
         for guest in (*looking, *idle):
@@ -169,7 +172,7 @@ def _racing(done: dict[str, int]) -> Iterator[None]:
     from django.utils import timezone
 
     from evaluation.models import Evaluation, State, TrainedModel
-    from evaluation.services import queue_evaluation
+    from evaluation.running.queue.services import queue_evaluation
     from paddock.rules.race import RaceRules
     from tracks.models import Track
 
@@ -208,9 +211,30 @@ def _health(site: str) -> dict[str, Any]:
         return json.loads(answer.read())
 
 
-def measure(streams: int = STREAMS, seconds: float = SECONDS, rate: float = RATE) -> dict[str, Any]:
+def _sessions(count: int, now: Any) -> list[str]:
+    """The cookies of so many racers who have logged in."""
+    from django.conf import settings
+    from django.test import Client
+
+    from accounts.models import Racer
+
+    from .board_rows import make_racers
+
+    make_racers(count, now)
+    cookies = []
+    for racer in Racer.objects.filter(is_house=False).order_by("pk")[:count]:
+        client = Client()
+        client.force_login(racer, backend=settings.AUTHENTICATION_BACKENDS[0])
+        cookies.append(f"{settings.SESSION_COOKIE_NAME}={client.cookies[settings.SESSION_COOKIE_NAME].value}")
+    return cookies
+
+
+def measure(
+    streams: int = STREAMS, seconds: float = SECONDS, rate: float = RATE, *, signed_in: bool = False
+) -> dict[str, Any]:
     """See the module; ``lost``: events by guests that were not told of them. Raises SiteError."""
-    with tempfile.TemporaryDirectory(prefix="pb-") as folder, _running_site(Path(folder)) as site:
+    state = tempfile.TemporaryDirectory(prefix="pb-", ignore_cleanup_errors=True)
+    with state as folder, _running_site(Path(folder)) as site:
         os.environ |= _ENV | {"PADDOCK_DATA": str(Path(folder) / "state")}
         import django
 
@@ -224,17 +248,19 @@ def measure(streams: int = STREAMS, seconds: float = SECONDS, rate: float = RATE
 
         now = timezone.now()
         race = a_race(now, slug="final", name="Final")
-        from core import wakeup
+        from core.wakeups import workers as wakeup
 
         ringing, wakeup.publish = wakeup.publish, lambda *_, **__: None  # these are no cars that could drive
-        for place in range(20):
-            drive(race, a_racer(f"racer{place}"), laps(9_000 + place, 9_100, 9_200), now)
+        with transaction.atomic():  # or a worker would claim one that waits
+            for place in range(20):
+                drive(race, a_racer(f"racer{place}"), laps(9_000 + place, 9_100, 9_200), now)
         wakeup.publish = ringing
+        sessions = _sessions(streams, now) if signed_in else [""] * streams
         context = multiprocessing.get_context("spawn")
         ready, over, found = context.Event(), context.Event(), context.Queue()
         topic = f"race:{race.pk}"
         process = context.Process(
-            target=_guests, args=(site, race.get_absolute_url(), topic, streams, ready, over, found)
+            target=_guests, args=(site, race.get_absolute_url(), topic, sessions, ready, over, found)
         )
         process.start()
         done: dict[str, int] = {}
@@ -263,6 +289,7 @@ def measure(streams: int = STREAMS, seconds: float = SECONDS, rate: float = RATE
     shown = sorted(max(0.0, one[n] - at[n]) * 1000 for one in seen["shown"] for n in at if n in one)
     return {
         "streams": streams,
+        "signed_in": signed_in,
         "open": most_streams,
         "seconds": round(took, 1),
         "events": len(at),
@@ -312,9 +339,10 @@ def main(arguments: list[str] | None = None) -> int:
     parser = command("streams", "What open pages of a site cost, and how soon they move.")
     parser.add_argument("--streams", type=int, default=STREAMS)
     parser.add_argument("--seconds", type=float, default=SECONDS)
+    parser.add_argument("--signed-in", action="store_true", help="racers with sessions instead of guests")
     parser.add_argument("--rate", type=float, default=RATE, help="events of the race a second")
     options = parser.parse_args(arguments)
-    figures = measure(options.streams, options.seconds, options.rate)
+    figures = measure(options.streams, options.seconds, options.rate, signed_in=options.signed_in)
     return report(figures, as_json=options.json, table=table, missed=misses(figures))
 
 

@@ -11,7 +11,7 @@ import statistics
 from concurrent.futures import ProcessPoolExecutor
 from typing import Any
 
-from evaluation.pipeline import RaceJob
+from evaluation.running.pipeline import RaceJob
 from paddock.geometry.track import TrackGeometry
 from paddock.rules.race import HEAD_TO_HEAD, OBJECT_AVOIDANCE, TIME_TRIAL, RaceRules
 

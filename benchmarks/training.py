@@ -28,9 +28,10 @@ from typing import Any
 os.environ.setdefault("OMP_NUM_THREADS", "1")
 
 from paddock.geometry.catalogue import CATALOGUE
+from paddock.packages.metadata import MetadataDocument
 from paddock.rules.hyperparameters import DEFAULTS
 from paddock.simulator.physics import PADDOCK_CAR
-from training.hyperparameters import DEFAULT_ACTIONS, DEFAULT_BOUNDS
+from training.jobs.settings_checks import DEFAULT_ACTIONS, DEFAULT_BOUNDS
 from training.rewards.examples import EXAMPLES
 from training.trainer.client import Iteration, Listener, train
 from training.trainer.spec import TrainerSpec
@@ -45,7 +46,7 @@ MOST_S = {"oval": 20.0, "kuei-raceway": 30.0}  # what the platform promises
 GIVE_UP_S = 600.0
 SAC_TRACK = "oval"
 PARTS = ("laps", "line", "sac")
-METADATA = {
+METADATA: MetadataDocument = {
     "action_space_type": "discrete",
     "action_space": [dict(action) for action in DEFAULT_ACTIONS],
     "sensor": ["FRONT_FACING_CAMERA"],
@@ -104,10 +105,11 @@ class _Notes(Listener):
             self.first_lap_s = time.monotonic() - self._began
 
 
-def first_laps(slug: str, spec: TrainerSpec) -> dict[str, Any]:
-    """One training to its first three clean laps. ``lap_s`` is the mean of the evaluation that confirms it."""
+def first_laps(slug: str, spec: TrainerSpec, weights: bytes = b"") -> dict[str, Any]:
+    """One training to its first three clean laps. ``lap_s`` is the mean of the evaluation that confirms it.
+    ``weights``: the canonical network that it starts from."""
     notes, began = _Notes(), time.monotonic()
-    ended = train(spec, notes)
+    ended = train(spec, notes, start="weights" if weights else "", blob=weights)
     wall_s = time.monotonic() - began
     notes.clock.close()
     clean = clean_laps(slug, notes.iterations[-1].onnx, spec.metadata)

@@ -14,8 +14,8 @@ import time
 from concurrent.futures import ProcessPoolExecutor
 from typing import Any
 
-from evaluation.crew import Crew
-from evaluation.pipeline import EvaluationOutcome, RaceJob, evaluate
+from evaluation.running.pipeline import EvaluationOutcome, RaceJob, evaluate
+from evaluation.running.process_pool import ProcessPool
 from paddock.geometry.track import TrackGeometry
 from paddock.rules.race import RaceRules
 
@@ -43,15 +43,15 @@ def pin_to_one_core() -> None:
 
 def warm(job: RaceJob) -> tuple[EvaluationOutcome, float]:
     """One evaluation with processes that waited for it, and the processor seconds that it took in all of them."""
-    crew = Crew(venues=[job.venue])
+    pool = ProcessPool(venues=[job.venue])
     time.sleep(READY_S)
-    while any(process.wants_processor() for process in (crew.runner, *(each.process for each in crew.policies))):
+    while any(process.wants_processor() for process in (pool.runner, *(each.process for each in pool.policies))):
         time.sleep(READY_S)
     clock = Clock()
     clock.look()  # a walk through /proc, and what the processes took to get ready: neither belongs to the evaluation
     before_s = clock.seconds
     try:
-        outcome = evaluate(job, on_progress=clock.look, crew=crew)  # the last progress comes at the very end
+        outcome = evaluate(job, on_progress=clock.look, pool=pool)  # the last progress comes at the very end
     finally:
         clock.close()
     return outcome, clock.seconds - before_s

@@ -1,7 +1,5 @@
 """Typed readers for environment variables: a wrong value stops the start with a sentence, not with a traceback."""
 
-from __future__ import annotations
-
 import os
 import re
 import secrets
@@ -9,27 +7,37 @@ import stat
 import sys
 from email.utils import parseaddr
 from pathlib import Path
+from typing import Any
 from urllib.parse import SplitResult, urlsplit
 from zoneinfo import ZoneInfo
 
 import dj_database_url
 from django.core.exceptions import ImproperlyConfigured
 
-from accounts.regions import regions_in
-from core.private_folders import make_private_folder
+from accounts.profile.regions import regions_in
+from core.files.private_folders import make_private_folder
 
 # What may stand in Django's ALLOWED_HOSTS: a name, a name below a domain (".example.org"), an address, or anything
 _HOST = re.compile(r"\*|\.?[A-Za-z0-9_-]+(\.[A-Za-z0-9_-]+)*|\[[0-9A-Fa-f:.]+\]")
+
+# libpq's: a server that is gone without a word is given up within a minute, and not by TCP after hours
+_PATIENCE = {
+    **{"connect_timeout": 10, "keepalives_idle": 30, "keepalives_interval": 10, "keepalives_count": 3},
+    "tcp_user_timeout": 60_000,
+}
 
 # What Paddock writes into its data folder; any of these may be first: a benchmark creates only the locks
 _OURS = {
     "celerybeat-schedule",
     "files",
+    "health.json",
     "locks",
+    "mail",
     "paddock.sqlite3",
     "run.lock",
     "secret-key",
     "static",
+    "static.collected",
     "streams",
     "uploads",
     "valkey",
@@ -71,7 +79,6 @@ def env_int(name: str, default: int, *, minimum: int = 0, maximum: int | None = 
 
 
 def env_list(name: str, default: str = "") -> list[str]:
-    """Comma-separated words, without blanks."""
     return [word.strip() for word in os.environ.get(name, default).split(",") if word.strip()]
 
 
@@ -84,10 +91,8 @@ def env_choice(name: str, default: str, choices: tuple[str, ...]) -> str:
 
 
 def env_url(name: str, default: str, schemes: tuple[str, ...], example: str) -> str:
-    """An address with one of ``schemes``, a host or a path, and a port that is one; unset or empty is ``default``.
-
-    Raises ImproperlyConfigured otherwise, and shows ``example``.
-    """
+    """An address with one of ``schemes``, a host or a path, and a valid port; unset or empty is ``default``. Raises
+    ImproperlyConfigured otherwise, with ``example``."""
     value = os.environ.get(name, "") or default
     if value:
         check_url(name, value, schemes, example)
@@ -95,7 +100,7 @@ def env_url(name: str, default: str, schemes: tuple[str, ...], example: str) -> 
 
 
 def check_url(name: str, value: str, schemes: tuple[str, ...], example: str) -> SplitResult:
-    """The parts of an address; see :func:`env_url`. What is wrong is said without a password that it may hold."""
+    """The parts of an address; see :func:`env_url`. Errors do not quote a password in it."""
     try:
         parts = urlsplit(value)
         usable = parts.scheme in schemes and bool(parts.hostname or "unix" in parts.scheme or "socket" in parts.scheme)
@@ -136,9 +141,12 @@ def env_database(name: str, default: str) -> dict:
     try:
         if urlsplit(value).scheme not in schemes:
             raise ValueError(value)
-        return dict(dj_database_url.parse(value, conn_max_age=60, conn_health_checks=True))
+        database: dict[str, Any] = dict(dj_database_url.parse(value, conn_max_age=60, conn_health_checks=True))
     except ValueError:  # what dj_database_url raises is one, too
         raise ImproperlyConfigured(f"{name} must be an address such as {example}.") from None
+    if database["ENGINE"].endswith("postgresql"):
+        database["OPTIONS"] = _PATIENCE | database.get("OPTIONS", {})
+    return database
 
 
 def env_time_zone(name: str, default: str) -> str:
@@ -160,7 +168,7 @@ def env_time(name: str, default: str) -> str:
 
 
 def env_regions(name: str) -> str:
-    """Regions of countries, see :func:`accounts.regions.regions_in`. Raises ImproperlyConfigured otherwise."""
+    """Regions of countries, see :func:`accounts.profile.regions.regions_in`. Raises ImproperlyConfigured otherwise."""
     value = os.environ.get(name, "")
     try:
         regions_in(value)
@@ -179,10 +187,8 @@ def env_sender(name: str, default: str) -> str:
 
 
 def env_folder(name: str, default: Path) -> Path:
-    """A folder, made for its owner only if it is not there; a relative one counts from the current folder.
-
-    Raises ImproperlyConfigured when it cannot be made or written.
-    """
+    """A folder, created for its owner only; a relative one counts from the current folder. Raises ImproperlyConfigured
+    when it cannot be created or written."""
     try:
         folder = Path(os.environ.get(name, "") or default).expanduser().resolve()
         make_private_folder(folder)
@@ -199,8 +205,8 @@ def env_folder(name: str, default: Path) -> Path:
 def private_folder(name: str, folder: Path) -> Path:
     """The folder, closed to everybody but its owner: the secret key, sessions and racers' files are in it.
 
-    One that is open is closed, and that is said on standard error. Raises ImproperlyConfigured when it belongs to
-    somebody else, or holds what is not Paddock's: then others may need it open, and it is no folder for secrets.
+    An open folder is closed, with a line on standard error. Raises ImproperlyConfigured when it belongs to somebody
+    else or holds other programs' files.
     """
     found = folder.stat()
     if not found.st_mode & 0o077:
@@ -223,10 +229,8 @@ def private_folder(name: str, folder: Path) -> Path:
 
 
 def secret_from_file(path: Path) -> str:
-    """The secret in ``path``, made on first use and readable by its owner only.
-
-    Two processes that start together agree: one creates the file, the other reads it.
-    """
+    """The secret in ``path``, made on first use and readable by its owner only. Processes that start together agree on
+    one."""
     if not path.exists():
         make_private_folder(path.parent)
         draft = path.with_name(f"{path.name}.{os.getpid()}")

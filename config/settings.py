@@ -4,20 +4,19 @@ The default is one machine without any preparation: SQLite and a Valkey server t
 all state below one folder (PADDOCK_DATA).
 """
 
-from __future__ import annotations
-
 from importlib.util import find_spec
 from pathlib import Path
+from typing import Any
 from urllib.parse import unquote, urlsplit
 
-from celery.schedules import crontab
 from csp.constants import NONE, SELF
 from django.core.exceptions import ImproperlyConfigured
 from django.utils.translation import gettext_lazy as _
 
 from evaluation.sandbox.uids import configured_range
 
-from . import broker
+from .api.settings import REST_DEFAULTS
+from .api.settings import SPECTACULAR_SETTINGS as SPECTACULAR_SETTINGS
 from .env import (
     check_url,
     env_bool,
@@ -37,6 +36,7 @@ from .env import (
     private_folder,
     secret_from_file,
 )
+from .serving import broker
 
 BASE_DIR = Path(__file__).resolve().parent.parent
 DATA_DIR = private_folder("PADDOCK_DATA", env_folder("PADDOCK_DATA", BASE_DIR / "data"))
@@ -86,6 +86,7 @@ INSTALLED_APPS = [
     "allauth.account",
     "allauth.mfa",
     "csp",
+    "corsheaders",
     "django_countries",
     "django_htmx",
     "rest_framework",
@@ -94,35 +95,38 @@ INSTALLED_APPS = [
 ]
 
 MIDDLEWARE = [
+    "config.middleware.request_ids.RequestIds",
     "core.addresses.ConfiguredLinks",
     "django.middleware.security.SecurityMiddleware",
     "whitenoise.middleware.WhiteNoiseMiddleware",
-    "config.delivery.PublicReads",
-    "config.delivery.Compressed",
-    "config.delivery.Fresh",
+    "config.middleware.http_caching.PublicReads",
+    "config.middleware.http_caching.Compression",
+    "config.middleware.http_caching.ConditionalGet",
     "csp.middleware.CSPMiddleware",
     "django.contrib.sessions.middleware.SessionMiddleware",
     "django.middleware.locale.LocaleMiddleware",
-    "config.reader_zone.ReaderZone",
-    "config.moving.ChangedPages",
-    "config.guests.SharedPages",
+    "config.middleware.time_zone.ReaderTimeZone",
+    "config.middleware.fresh_reads.FreshReads",
+    "config.middleware.page_etags.PageETags",
+    "config.middleware.shared_pages.SharedPages",
     "django.middleware.common.CommonMiddleware",
     "django.middleware.csrf.CsrfViewMiddleware",
     "django.contrib.auth.middleware.AuthenticationMiddleware",
-    "config.body_limit.BodyLimit",
+    "config.middleware.body_limit.BodyLimit",
     "django.contrib.messages.middleware.MessageMiddleware",
     "django.middleware.clickjacking.XFrameOptionsMiddleware",
     "django_htmx.middleware.HtmxMiddleware",
-    "config.back_to_the_form.BackToTheForm",
+    "config.middleware.accounts.LoginRedirect",
     "allauth.account.middleware.AccountMiddleware",
-    "config.learners.NoMailForLearners",
-    "config.staff_factor.SecondFactorOfStaff",
-    "config.spoilers.NoSpoilers",
-    "config.our_faults.OurFaults",
+    "config.middleware.accounts.ClassAccountPages",
+    "config.middleware.accounts.StaffSecondFactor",
+    "config.middleware.spoilers.NoSpoilers",
+    "config.middleware.platform_faults.PlatformFaults",
 ]
 
 ROOT_URLCONF = "config.urls"
 WSGI_APPLICATION = "config.wsgi.application"
+TASK_APPLICATION = "config.celery.app"  # loaded by the first wake-up
 FORM_RENDERER = "django.forms.renderers.TemplatesSetting"
 
 TEMPLATES = [
@@ -142,9 +146,7 @@ TEMPLATES = [
 ]
 
 # --- database: SQLite in WAL mode that takes its write lock at BEGIN, or what DATABASE_URL names -------------------
-DATABASES = {
-    "default": env_database("DATABASE_URL", f"sqlite:///{DATA_DIR / 'paddock.sqlite3'}"),
-}
+DATABASES = {"default": env_database("DATABASE_URL", f"sqlite:///{DATA_DIR / 'paddock.sqlite3'}")}
 if DATABASES["default"]["ENGINE"] == "django.db.backends.sqlite3":
     DATABASES["default"]["OPTIONS"] = {
         "timeout": 20,
@@ -169,13 +171,16 @@ check_url(
 )
 CACHES = {
     "default": {
-        "BACKEND": "config.cache.SteadyCache",
+        "BACKEND": "config.serving.cache.SteadyCache",
         "LOCATION": CACHE_URL,
         "OPTIONS": {"socket_connect_timeout": 1.0, "socket_timeout": 1.0},  # no page waits longer for it
     }
 }
 
-# --- streams: open pages that are told what moves (config.streams) -------------------------------------------------
+# How far the parts that all readers share may be behind the last commit (core.streams.shared_pieces)
+SHARED_PAGE_SECONDS = env_int("PADDOCK_SHARED_PAGE_SECONDS", 1)
+
+# --- streams of events for open pages (config.serving.streams) -----------------------------------------------------
 STREAM_SOCKET = broker.socket_path(DATA_DIR / "streams", "streams.sock")  # where the web server hands them over
 STREAM_BELL_URL = CACHE_URL
 STREAMS = env_int("PADDOCK_STREAMS", 2000, minimum=1)
@@ -190,20 +195,31 @@ CELERY_WORKER_SEND_TASK_EVENTS = False
 CELERY_TASK_SERIALIZER = "json"
 CELERY_ACCEPT_CONTENT = ["json"]
 CELERY_BROKER_CONNECTION_RETRY_ON_STARTUP = True
+CELERY_BROKER_CONNECTION_MAX_RETRIES = None  # an outage may last
+if not CELERY_BROKER_URL.startswith(("amqp", "pyamqp")):
+    CELERY_BROKER_TRANSPORT_OPTIONS = broker.PATIENCE
+CELERY_BEAT_SCHEDULER = "evaluation.running.heartbeat:BeatingScheduler"
 CELERY_TIMEZONE = "UTC"
 # what waits for servers of others has a worker of its own, so that no car waits for them
 CELERY_TASK_ROUTES = {f"league.tasks.{name}": {"queue": "messages"} for name in ("notices", "webhooks", "deliver")}
 CELERY_TASK_ROUTES["core.events.tasks.*"] = {"queue": "messages"}
 # a show waits for no run and no video
 CELERY_TASK_ROUTES["races.tasks.live"] = {"queue": "messages"}
-CELERY_BEAT_SCHEDULE = {
+# a busy worker delays no other kind. The messenger sweeps: an idle trainer or video-worker has no process for it
+for _room, _task in (("training", "train"), ("videos", "draw")):
+    CELERY_TASK_ROUTES |= {
+        f"{_room}.tasks.{_task}": {"queue": _room},
+        f"{_room}.tasks.sweep": {"queue": "messages"},
+    }
+# a dict as schedule: the arguments of crontab (config.celery)
+CELERY_BEAT_SCHEDULE: dict[str, dict[str, Any]] = {
     "sweep": {"task": "evaluation.tasks.sweep", "schedule": 15.0, "options": {"expires": 14}},
     "reports": {"task": "evaluation.tasks.sweep_reports", "schedule": 15.0, "options": {"expires": 14}},
     "purge": {"task": "evaluation.tasks.purge", "schedule": 6 * 3600.0, "options": {"expires": 3600}},
     # a turn of 10 s each: 50 minutes of a night at most, none once everything was checked
     "scrub": {
         "task": "evaluation.tasks.scrub",
-        "schedule": crontab(minute="*", hour="1-5"),
+        "schedule": {"minute": "*", "hour": "1-5"},
         "options": {"expires": 50},
     },
     "duels": {"task": "races.tasks.duels", "schedule": 30.0, "options": {"expires": 29}},
@@ -212,8 +228,6 @@ CELERY_BEAT_SCHEDULE = {
     "cars": {"task": "races.tasks.cars", "schedule": 60.0, "options": {"expires": 59}},
     "rounds": {"task": "league.tasks.close_rounds", "schedule": 60.0, "options": {"expires": 59}},
     "old_trainings": {"task": "training.tasks.purge", "schedule": 6 * 3600.0, "options": {"expires": 3600}},
-    "trainings": {"task": "training.tasks.sweep", "schedule": 15.0, "options": {"expires": 14}},
-    "videos": {"task": "videos.tasks.sweep", "schedule": 15.0, "options": {"expires": 14}},
     "old_videos": {"task": "videos.tasks.purge", "schedule": 6 * 3600.0, "options": {"expires": 3600}},
     "clock": {"task": "league.tasks.clock", "schedule": 60.0, "options": {"expires": 59}},
     "cups": {"task": "league.tasks.cups", "schedule": 20.0, "options": {"expires": 19}},
@@ -222,9 +236,10 @@ CELERY_BEAT_SCHEDULE = {
     "events": {"task": "core.events.tasks.sweep", "schedule": 60.0, "options": {"expires": 59}},
     "old_events": {"task": "core.events.tasks.trim", "schedule": 6 * 3600.0, "options": {"expires": 3600}},
     "old_sessions": {"task": "config.tasks.old_sessions", "schedule": 3600.0, "options": {"expires": 3600}},
-    "pages": {"task": "config.tasks.pages", "schedule": crontab(minute=30, hour=0), "options": {"expires": 3600}},
+    "pages": {"task": "config.tasks.pages", "schedule": {"minute": 30, "hour": 0}, "options": {"expires": 3600}},
     "house cars": {"task": "league.tasks.house_cars", "schedule": 600.0, "options": {"expires": 600}},
 }
+CELERY_BEAT_SCHEDULE_FILENAME = str(DATA_DIR / "celerybeat-schedule")
 
 # what happened is read within minutes; how long it can be looked up afterwards
 EVENTS_KEPT_DAYS = env_int("PADDOCK_EVENTS_KEPT_DAYS", 30, minimum=4)
@@ -281,8 +296,10 @@ TRACKS_PER_RACER = env_int("PADDOCK_TRACKS_PER_RACER", 20, minimum=1)
 # --- training: it needs the extra packages of "make training" on the machines that train ------------------------------
 TRAINING = env_bool(
     "PADDOCK_TRAINING",
-    all(find_spec(name) is not None for name in ("torch", "stable_baselines3")),
+    all(find_spec(name) for name in ("torch", "stable_baselines3")),
 )
+if TRAINING:  # without trainers the sweeps would pile up in their queue
+    CELERY_BEAT_SCHEDULE["trainings"] = {"task": "training.tasks.sweep", "schedule": 15.0, "options": {"expires": 14}}
 TRAINING_PAUSED = env_bool("PADDOCK_TRAINING_PAUSED", False)
 TRAINING_CONCURRENCY = env_int("PADDOCK_TRAINING_CONCURRENCY", 1, minimum=1)
 TRAININGS_AT_ONCE = env_int("PADDOCK_TRAININGS_AT_ONCE", 4, minimum=1)
@@ -293,6 +310,10 @@ VIDEOS = env_bool(
     "PADDOCK_VIDEOS",
     find_spec("av") is not None,
 )
+if VIDEOS:
+    CELERY_BEAT_SCHEDULE["videos"] = {"task": "videos.tasks.sweep", "schedule": 15.0, "options": {"expires": 14}}
+for _entry in CELERY_BEAT_SCHEDULE.values():
+    _entry["options"]["expiration"] = _entry["options"]["expires"]  # RabbitMQ drops what nobody reads
 VIDEO_SECONDS = env_int("PADDOCK_VIDEO_SECONDS", 600, minimum=1, maximum=600)
 VIDEOS_AT_ONCE = env_int("PADDOCK_VIDEOS_AT_ONCE", 3, minimum=1)
 VIDEOS_A_DAY = env_int("PADDOCK_VIDEOS_A_DAY", 20, minimum=0)
@@ -302,7 +323,7 @@ VIDEO_DAYS = env_int("PADDOCK_VIDEO_DAYS", 30, minimum=1)
 STORAGE = env_str("STORAGE", "local")
 if STORAGE == "local":
     _default_storage = {
-        "BACKEND": "django.core.files.storage.FileSystemStorage",
+        "BACKEND": "core.files.atomic_storage.WholeFileStorage",
         "OPTIONS": {
             "location": DATA_DIR / "files",
             "file_permissions_mode": 0o600,
@@ -319,7 +340,7 @@ elif STORAGE.startswith("s3://") and STORAGE.removeprefix("s3://"):
             "default_acl": "private",
             "querystring_auth": True,
             "client_config": Config(
-                connect_timeout=5, read_timeout=20, retries={"mode": "standard", "max_attempts": 3}
+                connect_timeout=5, read_timeout=10, retries={"mode": "standard", "total_max_attempts": 2}
             ),
         },
     }
@@ -327,7 +348,7 @@ else:
     raise ImproperlyConfigured(f"STORAGE must be 'local' or 's3://BUCKET', not {STORAGE!r}.")
 STORAGES = {
     "default": _default_storage,
-    "staticfiles": {"BACKEND": "whitenoise.storage.CompressedManifestStaticFilesStorage"},
+    "staticfiles": {"BACKEND": "config.serving.static_files.StaticFiles"},
 }
 STATIC_URL = "static/"
 STATIC_ROOT = DATA_DIR / "static"
@@ -338,7 +359,7 @@ DATA_UPLOAD_MAX_MEMORY_SIZE = 2 * 1024 * 1024
 
 # --- people --------------------------------------------------------------------------------------------------------
 COUNTRIES_OVERRIDE = {"XK": _("Kosovo")}  # no code of ISO 3166 yet, but one that its people use
-# Which countries score for which region; empty: those of the United Nations (accounts.regions)
+# Which countries score for which region; empty: those of the United Nations (accounts.profile.regions)
 REGIONS = env_regions("PADDOCK_REGIONS")
 AUTH_USER_MODEL = "accounts.Racer"
 # The first has the last word; the others are named for the sessions that were begun with them
@@ -361,11 +382,12 @@ ACCOUNT_EMAIL_VERIFICATION = env_choice("PADDOCK_EMAIL_VERIFICATION", "optional"
 ACCOUNT_PRESERVE_USERNAME_CASING = True
 ACCOUNT_CHANGE_EMAIL = True
 ALLAUTH_TRUSTED_PROXY_COUNT = env_int("PADDOCK_TRUSTED_PROXIES", 0)
-ACCOUNT_ADAPTER = "accounts.adapter.AccountAdapter"
-ACCOUNT_FORMS = {"reset_password": "accounts.forms.ResetPasswordForm"}
+ACCOUNT_ADAPTER = "accounts.signing_in.adapter.AccountAdapter"
+ACCOUNT_PASSWORD_RESET_TOKEN_GENERATOR = "accounts.signing_in.reset_tokens.ResetTokens"
+ACCOUNT_FORMS = {"reset_password": "accounts.signing_in.forms.ResetPasswordForm"}
 ACCOUNT_REAUTHENTICATION_REQUIRED = True
-# Wrong passwords are counted by accounts.log_in; here, how often anybody may ask at all. A class of 40 behind one
-# address signs up and logs in at once. login_failed counts codes of the second factor
+# accounts.signing_in.attempt_limits counts wrong passwords; these limit all requests. A class of 40 behind one address
+# signs up and logs in at once. login_failed counts codes of the second factor
 ACCOUNT_RATE_LIMITS = {
     "login": "120/m/ip",
     "login_failed": "5/5m/key",
@@ -374,12 +396,12 @@ ACCOUNT_RATE_LIMITS = {
     "change_password": "5/5m/user",
 }
 # --- a second factor: codes of an app, codes on paper, and passkeys where browsers allow them
-MFA_ADAPTER = "accounts.second_factor.SecondFactorAdapter"
+MFA_ADAPTER = "accounts.signing_in.second_factor.SecondFactorAdapter"
 MFA_SUPPORTED_TYPES = ["totp", "recovery_codes", *(["webauthn"] if passkeys_work(SITE_URL) else [])]
 MFA_PASSKEY_LOGIN_ENABLED = True
 MFA_TOTP_TOLERANCE = 1  # the code before and the next one count too: telephones' clocks differ
 MFA_WEBAUTHN_ALLOW_INSECURE_ORIGIN = not BEHIND_HTTPS
-# Whoever resets the password of an address that was never verified ends the second factor too (accounts.services)
+# A password reset of an address that was never verified removes the second factor too (accounts.signing_in.services)
 MFA_ALLOW_UNVERIFIED_EMAIL = True
 STAFF_SECOND_FACTOR = env_bool("PADDOCK_STAFF_SECOND_FACTOR", False)
 SIGN_UP = env_choice("PADDOCK_SIGN_UP", "open", ("open", "invitation", "closed"))
@@ -394,7 +416,7 @@ FOOT_LINKS = {
 LOGIN_URL = "account_login"
 LOGIN_REDIRECT_URL = "home"
 LOGOUT_REDIRECT_URL = "home"
-# E-mail goes to the log unless an SMTP server is named
+# E-mail goes to files in the data folder unless an SMTP server is named
 _SMTP = "smtp://user:password@host:587/?tls=True"
 EMAIL_CONFIG_URL = env_url("EMAIL_URL", "", ("smtp",), _SMTP)
 if EMAIL_CONFIG_URL:
@@ -406,7 +428,9 @@ if EMAIL_CONFIG_URL:
         raise ImproperlyConfigured(f"EMAIL_URL must be an address such as {_SMTP}.")
     EMAIL_USE_TLS = _mail.query == "tls=True"
 else:
-    EMAIL_BACKEND = "django.core.mail.backends.console.EmailBackend"
+    EMAIL_BACKEND = "core.mail.FolderBackend"
+    EMAIL_FILE_PATH = DATA_DIR / "mail"
+    EMAIL_FILE_PATH.mkdir(mode=0o700, exist_ok=True)
 EMAIL_TIMEOUT = 20
 DEFAULT_FROM_EMAIL = env_sender("PADDOCK_FROM_EMAIL", "paddock@localhost")
 
@@ -437,70 +461,30 @@ CONTENT_SECURITY_POLICY = {
 
 # --- API -----------------------------------------------------------------------------------------------------------
 CORS = env_bool("PADDOCK_CORS", True)
-REST_FRAMEWORK = {
-    "DEFAULT_AUTHENTICATION_CLASSES": [
-        "config.api.auth.TokenAuthentication",
-        "rest_framework.authentication.SessionAuthentication",
-    ],
-    "DEFAULT_PERMISSION_CLASSES": ["rest_framework.permissions.IsAuthenticatedOrReadOnly"],
-    "DEFAULT_PARSER_CLASSES": ["rest_framework.parsers.JSONParser"],
-    "DEFAULT_RENDERER_CLASSES": ["rest_framework.renderers.JSONRenderer"],
-    "DEFAULT_PAGINATION_CLASS": "core.api.pagination.Pages",
-    "DEFAULT_SCHEMA_CLASS": "config.api.schema.Schema",
-    "DEFAULT_VERSIONING_CLASS": None,
-    "DEFAULT_THROTTLE_CLASSES": ["core.api.throttles.WriteThrottle"],
-    "DEFAULT_THROTTLE_RATES": {
-        "upload": "60/hour",
-        "refused_upload": "240/hour",
-        "write": "600/hour",
-        "timing": "7200/hour",  # a timekeeper's page sends every lap
-    },
-    "EXCEPTION_HANDLER": "core.api.errors.handle",
-    "NUM_PROXIES": env_int("PADDOCK_TRUSTED_PROXIES", 0),
-    "TEST_REQUEST_DEFAULT_FORMAT": "json",
-}
+CORS_ALLOW_ALL_ORIGINS = True
+CORS_ALLOW_METHODS = ("GET", "HEAD")
+CORS_ALLOW_HEADERS = ("Accept", "Accept-Language", "Authorization", "If-None-Match")
+CORS_EXPOSE_HEADERS = (
+    *("Content-Disposition", "ETag"),
+    *("RateLimit-Limit", "RateLimit-Remaining", "RateLimit-Reset", "Retry-After"),
+)
+REST_FRAMEWORK = {**REST_DEFAULTS, "NUM_PROXIES": ALLAUTH_TRUSTED_PROXY_COUNT}
 KNOX_TOKEN_MODEL = "knox.AuthToken"
 TOKEN_DAYS = env_int("PADDOCK_TOKEN_DAYS", 90, minimum=1, maximum=366)
 REST_KNOX = {"TOKEN_TTL": None, "AUTO_REFRESH": False}
-SPECTACULAR_SETTINGS = {
-    "TITLE": "Paddock",
-    "DESCRIPTION": "Upload models, enter races, read boards and results.",
-    "VERSION": "1",
-    "SERVE_INCLUDE_SCHEMA": False,
-    "SERVE_PERMISSIONS": ["rest_framework.permissions.AllowAny"],
-    "SERVE_AUTHENTICATION": [],
-    "SCHEMA_PATH_PREFIX": "/api/v1",
-    "COMPONENT_SPLIT_REQUEST": True,
-    "ENUM_NAME_OVERRIDES": {
-        "KindEnum": "races.models.RaceKind",
-        "SensorsEnum": "races.sensors.OFFERABLE",
-        "StageEnum": "league.models.Stage",
-        "CupStage": "league.api.cups.STAGES",
-        "NoticeKind": "league.models.NoticeKind",
-        "VehicleSensor": "training.api.vehicles.SENSORS",
-        "EvaluationState": "evaluation.models.State",
-        "RaceState": "races.models.RaceState",
-        "TrainingState": "training.models.JobState",
-        "VideoState": "races.api.videos.STATES",
-    },
-    "POSTPROCESSING_HOOKS": [
-        "drf_spectacular.hooks.postprocess_schema_enums",
-        "config.api.schema.add_errors",
-    ],
-}
 
 LOG_LEVELS = ("DEBUG", "INFO", "WARNING", "ERROR", "CRITICAL")
 LOGGING = {
     "version": 1,
     "disable_existing_loggers": False,
-    "formatters": {"line": {"format": "%(levelname).1s %(name)s %(message)s"}},
+    "formatters": {"line": {"()": "core.logs.lines.LogLines"}},
     "filters": {
-        "tokens": {"()": "core.log_filter.HidesTokens"},
-        "refusals": {"()": "core.log_filter.WithoutRefusalTraces"},
+        "refusals": {"()": "core.logs.filters.WithoutRefusalTraces"},
+        "outages": {"()": "core.logs.filters.Outages"},
     },
     "handlers": {
-        "console": {"class": "logging.StreamHandler", "formatter": "line", "filters": ["tokens", "refusals"]},
+        "console": {"class": "logging.StreamHandler", "formatter": "line", "filters": ["refusals", "outages"]},
     },
     "root": {"handlers": ["console"], "level": env_choice("PADDOCK_LOG_LEVEL", "INFO", LOG_LEVELS)},
-    "loggers": {"celery": {"level": "WARNING"}, "kombu": {"level": "WARNING"}},
+    "loggers": {"celery": {"level": "WARNING"}, "kombu": {"level": "WARNING"}, "botocore": {"level": "WARNING"}},
 }

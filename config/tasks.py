@@ -1,21 +1,23 @@
-"""The site's own periodic work."""
-
-from __future__ import annotations
+"""Periodic tasks of the site itself."""
 
 from celery import shared_task
 from django.contrib.sessions.models import Session
-from django.utils import timezone
 
-from .pages import look_at_pages
+from core.api.idempotency import forget_answers
+from core.database.clock import database_now
+
+from .operations.health import check_database_pages
 
 
 @shared_task
 def old_sessions() -> int:
-    """Remove the sessions that are over. Returns how many."""
-    return Session.objects.filter(expire_date__lt=timezone.now()).delete()[0]
+    """Remove the sessions and the stored answers that are over. Returns how many sessions."""
+    now = database_now()
+    forget_answers(now=now)
+    return Session.objects.filter(expire_date__lt=now).delete()[0]
 
 
 @shared_task
 def pages() -> bool:
     """Read every page of the database. Returns whether all are whole."""
-    return not look_at_pages()
+    return not check_database_pages()

@@ -1,4 +1,4 @@
-"""Addresses of the site. Each room has its own pages; the API is put together in config.api."""
+"""URLs of the site; each room has its own, and the API is assembled in config.api."""
 
 from allauth.account.decorators import secure_admin_login
 from allauth.account.views import LoginView
@@ -9,24 +9,27 @@ from django.views.decorators.csrf import csrf_exempt
 from django.views.generic import RedirectView
 from django.views.i18n import set_language
 
-from accounts.forms import LoginForm, SignUpForm
-from accounts.views import account
+from accounts.signing_in.forms import LoginForm, SignUpForm
+from accounts.signing_in.views import PasskeyLogInView, SignUpView
 
-from .views import guides, site, workers
+from . import views
+from .guides import views as guides
+from .operations import views as workers
 
-# One log-in: who is not logged in is sent to the site's own form, with its limits and its second factor
+# One log-in: the admin site uses the site's own form, with its limits and its second factor
 admin.site.login = secure_admin_login(admin.site.login)  # type: ignore[method-assign]
 
+handler500 = "config.views.server_error"
 urlpatterns = [
-    path("about/", site.about, name="about"),
+    path("about/", views.about, name="about"),
     path("guides/", guides.guides, name="guides"),
     path("guides/<slug:slug>/", guides.guide, name="guide"),
-    path("favicon.ico", site.favicon, name="favicon"),
-    path("stream/", site.stream, name="stream"),
-    path("stream/clock", site.stream_clock, name="stream_clock"),
-    path("theme/", site.set_theme, name="theme"),
-    path("health/live", site.health_live, name="health_live"),
-    path("health/ready", site.health_ready, name="health_ready"),
+    path("favicon.ico", views.favicon, name="favicon"),
+    path("stream/", views.stream, name="stream"),
+    path("stream/clock", views.stream_clock, name="stream_clock"),
+    path("theme/", views.set_theme, name="theme"),
+    path("health/live", views.health_live, name="health_live"),
+    path("health/ready", views.health_ready, name="health_ready"),
     path("workers/", workers.workers, name="workers"),
     path("workers/<slug:name>/failed/", workers.failed, name="failed_runs"),
     path("", include("league.urls")),
@@ -36,9 +39,9 @@ urlpatterns = [
     path("", include("evaluation.urls")),
     path("", include("tracks.urls")),
     path("accounts/login/", LoginView.as_view(form_class=LoginForm), name="account_login"),
-    path("accounts/signup/", account.SignUpView.as_view(form_class=SignUpForm), name="account_signup"),
+    path("accounts/signup/", SignUpView.as_view(form_class=SignUpForm), name="account_signup"),
     *(
-        [path("accounts/2fa/webauthn/login/", account.PasskeyLogInView.as_view(), name="mfa_login_webauthn")]
+        [path("accounts/2fa/webauthn/login/", PasskeyLogInView.as_view(), name="mfa_login_webauthn")]
         if "webauthn" in settings.MFA_SUPPORTED_TYPES
         else []
     ),

@@ -1,4 +1,4 @@
-"""The site as a WSGI application, for config.web."""
+"""The site as a WSGI application for config.web."""
 
 import os
 
@@ -7,4 +7,7 @@ from django.urls import reverse
 
 os.environ.setdefault("DJANGO_SETTINGS_MODULE", "config.settings")
 application = get_wsgi_application()
-reverse("home")  # loads every view: else whoever asks first waits a second for it
+from config.operations.health import known_migrations  # noqa: E402  needs the apps; loads Celery
+
+reverse("home")  # loads every view, so that the first request does not wait a second for it
+known_migrations()  # for the first readiness check

@@ -1,3 +1,3 @@
-"""The ground floor of the site: what every room stands on, and nothing of racing."""
+"""The ground floor of the site, without any domain."""
 
 from . import reasons as reasons  # registers its codes

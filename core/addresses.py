@@ -1,6 +1,4 @@
-"""Where the site is: links lead to addresses that the operator has set, whatever a request says it was sent to."""
-
-from __future__ import annotations
+"""The site's address in links: the one from the settings, not from the request."""
 
 from collections.abc import Callable
 from typing import Any
@@ -15,11 +13,8 @@ Answer = Callable[[HttpRequest], HttpResponse]
 
 
 class ConfiguredLinks:
-    """Middleware: ``request.build_absolute_uri``, of which links in mails, feeds and pages are made, begins with where
-    the request came in only if the operator has named that; else with PADDOCK_SITE_URL.
-
-    Django takes any port with a host that is allowed, so ``Host: localhost:666`` would stand in a mail.
-    """
+    """Middleware: absolute links begin with the request's host only if the settings name that host and port, else with
+    PADDOCK_SITE_URL: Django accepts any port with an allowed host."""
 
     def __init__(self, get_response: Answer) -> None:
         self.get_response = get_response
@@ -39,7 +34,7 @@ class ConfiguredLinks:
 
 
 def origin_of(request: HttpRequest) -> str:
-    """Scheme, host and port that links of an answer begin with."""
+    """Scheme, host and port of an answer's links."""
     host = request.get_host()
     came_in = f"{request.scheme}://{host}"
     if came_in in settings.CSRF_TRUSTED_ORIGINS:  # PADDOCK_SITE_URL is the first of them

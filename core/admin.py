@@ -1,11 +1,10 @@
-"""What admin pages of several rooms share."""
-
-from __future__ import annotations
+"""Base classes of admin pages."""
 
 from copy import copy
 from datetime import datetime
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
+from django.contrib.admin import ModelAdmin
 from django.core.exceptions import FieldDoesNotExist
 from django.db.models import Field, Model
 from django.forms import ModelForm
@@ -16,15 +15,7 @@ from .forms import same_value, unknown_fields, warn_of_ignored
 _BUTTONS = frozenset({"_save", "_continue", "_addanother", "_saveasnew", "_popup", "_to_field"})
 
 
-if TYPE_CHECKING:
-    from django.contrib.admin import ModelAdmin
-
-    Base = ModelAdmin[Any]
-else:
-    Base = object
-
-
-class ComparedChanges(Base):
+class ComparedChanges(ModelAdmin):
     """The log names the fields whose values have changed, and the page those that were sent and not taken."""
 
     def get_object(self, request: HttpRequest, object_id: str, from_field: Any = None) -> Any:
@@ -64,15 +55,16 @@ class ComparedChanges(Base):
 
 
 def _changed(form: ModelForm, stored: Model) -> list[str]:
-    """The fields of a saved form whose values differ from those of the stored row. What is no column of the row counts
-    as the form says."""
+    """The fields whose values differ from the stored row; for fields without a column the form decides."""
     now = type(stored)._base_manager.filter(pk=stored.pk).first() or form.instance
     names = []
     for name in form.fields:
         column = _column(stored, name)
         if column is not None:
             changed = not same_value(getattr(stored, column.attname), getattr(now, column.attname))
-        elif not _is_relation(stored, name) and hasattr(stored, name):  # a rule that has no column
+        elif name not in {field.name for field in stored._meta.many_to_many} and hasattr(
+            stored, name
+        ):  # a rule that has no column
             changed = not same_value(getattr(stored, name), getattr(now, name))
         else:
             changed = name in form.changed_data and not form.fields[name].widget.is_hidden
@@ -87,10 +79,6 @@ def _column(row: Model, name: str) -> Field | None:
     except FieldDoesNotExist:
         return None
     return field if isinstance(field, Field) and field.concrete and not field.many_to_many else None
-
-
-def _is_relation(row: Model, name: str) -> bool:
-    return any(field.name == name for field in row._meta.many_to_many)
 
 
 def _value(row: Model, name: str) -> object:

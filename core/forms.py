@@ -1,6 +1,4 @@
-"""How any form shows what a service refused, and what it did not take."""
-
-from __future__ import annotations
+"""How forms show the faults of services and the fields that were ignored."""
 
 import re
 from collections.abc import Iterable, Mapping
@@ -38,6 +36,8 @@ def explain(fault: PaddockError) -> str:
 
 def add_fault(form: forms.BaseForm, fault: PaddockError, field: str | None = None) -> None:
     """Show what a service refused: its sentence and its stable code, beside the form or one of its fields."""
+    named = getattr(getattr(fault, "errors", None), "error_dict", {})
+    field = field or next((name for name in named if name in form.fields), None)
     form.add_error(field, forms.ValidationError(explain(fault), code=fault.code))
 
 
@@ -71,8 +71,7 @@ def warn_of_ignored(request: HttpRequest, names: Iterable[str]) -> None:
 
 
 def same_value(before: object, after: object) -> bool:
-    """Whether two values of a field are the same as far as forms show them: line ends of texts and fractions of a
-    second do not count."""
+    """Whether two values look the same in a form: line ends and fractions of a second do not count."""
     if isinstance(before, str) and isinstance(after, str):
         return before.replace("\r\n", "\n") == after.replace("\r\n", "\n")
     if isinstance(before, datetime) and isinstance(after, datetime):

@@ -1,4 +1,4 @@
-"""Public ids: what stands in an address instead of the row's number."""
+"""Public ids, which addresses contain instead of primary keys."""
 
 from django.utils.crypto import get_random_string
 

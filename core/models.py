@@ -1,6 +1,7 @@
-"""The ground floor's tables, each written down where it is used."""
+"""The ground floor's models, in the module that Django searches."""
 
+from .api.models import StoredAnswer
 from .events.models import Event, EventCursor
 from .jobs.models import Outage
 
-__all__ = ["Event", "EventCursor", "Outage"]
+__all__ = ["Event", "EventCursor", "Outage", "StoredAnswer"]

@@ -1,4 +1,4 @@
-"""The ground floor's tasks, where Celery looks for them."""
+"""The ground floor's tasks, in the module that Celery searches."""
 
 from .events.tasks import follow, sweep, trim
 

@@ -1,6 +1,4 @@
-"""Times and differences as racing writes them."""
-
-from __future__ import annotations
+"""Formats of lap times, gaps and dates."""
 
 import re
 from datetime import UTC, date, datetime
@@ -28,10 +26,7 @@ def clock(milliseconds: int | None) -> str:
 
 
 def written(when: datetime, *, zone: bool = True) -> str:
-    """A moment in the reader's time zone and language: ``Sat 28 Nov, 14:32 UTC``; with the year where it is another.
-
-    ``zone``: whether to name the time zone.
-    """
+    """A moment in the reader's time zone and language: ``Sat 28 Nov, 14:32 UTC``; the year only if it is another."""
     local = timezone.localtime(when)
     if local.year == timezone.localdate().year:
         text = _format(local, pgettext("format of a moment", "D j M, H:i"))

@@ -1,9 +1,5 @@
 """The admin pages of models, evaluations, results and workers. What a run measured can be read, never edited."""
 
-from __future__ import annotations
-
-from typing import Any
-
 from django.contrib import admin, messages
 from django.db.models import QuerySet
 from django.http import HttpRequest
@@ -11,9 +7,10 @@ from django.utils import timezone
 from django.utils.translation import gettext_lazy as _
 from django.utils.translation import ngettext
 
-from core.clock import database_now
+from core.database.clock import database_now
 from core.jobs.models import Outage
 
+from .garage.services import delete_model, stop_sharing_model
 from .models import (
     Evaluation,
     EvaluationRival,
@@ -25,20 +22,18 @@ from .models import (
     TrainedModel,
     WorkerNode,
 )
-from .services import EVALUATIONS, delete_model, stop_evaluation, stop_sharing_model
+from .running.queue.jobs import EVALUATIONS
+from .running.queue.services import stop_evaluation
+
+
+def _never(*_arguments: object, **_options: object) -> bool:
+    return False
 
 
 class ReadOnlyAdmin(admin.ModelAdmin):
     """Rows that only services write."""
 
-    def has_add_permission(self, request: HttpRequest) -> bool:
-        return False
-
-    def has_change_permission(self, request: HttpRequest, obj: Any = None) -> bool:
-        return False
-
-    def has_delete_permission(self, request: HttpRequest, obj: Any = None) -> bool:
-        return False
+    has_add_permission = has_change_permission = has_delete_permission = _never
 
 
 @admin.register(StoredFile)
@@ -93,12 +88,7 @@ class ReadOnlyInline(admin.StackedInline):
 
     can_delete = False
     extra = 0
-
-    def has_add_permission(self, request: HttpRequest, obj: Any = None) -> bool:
-        return False
-
-    def has_change_permission(self, request: HttpRequest, obj: Any = None) -> bool:
-        return False
+    has_add_permission = has_change_permission = _never
 
 
 class EvaluationRivalInline(ReadOnlyInline):

@@ -8,19 +8,20 @@ class EvaluationConfig(AppConfig):
     verbose_name = _("Evaluation")
 
     def ready(self) -> None:
-        from accounts import quotas, storage
+        from accounts import quotas
+        from accounts.usage import storage
         from core.jobs.outages import look_after_faults
 
-        from . import events, streams  # noqa: F401 - its kinds of events are known from the start
+        from .garage.original_uploads import take_source_along
+        from .garage.quotas import MODELS, NETWORKS, STORAGE, TRACES, UPLOADS
         from .models import TrainedModel
-        from .quotas import MODELS, NETWORKS, STORAGE, TRACES, UPLOADS
         from .reports import jobs  # noqa: F401 - its kind of job is known from the start
         from .reports.quotas import ALL
+        from .running.events import register_streams  # also registers the kinds of events
         from .sandbox import probe as probing
-        from .services.sources import take_source_along
 
         quotas.register(MODELS)
-        streams.register()
+        register_streams()
         quotas.register(STORAGE)
         for quota in ALL:
             quotas.register(quota)
@@ -28,5 +29,5 @@ class EvaluationConfig(AppConfig):
         storage.register(TRACES)
         storage.register(UPLOADS)
         post_delete.connect(take_source_along, sender=TrainedModel, dispatch_uid="evaluation.take_source_along")
-        # the turns of a worker end where it says that the sandbox is gone
+        # a worker takes no more turns after this reports that the sandbox is gone
         look_after_faults("sandbox_failed", lambda: probing.look_again())

@@ -5,36 +5,40 @@ from paddock.errors.reasons import register
 
 register(
     "Upload",
-    "user",
-    {
-        "garage_full": _("Your garage is full (%(limit)s models). Delete one that you no longer need."),
+    invalid={
+        "seen_lap": _("There is no lap %(lap)s to look at: the run has %(laps)s."),
+        "model_name_missing": _("Enter a model name with at least one visible character."),
+        "model_name_too_long": _("The name is longer than %(limit)s characters. Choose a shorter one."),
+        "description_too_long": _("The description is longer than %(limit)s characters. Shorten it."),
+        "model_look": _(
+            "Invalid look. Choose the shell from %(known)s, and write the colour as #rrggbb, such as #3b82f6."
+        ),
+    },
+    forbidden={
         "learner_shares_nothing": _("An account of a class shares no models."),
+        "model_not_yours": _("This model is not in your garage. Choose one of your models, or upload it first."),
+    },
+    not_found={
+        "source_not_kept": _(
+            "This model has no uploaded file: it was trained here, or uploaded before files were "
+            "kept. Download another format, or upload the file again."
+        ),
+    },
+    conflict={
+        "garage_full": _("Your garage is full (%(limit)s models). Delete one that you no longer need."),
         "storage_full": _(
             "Your storage is full (%(limit_mb)s MB). See your usage page. Delete models and "
             "trainings that you no longer need (networks that never raced are removed after a day), "
             "or ask an operator for more."
         ),
-        "seen_lap": _("There is no lap %(lap)s to look at: the run has %(laps)s."),
-        "model_name_missing": _("Enter a model name with at least one visible character."),
-        "model_name_too_long": _("The name is longer than %(limit)s characters. Choose a shorter one."),
         "model_name_taken": _("You already have a model named %(name)s. Choose another name."),
-        "description_too_long": _("The description is longer than %(limit)s characters. Shorten it."),
-        "model_look": _(
-            "Invalid look. Choose the shell from %(known)s, and write the colour as #rrggbb, such as #3b82f6."
-        ),
         "model_deleted_not_shared": _("A deleted model cannot be shared. Upload it again, or share another one."),
-        "source_not_kept": _(
-            "This model has no uploaded file: it was trained here, or uploaded before files were "
-            "kept. Download another format, or upload the file again."
-        ),
-        "model_not_yours": _("This model is not in your garage. Choose one of your own, or upload it first."),
     },
 )
 
 register(
     "Conversion of a TensorFlow graph",
-    "user",
-    {
+    invalid={
         "conversion_memory": _("Reading the network needed too much memory. Upload a smaller network."),
         "conversion_time": _("Reading the network took too long. Upload a simpler network."),
         "conversion_crashed": _("The network crashed the program that reads it. Export it again with a current tool."),
@@ -43,8 +47,7 @@ register(
 
 register(
     "On the track",
-    "user",
-    {
+    invalid={
         "policy_late": _(
             "The network was too slow: it ran out of time in step %(step)s (%(step_s)s s per step, "
             "%(overage_s)s s reserve, %(total_s)s s for the whole run). Train a smaller network."
@@ -61,8 +64,7 @@ register(
         ),
         "policy_memory": _("The network needed more than %(limit_mb)s MB of memory. Train a smaller network."),
         "policy_protocol": _(
-            "The process that runs the network sent something other than one action in step %(step)s. Export the "
-            "network again."
+            "The network's process did not answer with one action in step %(step)s. Export the network again."
         ),
         "policy_refused": _(
             "The runtime cannot load this network: %(detail)s. Export it again, and test it with onnxruntime "
@@ -74,8 +76,7 @@ register(
 
 register(
     "Paddock's own faults",
-    "platform",
-    {
+    unavailable={
         "sandbox_unavailable": _(
             "This host cannot sandbox models safely (level %(level)s, minimum %(minimum)s), so it "
             "runs none. “manage.py doctor” shows what is missing."
@@ -97,10 +98,6 @@ register(
         ),
         "conversion_failed": _("The site could not read the model. Your model is fine. Try again later."),
         "upload_busy": _("Too many models are being read right now. Try again in a minute."),
-        "sb3_needs_torch": _(
-            "This site cannot read zips of stable-baselines3: PyTorch is not installed on it. Export the policy "
-            "with torch.onnx.export() and upload the .onnx file, or ask the site's operator for training."
-        ),
         "file_damaged": _("A stored file is damaged. The operator has been notified, and the run will be repeated."),
         "lease_expired": _("The worker that ran this evaluation disappeared. The evaluation will be repeated."),
         "platform_gave_up": _(
@@ -112,8 +109,7 @@ register(
 
 register(
     "Several cars in a race",
-    "user",
-    {
+    invalid={
         "rivals_race_type": _("Rival cars need the race type head_to_head."),
         "rivals_with_bots": _("Races between submitted cars have no bot cars. Set their number to 0."),
         "too_many_rivals": _("At most %(limit)s rival cars are possible. Remove some."),
@@ -122,11 +118,8 @@ register(
 
 register(
     "Reports",
-    "user",
-    {
-        "report_model_gone": _("This model is not available: it was deleted or is no longer shared. Choose another."),
+    invalid={
         "report_tracks": _("List tracks only for a report on chosen tracks. The other sets include their own tracks."),
-        "report_track_gone": _("There is no track %(track)s here. The closest names are: %(nearest)s."),
         "report_too_many_tracks": _("A report drives at most %(limit)s tracks. Choose fewer."),
         "report_track_without_shape": _(
             "The shape of %(track)s is not known here, so no car can drive on it. Leave it out."
@@ -141,11 +134,17 @@ register(
         "report_empty": _("Choose tracks, a track for the variations, or both."),
         "report_seed": _("The seed must be a whole number from 0 to %(most)s."),
         "report_direction": _("There is no such direction. Choose one of %(known)s."),
+    },
+    not_found={
+        "report_model_gone": _("This model is not available: it was deleted or is no longer shared. Choose another."),
+        "report_track_gone": _("There is no track %(track)s here. The closest names are: %(nearest)s."),
+    },
+    conflict={
         "reports_at_once": _("You have %(limit)s reports in progress, the maximum. Wait for one, or stop one."),
         "reports_a_day": _(
             "You requested %(limit)s reports in 24 hours, the maximum. Try again later, or ask an operator for more."
         ),
-        "reports_kept": _("You keep %(limit)s reports, as many as a racer may. Delete one that you need no more."),
+        "reports_kept": _("You already have %(limit)s reports, the maximum. Delete one you no longer need."),
         "report_under_way": _("The report is still being driven. Stop it first."),
     },
 )

@@ -1,23 +1,13 @@
-"""What pages and the API show of models and of the queue."""
+"""Querysets and permission checks for models: own, visible and shared."""
 
-from __future__ import annotations
+from django.contrib.auth.models import AnonymousUser
+from django.db.models import F, Q, QuerySet
 
-import math
-from datetime import datetime, timedelta
-from typing import TYPE_CHECKING
+from accounts.models import Racer
+from core.streams.shared_pieces import shared_value
 
-from django.conf import settings
-from django.db.models import Avg, DurationField, ExpressionWrapper, F, Q, QuerySet
+from .models import TrainedModel
 
-from .models import Evaluation, Result, State, TrainedModel
-from .queue_order import BACKGROUND, FRONT, ORDER, front_of_queue, queued
-
-if TYPE_CHECKING:
-    from django.contrib.auth.models import AnonymousUser
-
-    from accounts.models import Racer
-
-RECENT = 20  # finished evaluations that the expected wait is reckoned from
 # A deactivated racer shares nothing, and what drives for the house belongs to everybody.
 _SHARED = Q(Q(shared_at__isnull=False) | Q(owner__is_house=True), owner__is_active=True, deleted_at=None)
 
@@ -55,6 +45,17 @@ def shared_models(racer: Racer | AnonymousUser) -> QuerySet[TrainedModel]:
     return models.filter(_SHARED).order_by(F("shared_at").desc(nulls_last=True), "-pk")
 
 
+def newest_shared(reader: Racer, most: int, *, house: bool = True) -> list[TrainedModel]:
+    """The latest of :func:`shared_models` that are not the reader's, with the house's unless ``house`` is false. One
+    query for all readers, except for one who shares most of them."""
+    models = shared_models(reader).filter(**({} if house else {"owner__is_house": False}))
+    newest = shared_value(("newest shared models", most, house), lambda: list(models[: 2 * most]))
+    others = [model for model in newest if model.owner_id != reader.pk]
+    if len(others) < most and len(newest) == 2 * most:
+        return list(models.exclude(owner=reader)[:most])
+    return others[:most]
+
+
 def is_shared(model: TrainedModel) -> bool:
     """Whether every racer may look at the model, download it and train on from it."""
     owner = model.owner
@@ -64,59 +65,3 @@ def is_shared(model: TrainedModel) -> bool:
 def can_stop_sharing(racer: Racer | AnonymousUser, model: TrainedModel) -> bool:
     """Whether the racer may end the sharing of a model: its owner, or an admin."""
     return racer.pk is not None and model.shared_at is not None and (racer.pk == model.owner_id or racer.is_staff)
-
-
-def can_stop_evaluation(racer: Racer | AnonymousUser, evaluation: Evaluation) -> bool:
-    """Whether the racer may stop the evaluation while it waits or runs: an admin, or its owner.
-
-    An owner who races somebody else's car may not: the duel is the other's as well.
-    """
-    if evaluation.is_final or racer.pk is None:
-        return False
-    if racer.is_staff:
-        return True
-    return racer.pk == evaluation.owner_id and not evaluation.rivals.exclude(model__owner=racer.pk).exists()
-
-
-def queue_length() -> int:
-    """How many evaluations wait that somebody waits for; ``FRONT + 1`` says that there are more than ``FRONT``."""
-    return queued().filter(priority__gt=BACKGROUND).order_by(*ORDER)[: FRONT + 1].count()
-
-
-def waiting_since() -> datetime | None:
-    """Since when the evaluation waits that was queued first, of those that somebody waits for."""
-    waiting = queued().filter(priority__gt=BACKGROUND).order_by("queued_at")
-    return waiting.values_list("queued_at", flat=True).first()
-
-
-def queue_position(evaluation: Evaluation) -> int | None:
-    """The place in the queue, 1 for the next one to run; None when it does not wait.
-
-    Exact up to ``FRONT``; ``FRONT + 1`` stands for every place behind: counting those would cost all the more the
-    longer the queue is, and each page that waits asks every second.
-    """
-    if evaluation.state != State.QUEUED:
-        return None
-    front = front_of_queue()
-    if evaluation.pk in front:
-        return front.index(evaluation.pk) + 1
-    still = len(front) == FRONT and queued().filter(pk=evaluation.pk).exists()
-    return FRONT + 1 if still else None
-
-
-def expected_wait_s(evaluation: Evaluation, position: int | None = None) -> float | None:
-    """Seconds until a waiting evaluation has probably ended, from the last runs; None without any to judge by. Behind
-    ``FRONT``, how long it waits at least.
-
-    ``position`` saves looking it up again.
-    """
-    position = position or queue_position(evaluation)
-    if position is None:
-        return None
-    took = ExpressionWrapper(F("evaluation__ended_at") - F("evaluation__started_at"), output_field=DurationField())
-    # The last rows first, and then without the sealed ones: in one, SQLite may join all runs before it looks for them
-    recent = list(Result.with_sealed.order_by("-pk").values_list("pk", flat=True)[:RECENT])
-    mean: timedelta | None = Result.objects.filter(pk__in=recent).aggregate(mean=Avg(took))["mean"]
-    if mean is None:
-        return None
-    return mean.total_seconds() * math.ceil(position / settings.WORKER_CONCURRENCY)

@@ -1,4 +1,4 @@
-"""What this room tells the rooms above it."""
+"""Signals to the rooms above."""
 
 from django.dispatch import Signal
 
@@ -6,7 +6,7 @@ evaluation_ended = Signal()
 """Sent inside the transaction that makes an evaluation final, so that a receiver's writes stand or fall with it.
 
 kwargs: ``evaluation`` (fresh from the database), ``result`` (a Result, or None unless it finished), ``now``.
-Of a sealed run it is sent twice: when it was computed (``evaluation.sealed``: nothing of it may be told yet), and when
+Of a sealed run it is sent twice: when it was computed (``evaluation.sealed``: nothing of it may be shown yet), and when
 it is unsealed.
 A receiver that raises undoes the end: the evaluation is then tried again.
 """

@@ -1,43 +1,43 @@
 """Celery's side of the queue: thin, because the table of evaluations is the truth and a message is only a wake-up."""
 
-from __future__ import annotations
-
 import logging
 from collections.abc import Callable
 
 from celery import Task, shared_task
-from celery.signals import worker_process_init, worker_process_shutdown, worker_ready
+from celery.signals import worker_init, worker_ready
 
-from core.clock import database_now
+from core.database.clock import database_now
 from core.jobs.stopping import is_stopping
 from core.jobs.work import work_off
+from core.wakeups.workers import send
 from paddock.errors import PlatformFault
 
-from .crew import Spare
+from .garage.services import purge_garages
 from .reports.jobs import CHUNKS, run_next_chunk, wake_if_due
 from .reports.services import purge_reports
+from .running.process_pool import SparePool
+from .running.queue.jobs import EVALUATIONS
+from .running.queue.worker import run_next_evaluation
+from .running.worker_nodes import note_worker
 from .sandbox import probe as probing
-from .services import EVALUATIONS, note_worker, purge_garages, run_next_evaluation
-from .services.stored import scrub as scrub_files
+from .stored_files import scrub as scrub_files
 
 logger = logging.getLogger(__name__)
-_spare: Spare | None = None  # of this process of a pool
+_spare: SparePool | None = None  # of this process, where it is a worker
 BUDGET_S = 60.0  # a task that went on for ever would keep the sweep waiting
 
 
 @shared_task(bind=True)
 def work(self: Task) -> int:
-    """Run evaluations until none waits or the time is up. Returns how many were run.
-
-    Below the sandbox's minimum nothing runs, nor where golden runs differ: the evaluations wait for a better worker.
-    """
+    """Run evaluations until none waits or the time is up. Returns how many were run. Nothing runs below the sandbox's
+    minimum, nor where golden runs differ."""
     worker = self.request.hostname or "local"
     if not _fit(worker):
         return 0
 
-    def turn(told_to_stop: Callable[[], bool]) -> bool:
+    def turn(must_stop: Callable[[], bool]) -> bool:
         fit = probing.probe().sufficient
-        return fit and run_next_evaluation(worker=worker, interrupted=told_to_stop, spare=_spare)
+        return fit and run_next_evaluation(worker=worker, interrupted=must_stop, spare=_spare)
 
     return work_off(EVALUATIONS, turn, budget_s=BUDGET_S, idle=_go_on_to_reports)
 
@@ -45,11 +45,16 @@ def work(self: Task) -> int:
 @shared_task(bind=True)
 def sweep(self: Task) -> dict[str, int]:
     """Requeue what lost its worker and send wake-ups again. Beat sends it every few seconds."""
-    fit = _fit(self.request.hostname or "local")
+    _fit(self.request.hostname or "local")
     report = EVALUATIONS.sweep(now=database_now())
-    if fit and not report.waiting and not is_stopping():
-        _wait_ready()
     return {"requeued": report.requeued, "waiting": report.waiting}
+
+
+@shared_task(bind=True)
+def get_ready(self: Task) -> None:
+    """A car is being uploaded: its evaluation is about to come. Nothing hangs on it."""
+    if _fit(self.request.hostname or "local"):
+        _wait_ready()
 
 
 @shared_task(bind=True)
@@ -59,8 +64,8 @@ def drive_reports(self: Task) -> int:
     if not _fit(worker):
         return 0
 
-    def turn(told_to_stop: Callable[[], bool]) -> bool:
-        return probing.probe().sufficient and run_next_chunk(worker=worker, interrupted=told_to_stop)
+    def turn(must_stop: Callable[[], bool]) -> bool:
+        return probing.probe().sufficient and run_next_chunk(worker=worker, interrupted=must_stop)
 
     return work_off(CHUNKS, turn, budget_s=BUDGET_S, idle=_wait_ready)
 
@@ -88,35 +93,24 @@ def scrub() -> dict[str, int]:
 @worker_ready.connect
 def sweep_at_start(sender: object = None, **kwargs: object) -> None:
     """A worker that comes up does not wait for beat: what the last one left behind is put right at once."""
-    try:
-        sweep.apply_async(retry=False)
-    except Exception:  # the broker's client may raise anything; beat sends the next sweep
-        logger.exception("The first sweep could not be sent.")
+    send(sweep.name, 1)
 
 
-@worker_process_init.connect
-def begin_process(**kwargs: object) -> None:
-    """A process of a pool keeps the processes of the next evaluation ready."""
+@worker_init.connect
+def begin_worker(**kwargs: object) -> None:
+    """A worker (each process of its pool, where that has some) may keep the processes of the next evaluation ready."""
     global _spare
-    _spare = Spare()
-
-
-@worker_process_shutdown.connect
-def end_process(**kwargs: object) -> None:
-    """What was kept ready is not needed any more. (It dies with this process in any case.)"""
-    if _spare is not None:
-        _spare.close()
+    _spare = SparePool()
 
 
 def _go_on_to_reports() -> None:
-    """Reports have waited for the evaluations."""
     _wait_ready()
     wake_if_due(database_now())
 
 
 def _wait_ready() -> None:
-    """Start the processes of the evaluation to come while there is nothing to do. In a pool's process only."""
-    if _spare is not None:
+    """Start the processes of the evaluation to come while there is nothing to do. In a worker only."""
+    if _spare is not None and not is_stopping():
         _spare.prepare()
 
 

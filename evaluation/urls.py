@@ -1,8 +1,8 @@
-"""Addresses of the garage. Evaluations have theirs in races.urls: who sees one depends on its race."""
+"""Addresses of the garage. Those of evaluations are in races.urls, because access depends on the race."""
 
 from django.urls import path
 
-from . import views
+from .garage import views
 from .reports import views as reports
 
 urlpatterns = [

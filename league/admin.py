@@ -1,28 +1,27 @@
-"""Seasons, rounds and divisions in the admin site."""
-
-from __future__ import annotations
+"""The admin site of seasons, rounds and divisions."""
 
 from typing import Any
 
 from django.contrib import admin, messages
+from django.contrib.admin.models import LogEntry
 from django.core.exceptions import ValidationError
 from django.db import transaction
+from django.db.models import QuerySet
 from django.forms import BaseInlineFormSet, CharField, HiddenInput, ModelForm
 from django.http import HttpRequest, HttpResponse
 from django.shortcuts import redirect
 from django.utils import timezone
 from django.utils.translation import gettext_lazy as _
 
-from core.admin import ComparedChanges
+from core.admin import ComparedChanges, ReadOnly
 from core.forms import explain, same_value
 from paddock.errors import UserFault
 from races.errors import problem
 
-from .models import Membership, Round, Season
+from .models import Membership, Round, Season, StewardDecision
 from .models.season import usual_stage
-from .services import put_in_division
-from .services.fields import give_fields
-from .services.seasons import FIXED_ONCE_OFFICIAL, delete_season, edition_of
+from .seasons.services.seasons import FIXED_ONCE_OFFICIAL, delete_season, edition_of, put_in_division
+from .standings.services import give_fields
 
 _OFFICIAL = _("The results of this round are official. Revoke them first, under Rounds.")
 
@@ -115,7 +114,7 @@ class SeasonAdmin(ComparedChanges, admin.ModelAdmin):
         return season.rounds.count()
 
     def delete_view(self, request: HttpRequest, object_id: str, extra_context: dict | None = None) -> HttpResponse:
-        """The page of the site that says what can be deleted, and why not."""
+        """Redirect to the site's page of deletion, which shows what can be deleted."""
         season = self.get_object(request, object_id)
         if season is None or not self.has_delete_permission(request, season):
             return super().delete_view(request, object_id, extra_context)
@@ -134,7 +133,7 @@ class SeasonAdmin(ComparedChanges, admin.ModelAdmin):
 
 @admin.register(Membership)
 class MembershipAdmin(ComparedChanges, admin.ModelAdmin):
-    """Who is in which division. Everybody else is in the open one."""
+    """Divisions of racers. Racers without a row are in the open division."""
 
     list_display = ("racer", "division", "season", "since")
     list_filter = ("season", "division", "since")
@@ -145,14 +144,14 @@ class MembershipAdmin(ComparedChanges, admin.ModelAdmin):
     actions = None
 
     def has_delete_permission(self, request: HttpRequest, obj: Membership | None = None) -> bool:
-        """A promotion follows from its round. Who is not to have it is put into the open division by hand."""
+        """Not allowed: a promotion follows from its round. To undo one, put the racer into the open division."""
         return super().has_delete_permission(request, obj) and (obj is None or obj.promoted_in_id is None)
 
     def get_readonly_fields(self, request: HttpRequest, obj: Membership | None = None) -> tuple[str, ...]:
         return ("since",) if obj is None else ("racer", "season", "since")
 
     def save_model(self, request: HttpRequest, obj: Membership, form: ModelForm, change: bool) -> None:
-        """Pro races that are not over follow: who is no pro any more leaves them, and the log keeps both."""
+        """Save a division: racers who are no longer pros leave the pro races that are not over; both are logged."""
         now = timezone.now()
         with transaction.atomic():
             made = put_in_division(season=obj.season, racer=obj.racer, division=obj.division, now=now)
@@ -166,5 +165,33 @@ class MembershipAdmin(ComparedChanges, admin.ModelAdmin):
             give_fields(season, now=timezone.now())
 
 
-# the rest of the league's admin pages register themselves
-from . import admin_log, admin_rounds  # noqa: E402, F401
+@admin.register(LogEntry)
+class LogAdmin(ReadOnly, admin.ModelAdmin):
+    list_display = ("action_time", "user", "content_type", "object_repr", "what")
+    list_filter = ("action_flag", "content_type", "action_time")
+    list_select_related = ("user", "content_type")
+    search_fields = ("object_repr", "change_message", "user__alias")
+    date_hierarchy = "action_time"
+    actions = None
+
+    @admin.display(description=_("action and reason"))
+    def what(self, entry: LogEntry) -> str:
+        return entry.get_change_message()
+
+    def get_queryset(self, request: HttpRequest) -> QuerySet[LogEntry]:
+        return super().get_queryset(request).order_by("-action_time", "-pk")
+
+
+@admin.register(StewardDecision)
+class StewardDecisionAdmin(ReadOnly, admin.ModelAdmin):
+    """What stewards decided about rounds. Everybody reads it on the round's race, too."""
+
+    list_display = ("at", "round", "decision", "racer", "reason", "by")
+    list_filter = ("decision", "round__season", "at")
+    list_select_related = ("round__season", "round__race", "racer", "by")
+    search_fields = ("racer__alias", "reason", "round__race__name")
+    actions = None
+
+
+# these pages register themselves
+from . import admin_rounds  # noqa: E402, F401

@@ -1,6 +1,4 @@
-"""Rounds: publish, lock, take back, disqualify, postpone, announce. Each asks first and says what will follow."""
-
-from __future__ import annotations
+"""Actions on rounds in the admin site, each with a page that shows its consequences before it runs."""
 
 from collections.abc import Callable, Sequence
 from functools import partial
@@ -17,18 +15,18 @@ from django.utils.translation import gettext as _
 from django.utils.translation import gettext_lazy
 
 from accounts.models import Racer
-from accounts.who import racer_of
+from accounts.request_racer import racer_of
 from core.admin import ReadOnly
+from core.forms import explain
 from core.times import written
 from paddock.errors import PaddockError
-from races.admin.actions import sentence
 
 from .models import Round
-from .selectors.stewarding import competitors_of
-from .services.closing import close_round
-from .services.notices import announce
-from .services.organising import consequences_of, postpone_round
-from .services.stewards import disqualify, lock_round, put_back, reopen_round
+from .notices.services import announce
+from .seasons.services.race_changes import consequences_of, postpone_round
+from .stewarding.official_results import close_round
+from .stewarding.selectors import competitors_of
+from .stewarding.services import disqualify, lock_round, put_back, reopen_round
 
 LABELS = {
     "reason": gettext_lazy("Reason"),
@@ -41,8 +39,6 @@ Call = Callable[[Round, dict[str, str]], object]
 
 @admin.register(Round)
 class RoundAdmin(ReadOnly, admin.ModelAdmin):
-    """The races of seasons as rounds, and what is done with their results."""
-
     list_display = ("season", "number", "stage", "race", "state", "closed_at", "settled")
     list_display_links = ("number", "race")
     list_filter = ("season", "stage", "closed_at")
@@ -52,7 +48,6 @@ class RoundAdmin(ReadOnly, admin.ModelAdmin):
     actions = ("publish", "lock", "take_back", "disqualify", "put_back", "postpone", "announce")
 
     def has_steward_permission(self, request: HttpRequest) -> bool:
-        """Whether the admin may act on rounds."""
         return request.user.has_perm("league.change_round")
 
     @admin.display(description=gettext_lazy("state"))
@@ -214,4 +209,4 @@ def _racer(alias: str) -> Racer:
 
 
 def _words(fault: PaddockError | ValidationError) -> str:
-    return sentence(fault) if isinstance(fault, PaddockError) else " ".join(fault.messages)
+    return explain(fault) if isinstance(fault, PaddockError) else " ".join(fault.messages)

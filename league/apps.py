@@ -10,26 +10,27 @@ class LeagueConfig(AppConfig):
         from accounts.quotas import register as register_quota
         from accounts.signals import account_taken_over
         from core.events import register_reader
-        from core.pages import register_slots
-        from races.cuts import register_cut
-        from races.eligibility import register
-        from races.engines import register_final, register_official
+        from core.pages.registry import register_slots
+        from races.boards.qualifying_line import register_cut
+        from races.entries.eligibility import register
+        from races.entries.engines import register_final, register_official
+        from races.rules.validation import register_hold, register_time_check
         from races.signals import board_changed
-        from races.validation import register_hold, register_time_check
 
-        from . import spoilers, streams
-        from .eligibility import check_division
-        from .receivers import drop_webhooks, follow_board
-        from .selectors.boards import cut_shown
-        from .services import deliveries, inviting, mails  # noqa: F401 - their kinds of jobs are known from the start
-        from .services.closing import is_final, is_official
-        from .services.cups import check_cup
-        from .services.follow import SEASONS
-        from .services.news import NOTICES
-        from .services.seasons import check_round_times, hold_season
-        from .services.webhooks import WEBHOOKS
+        from . import spoilers
+        from .cups.services import check_cup
+        from .invitations import services as inviting
+        from .notices.reader import NOTICES
+        from .seasons import streams
+        from .seasons.event_reader import SEASONS
+        from .seasons.services.seasons import check_round_times, hold_season
+        from .standings.selectors.boards import check_division, cut_shown, read_rounds
+        from .stewarding.official_results import is_final, is_official
+        from .stewarding.services import follow_board
+        from .webhooks import deliveries  # noqa: F401 - its kind of job is known from the start
+        from .webhooks.services import WEBHOOKS, drop_webhooks
 
-        register(check_division)
+        register(check_division, reads=read_rounds)
         register_quota(inviting.INVITED_A_DAY)
         register(check_cup)
         for reader in (NOTICES, WEBHOOKS, SEASONS):
@@ -43,21 +44,21 @@ class LeagueConfig(AppConfig):
         register_cut(cut_shown)
         register_slots(
             {
-                "menu.account": "league/parts/menu_following.html",
-                "head.notices": "league/parts/bell.html",
-                "settings.notices": "league/parts/tab_notices.html",
-                "settings.webhooks": "league/parts/tab_webhooks.html",
-                "race.crumb": "league/parts/race_crumb.html",
-                "race.division": "league/parts/race_division.html",
-                "race.organise": "league/parts/to_invited.html",
-                "race.side": "league/parts/race_side.html",
-                "race.cancelling": "league/parts/cancelling.html",
-                "race.removing": "league/parts/removing.html",
-                "board.moved": "league/parts/cut_tag.html",
-                "board.cut": "league/parts/cut.html",
-                "board.me": "league/parts/cut_of_me.html",
-                "worth.said": "league/parts/cut_of_place.html",
-                "duels.side": "league/parts/duels_side.html",
+                "menu.account": "league/following/parts/menu.html",
+                "head.notices": "league/notices/parts/bell.html",
+                "settings.notices": "league/notices/parts/tab.html",
+                "settings.webhooks": "league/webhooks/parts/tab.html",
+                "race.crumb": "league/seasons/parts/race_crumb.html",
+                "race.division": "league/seasons/parts/race_division.html",
+                "race.organise": "league/invitations/parts/to_invited.html",
+                "race.side": "league/seasons/parts/race_side.html",
+                "race.cancelling": "league/seasons/parts/cancelling.html",
+                "race.removing": "league/seasons/parts/removing.html",
+                "board.moved": "league/standings/parts/qualifying_tag.html",
+                "board.cut": "league/standings/parts/qualifying_line.html",
+                "board.me": "league/standings/parts/qualifying_line_of_racer.html",
+                "worth.conclusions": "league/standings/parts/qualifying_line_of_place.html",
+                "duels.side": "league/standings/parts/duels_side.html",
             }
         )
         board_changed.connect(follow_board, dispatch_uid="league.follow_board")

@@ -1,22 +1,20 @@
-"""What happens in the league, as events. Everybody who may see the race may see them: results are public."""
-
-from __future__ import annotations
+"""The kinds of events of the league. They are visible to everybody with access to the race: results are public."""
 
 from core.events import EventKind, register
 from core.events.visibility import OWN
 from races.events import RACE
 
-_WHO = ("racer", "race", "subject")
+_KEYS = ("racer", "race", "subject")
 
 # subject: the season's address
-PROMOTED = register(EventKind("racer.promoted", "a racer is promoted by a round", RACE, _WHO, ("round",)))
-IN_FINALE = register(EventKind("racer.finale", "a racer is in a finale by a round", RACE, _WHO, ("round",)))
+PROMOTED = register(EventKind("racer.promoted", "a racer is promoted by a round", RACE, _KEYS, ("round",)))
+IN_FINALE = register(EventKind("racer.finale", "a racer reached a finale by a round", RACE, _KEYS, ("round",)))
 QUALIFIED = register(
-    EventKind("racer.qualified", "a racer has qualified for the championship by a round", RACE, _WHO, ("round",))
+    EventKind("racer.qualified", "a racer has qualified for the championship by a round", RACE, _KEYS, ("round",))
 )
 # subject: the number of the stewards' decision
-DISQUALIFIED = register(EventKind("racer.disqualified", "stewards have disqualified a racer", RACE, _WHO, ("reason",)))
-RESTORED = register(EventKind("racer.restored", "stewards have put a racer back", RACE, _WHO, ("reason",)))
+DISQUALIFIED = register(EventKind("racer.disqualified", "stewards have disqualified a racer", RACE, _KEYS, ("reason",)))
+RESTORED = register(EventKind("racer.restored", "stewards have put a racer back", RACE, _KEYS, ("reason",)))
 # subject: the address of the new season
 SEASON_DRAFTED = register(
     EventKind(

@@ -1,29 +1,16 @@
-"""Results that are hidden from a reader (:mod:`races.spoilers`) on pages of the league and in notices."""
-
-from __future__ import annotations
+"""Hidden results (:mod:`races.spoilers.selectors`) on pages of the league."""
 
 from collections.abc import Iterable, Mapping
 from typing import Any
 
 from django.db.models import Q
 from django.http import HttpRequest
-from django.utils.translation import gettext as _
 
 from accounts.following import followed_by
-from accounts.models import Racer
-from evaluation.models import Evaluation
 from races.models import Entry, Race
-from races.names import named
-from races.spoiler_pages import register_scope
-from races.spoilers import spoilers_of_racer
+from races.spoilers.hidden_addresses import register_scope
 
-from .models import Cup, Notice, NoticeKind, Round, Season
-
-# What tells nothing of results.
-_HARMLESS = (
-    *(NoticeKind.OPENS, NoticeKind.CLOSES, NoticeKind.MESSAGE, NoticeKind.CANCELLED, NoticeKind.TEAM),
-    NoticeKind.SEASON,
-)
+from .models import Cup, Round
 
 
 def _of_season(request: HttpRequest, named: Mapping[str, Any]) -> Iterable[int]:
@@ -71,37 +58,5 @@ def register() -> None:
     register_scope(_of_all_seasons, "hall")
     register_scope(_of_cups, "cups", "api-cups")
     register_scope(_of_cup, "cup", "api-cup")
-    register_scope(_of_racer, "racer")
+    register_scope(_of_racer, "racer", "api-racer")
     register_scope(_of_followed, "following")
-
-
-def spoiling(racer: Racer) -> Q:
-    """Of the racer's notices, those that tell of results which are hidden from them."""
-    return ~Q(kind__in=_HARMLESS) & Q(path__in=_hidden_paths(racer))
-
-
-def told_instead(notice: Notice) -> str:
-    """What a mail says where its notice would tell of hidden results, in the present language; else ""."""
-    racer = notice.racer
-    if racer.hides_results_since is None or notice.kind in _HARMLESS or notice.path not in _hidden_paths(racer):
-        return ""
-    name = notice.params.get("race") or notice.params.get("season") or ""
-    if not name:
-        return _("There is news about results that you hide.")
-    return _("There is news of %(race)s, which you have not watched yet.") % {"race": named(name)}
-
-
-def _hidden_paths(racer: Racer) -> set[str]:
-    """Where notices lead to that may tell of hidden results: races, one's own runs in them, their seasons and cups."""
-    hidden = spoilers_of_racer(racer).hidden
-    if not hidden:
-        return set()
-    races = Race.objects.filter(pk__in=hidden)
-    paths = {race.get_absolute_url() for race in races}
-    runs = Evaluation.objects.filter(owner=racer, submission__entry__race__in=hidden)
-    paths |= {run.get_absolute_url() for run in runs.only("public_id")}
-    for season in Season.objects.filter(rounds__race__in=hidden).distinct():
-        page = season.get_absolute_url()
-        paths |= {page, f"{page}finales/"}
-    cups = Cup.objects.filter(Q(race__in=hidden) | Q(divisions__race__in=hidden)).distinct()
-    return paths | {cup.get_absolute_url() for cup in cups}

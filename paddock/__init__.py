@@ -1,2 +1,1 @@
-"""The engine: tracks, simulator, environments, and what a model's network may be. No Django, and no room of the
-site."""
+"""The race engine without Django: tracks, simulator, environments, model packages and networks."""

@@ -1,19 +1,16 @@
-"""What a process must have been started with so that its arithmetic is the same on every x86-64 processor.
+"""The environment variables that make a process compute the same numbers on every x86-64 processor."""
 
-Libraries choose their code by the processor that they find, and code with fused multiply-add or wider vectors rounds
-otherwise or adds in another order. These variables choose for all processors what x86-64-v2 (of 2008) has. Most are
-read once, before the first line of Python: they belong into the environment of a new process, see :func:`start`.
-"""
-
-from __future__ import annotations
+# Libraries select their code by the processor. Code with fused multiply-add or wider vectors rounds differently or adds
+# in another order. These variables select x86-64-v2 (of 2008) on every processor. Most of them are read once, before
+# the first line of Python, so they belong into the environment of a new process: see :func:`start`.
 
 import os
 import sys
 from collections.abc import Mapping, Sequence
 
 PINS: Mapping[str, str] = {
-    # libm (glibc 2.33 and newer): sine, arctangent, exponential and the like have variants with fused multiply-add.
-    # The one that the simulator's results hang on; the others are for what is computed with a network's numbers
+    # libm (glibc 2.33 and newer): sine, arctangent and exponential have variants with fused multiply-add. The
+    # simulator's results depend on this variable, a network's numbers on the others
     "GLIBC_TUNABLES": "glibc.cpu.hwcaps=-FMA,-AVX2,-FMA4,-AVX",
     # OpenCV, which only draws grounds and solids: kernels for AVX2 fuse; what every processor has (SSE4.2) may stay
     "OPENCV_CPU_DISABLE": "AVX512-SKX,AVX2,FMA3,AVX,FP16",
@@ -35,9 +32,8 @@ def is_pinned(given: Mapping[str, str] = os.environ) -> bool:
 
 
 def start(arguments: Sequence[str]) -> None:
-    """Become a Python with the pins that runs ``arguments``: a script with its own arguments, or ``-m`` and a module.
-
-    Does not return."""
+    """Replace this process by a Python with the pins that runs ``arguments``: a script and its arguments, or ``-m`` and
+    a module."""
     os.execve(sys.executable, [sys.executable, *arguments], environment(os.environ))
 
 

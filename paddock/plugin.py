@@ -1,11 +1,10 @@
-"""Makes Gymnasium know the environments without an import of ours: ``gymnasium.make("Paddock/TimeTrial-v1")``.
+"""Registers the environments with Gymnasium without an import of this package."""
 
-Gymnasium before 1.0 asked installed packages for what they register (the entry point group ``gymnasium.envs``), and
-since then it does not. So the wheel brings a line for the start of Python besides (``paddock_racing.pth``), which calls
-:func:`watch`: when Gymnasium has been imported, and no sooner, the environments are registered by their names, and
-nothing of them is loaded before one is made. It runs at every start of Python, so it imports next to nothing itself:
-half a millisecond.
-"""
+# So ``gymnasium.make("Paddock/TimeTrial-v1")`` works. Gymnasium before 1.0 read the entry point group
+# ``gymnasium.envs``; later versions do not. So the wheel installs ``paddock_racing.pth``, which calls :func:`watch`
+# when Python starts. Once Gymnasium is imported, the environments are registered by their names, and nothing else is
+# loaded before one is created. This module runs at every start of Python, so it imports next to nothing: it takes half
+# a millisecond.
 
 from __future__ import annotations
 

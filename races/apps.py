@@ -9,22 +9,38 @@ class RacesConfig(AppConfig):
 
     def ready(self) -> None:
         from accounts.quotas import register
-        from core.pages import register_slots
+        from core.pages.registry import register_slots
         from evaluation.signals import evaluation_ended
 
-        from . import queues, spoiler_pages, streams, track_figures, video_words
-        from .board_triggers import installed_after_migrate
-        from .eligibility import register as check_races
-        from .events import register_audiences
+        from . import streams
+        from .aftermath import certificate
+        from .boards import track_figures
+        from .boards.triggers import installed_after_migrate
+        from .duels.services import recount
+        from .entries import queues
+        from .entries.audiences import register_audiences
+        from .entries.eligibility import check_group, check_learner, check_team
+        from .entries.eligibility import register as check_races
+        from .entries.hooks import register_departure, register_recount
+        from .live.services.sealing import take_out_departed
         from .quotas import OWN_RUNS_A_DAY, OWN_RUNS_AT_ONCE, RACES
         from .receivers import take_ended_evaluation
-        from .restricted import check_group, check_learner, check_team
+        from .runs import latest_run
+        from .runs import video_titles as video_words
+        from .spoilers import hidden_addresses as spoiler_pages
+        from .spoilers import selectors as spoilers
+        from .timing import selectors as timing
+        from .web.race_page import register_part
 
         check_races(check_group)
         check_races(check_team)
         check_races(check_learner)
         for quota in (RACES, OWN_RUNS_AT_ONCE, OWN_RUNS_A_DAY):
             register(quota)
+        for feature in (spoilers, latest_run, timing, certificate):
+            register_part(feature.race_page_part)
+        register_recount(recount)
+        register_departure(take_out_departed)
         video_words.register()
         queues.register()
         track_figures.register()
@@ -35,14 +51,14 @@ class RacesConfig(AppConfig):
             {
                 "foot.links": "races/spoilers/foot.html",
                 "garage.result": "races/spoilers/garage_result.html",
-                "garage.actions": "races/own/to_runs.html",
-                "garage.row": "races/own/drive_model.html",
-                "model.actions": "races/own/drive_model.html",
-                "model.runs": "races/parts/model_runs.html",
-                "track.actions": "races/parts/hold_here.html",
-                "group.races": "races/parts/group_races.html",
-                "track.races": "races/parts/races_here.html",
+                "garage.actions": "races/test_runs/to_runs.html",
+                "garage.row": "races/test_runs/drive_model.html",
+                "model.actions": "races/test_runs/drive_model.html",
+                "model.runs": "races/runs/model_runs.html",
+                "track.actions": "races/pages/parts/hold_here.html",
+                "group.races": "races/pages/parts/group_races.html",
+                "track.races": "races/pages/parts/races_here.html",
             }
         )
-        post_migrate.connect(installed_after_migrate, sender=self, dispatch_uid="races.board_triggers")
+        post_migrate.connect(installed_after_migrate, sender=self, dispatch_uid="races.boards.triggers")
         evaluation_ended.connect(take_ended_evaluation, dispatch_uid="races.take_ended_evaluation")

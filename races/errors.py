@@ -1,7 +1,5 @@
 """Refusals of the race room, by code: for forms on the field to change, for everybody else as one error."""
 
-from __future__ import annotations
-
 from django.core.exceptions import ValidationError
 from django.utils.translation import gettext_lazy
 
@@ -15,11 +13,8 @@ def problem(code: str, **params: Param) -> ValidationError:
 
 
 class RaceRefused(UserFault):
-    """A race that cannot be created or changed so.
-
-    ``code`` and ``params`` are those of the first problem that has a code of ours; ``errors`` is the whole
-    ValidationError by field, for a form's ``add_error(None, refused.errors)`` or an API's answer.
-    """
+    """A race that cannot be created or changed so. ``errors``: the ValidationError by field; ``code``: of the first
+    problem."""
 
     def __init__(self, errors: ValidationError) -> None:
         code, params = _first(errors)
@@ -32,10 +27,10 @@ class RaceRefused(UserFault):
 
 def _first(errors: ValidationError) -> tuple[str, dict[str, Param]]:
     by_field = errors.error_dict if hasattr(errors, "error_dict") else {"": errors.error_list}
-    told = [(field, error) for field, problems in by_field.items() for error in problems]
-    for _, error in told:
+    problems_in_order = [(field, error) for field, problems in by_field.items() for error in problems]
+    for _, error in problems_in_order:
         if error.code in REASONS:
             return error.code, dict(error.params or {})
-    for field, error in told:
+    for field, error in problems_in_order:
         return "race_field", {"field": field, "problem": " ".join(map(str, error.messages))}
     raise ValueError("an empty ValidationError refuses nothing")

@@ -1,74 +1,44 @@
-"""What happens in a race, as events, and who may see events of races and runs.
-
-The opening, the coming end and the closing of a race come by the passing of time: the league's clock
-(:mod:`league.services.clock`) notices them and writes each once.
-"""
-
-from __future__ import annotations
+"""Events of a race. The league's clock (:mod:`league.seasons.services.clock`) records openings and closings."""
 
 from typing import Any
 
-from django.db.models import Q
 from django.utils import timezone
 
-from core.events import Event, EventKind, record, register, register_audience
-from evaluation.events import RUN
-from evaluation.models import Evaluation
+from core.events import EventKind, record, register
+from evaluation.running.events import RUN
 
 from .models import Race
 
-# Who may see the race.
+# Visible to everyone with access to the race.
 RACE = "race"
-_OF_RACE = ("race", "subject")
 
-RACE_OPENED = register(EventKind("race.opened", "a race has opened", RACE, _OF_RACE, once="race and opening time"))
-RACE_CLOSING = register(
-    EventKind("race.closing", "a race closes in less than a day", RACE, _OF_RACE, once="race and closing time")
-)
-RACE_CLOSED = register(EventKind("race.closed", "a race has closed", RACE, _OF_RACE, once="race and closing time"))
-RACE_CANCELLED = register(EventKind("race.cancelled", "a race was cancelled", RACE, _OF_RACE, ("reason",)))
-RACE_OFFICIAL = register(
-    EventKind(
-        "race.official", "the results of a race are official", RACE, _OF_RACE, once="race and time of its closing"
-    )
-)
+
+def _kind(name: str, summary: str, data: tuple[str, ...] = (), *, once: str = "") -> EventKind:
+    return register(EventKind(name, summary, RACE, ("race", "subject"), data, once))
+
+
+RACE_OPENED = _kind("race.opened", "a race has opened", once="race and opening time")
+RACE_CLOSING = _kind("race.closing", "a race closes in less than a day", once="race and closing time")
+RACE_CLOSED = _kind("race.closed", "a race has closed", once="race and closing time")
+RACE_CANCELLED = _kind("race.cancelled", "a race was cancelled", ("reason",))
+RACE_OFFICIAL = _kind("race.official", "the results of a race are official", once="race and time of its closing")
+RACE_BOARD = _kind("race.board", "a board changed by more than a result: an entry was removed or restored")
+RACE_RETIMED = _kind("race.retimed", "all runs of a race were driven again with another engine", ("engine",))
+DUELS_DRAWN = _kind("duels.drawn", "the duels of a race are drawn", ("cars",))
+DUEL_DECIDED = _kind("duel.decided", "a heat of a race is decided", ("round", "number"))
+DUELS_OVER = _kind("duels.over", "the last heat of a race is decided")
+LIVE_PLANNED = _kind("live.planned", "a live event of a race is planned")
+LIVE_CHANGED = _kind("live.changed", "the live event of a race changed", ("version",))
+LIVE_SHOWN = _kind("live.shown", "a run of a live event was played to its end", once="run")
+
+_OF_RACER = ("racer", "race", "subject")
 RACE_RESULT = register(
     EventKind(
-        "race.result",
-        "a car was timed in a race, and its result counts",
-        RUN,
-        ("racer", "race", "subject"),
-        ("submission",),
-        once="run",
+        "race.result", "a car was timed in a race, and its result counts", RUN, _OF_RACER, ("submission",), once="run"
     )
 )
-RACE_TIMED = register(
-    EventKind(
-        "race.timed",
-        "a racer's session with a real car has ended, and its laps count",
-        RACE,
-        ("racer", "race", "subject"),
-        ("session",),
-        once="session",
-    )
-)
-RACE_BOARD = register(
-    EventKind("race.board", "a board changed by more than a result: somebody left or came back", RACE, _OF_RACE)
-)
-RACE_RETIMED = register(
-    EventKind("race.retimed", "all runs of a race were driven again with another engine", RACE, _OF_RACE, ("engine",))
-)
-DUELS_DRAWN = register(EventKind("duels.drawn", "the duels of a race are drawn", RACE, _OF_RACE, ("cars",)))
-DUEL_DECIDED = register(EventKind("duel.decided", "a heat of a race is decided", RACE, _OF_RACE, ("round", "number")))
-DUELS_OVER = register(EventKind("duels.over", "the last heat of a race is decided", RACE, _OF_RACE))
-
-LIVE_PLANNED = register(EventKind("live.planned", "a race is to have a live event", RACE, _OF_RACE))
-LIVE_CHANGED = register(
-    EventKind("live.changed", "something was done in the live event of a race", RACE, _OF_RACE, ("version",))
-)
-LIVE_SHOWN = register(
-    EventKind("live.shown", "a run of a live event was played to its end", RACE, _OF_RACE, once="run")
-)
+_TIMED = "a racer's session with a real car has ended, and its laps count"
+RACE_TIMED = register(EventKind("race.timed", _TIMED, RACE, _OF_RACER, ("session",), once="session"))
 
 
 def of_race(race: Race) -> dict[str, Any]:
@@ -77,23 +47,5 @@ def of_race(race: Race) -> dict[str, Any]:
 
 
 def record_board(race: Race) -> None:
-    """The board of a race was worked out anew, or somebody left it or came back. Call it in that transaction."""
+    """The board of a race was recomputed, or a racer left or came back. Call it in that transaction."""
     record(RACE_BOARD, at=timezone.now(), **of_race(race))
-
-
-def register_audiences() -> None:
-    """Say who may see events of races and of runs: who may see the race or the run."""
-    from .selectors.visibility import can_see_evaluation, can_see_race, evaluations_visible_to, races_visible_to
-
-    def sees_race(viewer: Any, event: Event) -> bool:
-        race = Race.objects.filter(pk=event.race).first()
-        return race is not None and can_see_race(viewer, race)
-
-    def sees_run(viewer: Any, event: Event) -> bool:
-        run = Evaluation.objects.filter(public_id=event.subject).first()
-        return run is not None and can_see_evaluation(viewer, run)
-
-    register_audience(RACE, can_see=sees_race, seen=lambda viewer: Q(race__in=races_visible_to(viewer).values("pk")))
-    register_audience(
-        RUN, can_see=sees_run, seen=lambda viewer: Q(subject__in=evaluations_visible_to(viewer).values("public_id"))
-    )

@@ -1,14 +1,12 @@
-"""How many races a racer may hold, and how many runs of their own they may ask for."""
+"""Quotas of a racer: races they organise and their test drives."""
 
-from __future__ import annotations
-
-from collections.abc import Collection, Mapping
+from collections.abc import Collection
 from datetime import datetime, timedelta
 
 from django.db.models import Count, Q, QuerySet
 from django.utils.translation import gettext_lazy as _
 
-from accounts.quotas import Quota
+from accounts.quotas import CountedRows, Quota
 from evaluation.models import State
 from paddock.errors.reasons import platform_codes
 
@@ -17,27 +15,27 @@ from .models import OwnEvaluation, Race, RaceKind
 A_DAY = timedelta(days=1)
 
 
-def _races(racers: Collection[int] | None, now: datetime) -> Mapping[int, float]:
+def _races(racers: Collection[int] | None, now: datetime) -> CountedRows:
     """Community races that are neither over nor cancelled."""
     held = Race.objects.filter(kind=RaceKind.COMMUNITY, cancelled_at=None, closes_at__gt=now).exclude(organiser=None)
     if racers is not None:
         held = held.filter(organiser__in=racers)
-    return dict(held.order_by().values_list("organiser").annotate(Count("pk")))
+    return held.order_by().values_list("organiser").annotate(Count("pk"))
 
 
-def _own_at_once(racers: Collection[int] | None, now: datetime) -> Mapping[int, float]:
+def _own_at_once(racers: Collection[int] | None, now: datetime) -> CountedRows:
     """Own runs that wait or drive."""
     under_way = _own(racers).filter(evaluation__state__in=(State.QUEUED, State.RUNNING))
-    return dict(under_way.values_list("owner").annotate(Count("pk")))
+    return under_way.values_list("owner").annotate(Count("pk"))
 
 
-def _own_a_day(racers: Collection[int] | None, now: datetime) -> Mapping[int, float]:
-    """Own runs that were asked for in the 24 hours before ``now``, deleted ones too. What failed through our fault, and
-    what was stopped before it began, counts for nothing."""
+def _own_a_day(racers: Collection[int] | None, now: datetime) -> CountedRows:
+    """Test drives of the last 24 hours, deleted ones too, without platform failures and those stopped before they
+    began."""
     nothing = Q(evaluation__state=State.FAILED, evaluation__reason_code__in=platform_codes())
     nothing |= Q(evaluation__state=State.STOPPED, evaluation__started_at=None)
     asked = _own(racers).filter(Q(evaluation=None) | ~nothing, asked_at__gt=now - A_DAY)
-    return dict(asked.values_list("owner").annotate(Count("pk")))
+    return asked.values_list("owner").annotate(Count("pk"))
 
 
 def _own(racers: Collection[int] | None) -> QuerySet[OwnEvaluation]:

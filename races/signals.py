@@ -1,6 +1,4 @@
-"""What this room tells the rooms above it."""
-
-from __future__ import annotations
+"""Signals of this room for higher rooms."""
 
 from django.dispatch import Signal
 

@@ -1,6 +1,4 @@
-"""What pages of races and runs follow on the stream (:mod:`core.streams`), and which events move them."""
-
-from __future__ import annotations
+"""The stream topics of races and runs (:mod:`core.streams`), and the events that update them."""
 
 from collections import defaultdict
 from collections.abc import Iterable, Sequence
@@ -8,41 +6,26 @@ from collections.abc import Iterable, Sequence
 from core.events import Event
 from core.streams import Topic, register_moves, register_topic
 from core.streams.topics import Viewer
-from evaluation.events import RUN_FAILED, RUN_FINISHED, RUN_QUEUED, RUN_STARTED, RUN_STOPPED
 from evaluation.models import Evaluation
+from evaluation.running.events import RUN_FAILED, RUN_FINISHED, RUN_QUEUED, RUN_STARTED, RUN_STOPPED
 from videos.events import VIDEO_READY
 
-from . import live_seen_stream
-from .events import (
-    DUEL_DECIDED,
-    DUELS_DRAWN,
-    DUELS_OVER,
-    LIVE_CHANGED,
-    LIVE_PLANNED,
-    LIVE_SHOWN,
-    RACE_BOARD,
-    RACE_CANCELLED,
-)
-from .live_stream import source, welcome
+from . import events as kinds
+from .entries.selectors.visibility import can_see_evaluation, can_see_race
+from .live.streaming import camera as live_seen_stream
+from .live.streaming.event_stream import source, welcome
 from .models import Duel, Race, Submission, Visibility
-from .selectors.visibility import can_see_evaluation, can_see_race
-from .spectators import may_watch, tokens_of_viewer
+from .web.spectator_links import may_watch, tokens_of_viewer
 
 RACES = "races"  # all public races and what is on track there
 _OF_RUNS = {kind.name for kind in (RUN_QUEUED, RUN_STARTED, RUN_FINISHED, RUN_FAILED, RUN_STOPPED)}
-_OF_LIVE = {
-    kind.name
-    for kind in (
-        *(LIVE_CHANGED, LIVE_PLANNED, LIVE_SHOWN, DUELS_DRAWN, DUEL_DECIDED, DUELS_OVER),
-        *(RACE_BOARD, RACE_CANCELLED),
-    )
-}
+_LIVE_KINDS = (kinds.LIVE_CHANGED, kinds.LIVE_PLANNED, kinds.LIVE_SHOWN, kinds.DUELS_DRAWN, kinds.DUEL_DECIDED)
+_OF_LIVE = {kind.name for kind in (*_LIVE_KINDS, kinds.DUELS_OVER, kinds.RACE_BOARD, kinds.RACE_CANCELLED)}
 
 
 def register() -> None:
-    """``race:ID`` and ``run:ID`` for whoever may see the race or the run; ``live:ID`` with what is played in the live
-    event of a race, and ``sees:ID`` with what its cars see there, for whoever may see or watch the race; ``races`` for
-    all."""
+    """Register the topics ``race``, ``run``, ``live`` (playback), ``sees`` (camera views) and ``races``, and their
+    moves."""
     register_topic(Topic("race", _watches_race))
     register_topic(Topic("live", _watches_race, welcome, source))
     register_topic(Topic("sees", _watches_race, source=live_seen_stream.source))
@@ -52,7 +35,7 @@ def register() -> None:
 
 
 def moves(events: Sequence[Event]) -> dict[int, set[str]]:
-    """A run moves itself and the race that it is driven in: who is on track there, and who is next."""
+    """A run's event changes the run's topic and its race's: the cars on track and next there."""
     moved: dict[int, set[str]] = {event.pk: set() for event in events}
     runs = {event.pk: event.subject for event in events if event.kind in _OF_RUNS}
     live = {event.pk for event in events if event.kind in _OF_LIVE}
@@ -81,10 +64,10 @@ def _races_of(runs: Iterable[str]) -> dict[str, set[int]]:
     found: dict[str, set[int]] = defaultdict(set)
     wanted = list(runs)
     sent = Submission.objects.filter(evaluation__public_id__in=wanted)
-    for run, race in sent.values_list("evaluation__public_id", "entry__race_id"):
-        found[run].add(race)
-    for run, race in Duel.objects.filter(evaluation__public_id__in=wanted).values_list(
-        "evaluation__public_id", "race_id"
+    duels = Duel.objects.filter(evaluation__public_id__in=wanted)
+    for run, race in (
+        *sent.values_list("evaluation__public_id", "entry__race_id"),
+        *duels.values_list("evaluation__public_id", "race_id"),
     ):
         found[run].add(race)
     return found

@@ -1,19 +1,13 @@
 """The race room's periodic work."""
 
-from __future__ import annotations
-
-import logging
-
 from celery import shared_task
 
-from core.clock import database_now
+from core.database.clock import database_now
 
-from .services import drive_all_on
-from .services.cars import settle_due
-from .services.live import tick_live
-from .services.redrives import sweep_redrives
-
-logger = logging.getLogger(__name__)
+from .duels.services import drive_all_on
+from .entries.services.cars import settle_due
+from .entries.services.redrives import sweep_redrives
+from .live.services import tick_live
 
 
 @shared_task
@@ -30,7 +24,7 @@ def live() -> int:
 
 @shared_task
 def redrives() -> int:
-    """Drive again what another engine has driven in races that are not over. Returns how many runs were queued."""
+    """Rerun the runs of other engines in races that are not over. Returns the number of queued runs."""
     return sweep_redrives(now=database_now())
 
 

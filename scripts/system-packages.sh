@@ -2,7 +2,11 @@
 # Installs the Debian packages that Paddock needs, where it may; says what to type where it may not.
 #   system-packages.sh run     what the site and its workers need
 #   system-packages.sh test    the same, and what the tests start: a browser, PostgreSQL, Redis, other processors
+#   system-packages.sh build [PACKAGE]    what compiles PyBullet: g++ and the package with Python's headers
+#   system-packages.sh browser    for the tests, where the system has no package of Chromium: Playwright's Chromium
 set -eu
+
+mode=${1:-run}
 
 missing=""
 wanted=""
@@ -23,22 +27,58 @@ have_postgres() { have postgres || ls /usr/lib/postgresql/*/bin/postgres; }
 have_compiler() { have cc || have gcc || have clang; }
 have_korean() { have fc-list && fc-list :lang=ko | grep -q .; }
 
-need bubblewrap have bwrap
-need python3-venv python3 -c 'import ensurepip, venv'
-want gcc have_compiler # draws what cars see, several times faster
-if [ "${1:-run}" = test ]; then
-    need chromium have chromium
+have_python() { # one that can make virtual environments
+    for python in "${PYTHON:-python3}" python3.11 python3; do
+        ! "$python" -c 'import ensurepip, venv' || return 0
+    done
+    return 1
+}
+have_browser() { # Chromium as a snap cannot read the tests' folders
+    for browser in chromium google-chrome google-chrome-stable; do
+        case $(command -v $browser || echo /snap/) in /snap/*) ;; *) return 0 ;; esac
+    done
+    ls "${PLAYWRIGHT_BROWSERS_PATH:-${HOME:-}/.cache/ms-playwright}"/chromium-*/chrome-linux*/chrome
+}
+has_chromium() { ! grep -qx 'ID=ubuntu' "${OS_RELEASE:-/etc/os-release}"; } # Ubuntu's package is an empty one for the snap
+seconds() { date +%s; }
+
+if [ "$mode" = browser ]; then
+    ! have_browser >/dev/null 2>&1 || exit 0
+    echo "Downloading Playwright's Chromium for the tests"
+    [ "$(id -u)" -eq 0 ] && with=--with-deps || with=""
+    # shellcheck disable=SC2086
+    ! timeout 600 .venv/bin/python -m playwright install $with chromium >/dev/null 2>&1 || exit 0
+    echo "Tests in a browser are skipped: install Google Chrome, or, with a network, type" >&2
+    echo "    .venv/bin/python -m playwright install chromium && sudo .venv/bin/python -m playwright install-deps chromium" >&2
+    exit 0
+fi
+if [ "$mode" = build ]; then
+    need g++ have g++
+    [ -z "${2:-}" ] || need "$2" dpkg-query --status "$2"
+else
+    need bubblewrap have bwrap
+    need python3-venv have_python
+    want gcc have_compiler # draws what cars see, several times faster
+fi
+if [ "$mode" = test ]; then
+    ! has_chromium || need chromium have_browser
     need postgresql have_postgres
     need redis-server have redis-server
+    need fontconfig have fc-list
     need fonts-noto-cjk have_korean
     need gettext have msgfmt
     [ "$(uname -m)" != x86_64 ] || need qemu-user have qemu-x86_64
 fi
 
-[ -n "$missing$wanted" ] || exit 0
+if [ -z "$missing$wanted" ]; then
+    [ -e .venv ] || [ "$mode" = build ] || [ -z "${STEPS:-}" ] || echo "[1/$STEPS] System packages: nothing is missing"
+    exit 0
+fi
+what="Paddock needs some system packages"
+[ "$mode" != build ] || what="PyBullet has a wheel for Python 3.11 alone, and compiling it needs some system packages"
 if ! have apt-get >/dev/null; then
     [ -n "$missing" ] || exit 0
-    echo "Paddock needs these programs, by their Debian names:$missing. Install them with your system's package manager." >&2
+    echo "$what, by their Debian names:$missing. Install them with your system's package manager, then run make again." >&2
     exit 1
 fi
 if [ "$(id -u)" -ne 0 ]; then
@@ -46,15 +86,21 @@ if [ "$(id -u)" -ne 0 ]; then
         echo "Paddock is faster with:$wanted. Type: sudo apt-get install -y$wanted" >&2
         exit 0
     fi
-    echo "Paddock needs some system packages. Type this, then run make again:" >&2
+    echo "$what. Type this, then run make again:" >&2
     echo "    sudo apt-get update && sudo apt-get install -y$missing$wanted" >&2
     exit 1
 fi
 install() {
     # shellcheck disable=SC2086
-    DEBIAN_FRONTEND=noninteractive apt-get install -y -qq --no-install-recommends $1 >/dev/null
+    DEBIAN_FRONTEND=noninteractive DEBCONF_NOWARNINGS=yes apt-get install -y -qq --no-install-recommends $1 >/dev/null
 }
-echo "Installing$missing$wanted"
-apt-get update -qq || [ -z "$missing" ]
-[ -z "$missing" ] || install "$missing"
+begun=$(seconds)
+[ "$mode" != build ] || STEPS="" # within the second step
+echo "${STEPS:+[1/$STEPS] }Installing$missing$wanted"
+apt-get update -qq || : # an old list may do
+if [ -n "$missing" ] && ! install "$missing"; then
+    echo "$what, which apt-get could not install:$missing. On Ubuntu they are in the component universe." >&2
+    exit 1
+fi
 [ -z "$wanted" ] || install "$wanted" || echo "Paddock goes on without:$wanted" >&2
+echo "  $(($(seconds) - begun)) s"

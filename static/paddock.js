@@ -1,5 +1,5 @@
-// What a page does beyond plain HTML: keeps the theme, shows local times, counts down, helps with files and copying.
-// Everything works without it; texts come from data attributes, so that they are translated where the page is.
+// Improves every page beyond plain HTML, which works without it: theme, local times, countdowns, files and copying,
+// with texts from data attributes for translation.
 "use strict";
 
 (() => {

@@ -1,6 +1,6 @@
-// One stream of server-sent events for all open pages of a browser: HTTP/1.1 has six connections for a site. Runs as a shared
-// worker; where there is none, in the page itself, as window.paddockStream. A page says what it follows ({ of, at }) and is
-// told { is: "up" | "down" | "moved" | "said", ... }. What is told twice does no harm: a page asks once.
+// Shares one stream of server-sent events among all open pages of a browser, in a shared worker or, without one, in the
+// page as window.paddockStream; pages send { of, at } and receive { is: "up" | "down" | "moved" | "said", ... },
+// possibly more than once.
 "use strict";
 
 (() => {

@@ -6,6 +6,7 @@ import fcntl
 import gc
 import os
 import shutil
+import signal
 from collections import Counter
 from collections.abc import Callable, Iterator
 from datetime import UTC, datetime
@@ -26,6 +27,10 @@ PACK = 20
 
 def pytest_configure(config: pytest.Config) -> None:
     config.pluginmanager.register(costs.Watch())
+    # a shell's background job ignores these, and programs that tests start and interrupt would inherit that
+    signal.signal(signal.SIGINT, signal.default_int_handler)
+    for name in (signal.SIGQUIT, signal.SIGHUP):
+        signal.signal(name, signal.SIG_DFL)
     gc.set_threshold(50_000, 20, 50)  # collecting makes much that stays
     # a camera compiled of another source than the present one draws by numpy, which takes tests minutes
     if not hasattr(config, "workerinput"):
@@ -91,6 +96,11 @@ def pytest_runtest_teardown(item: pytest.Item, nextitem: pytest.Item | None) -> 
 
 @pytest.hookimpl(tryfirst=True)
 def pytest_runtest_setup(item: pytest.Item) -> None:
+    from core.streams import shared_pieces  # models, which are not loaded when pytest reads this file
+
+    # a flushed database gives the same keys again, to other rows
+    shared_pieces._parts._kept.clear()
+    shared_pieces._newest = shared_pieces._Newest()
     kept.before(item)
 
 
@@ -203,6 +213,16 @@ def proven() -> None:
     take_as_proven()
 
 
+@pytest.fixture(scope="session", autouse=True)
+def frame_of_present_settings() -> None:
+    """The frame of pages is drawn once a process, because settings do not change: those of tests do."""
+    from django.test.signals import setting_changed
+
+    from core.templatetags import site
+
+    setting_changed.connect(lambda **_: site._drawn.cache_clear(), weak=False)
+
+
 @pytest.fixture
 def trainings_taken_on(settings, monkeypatch: pytest.MonkeyPatch) -> None:
     """Trainings can be asked for, whatever is installed here, and wait: no broker is told of them."""
@@ -270,7 +290,7 @@ def video_wakes(monkeypatch: pytest.MonkeyPatch) -> list[dict]:
 @pytest.fixture
 def admitted_here(monkeypatch: pytest.MonkeyPatch) -> None:
     """Networks are converted and gated in this process, without a sandboxed one, where the wall is not tested."""
-    from evaluation import admit
+    from evaluation.garage import admission as admit
     from tests.hostile.here import launch_here
 
     monkeypatch.setattr(admit, "launch", launch_here)
@@ -302,7 +322,7 @@ def oval(db: None):
 
 def _of_house_cars() -> list:
     from accounts.models import Racer
-    from league.services import house_cars
+    from league.house_cars.services import house_cars
 
     return [
         Racer(alias=car.display_name, email=f"{car.name}@house.invalid", is_house=True, is_active=False)
@@ -314,3 +334,9 @@ def _racer(alias: str):
     from accounts.models import Racer
 
     return Racer.objects.create_user(alias, f"{alias}@example.org", "correct horse battery")
+
+
+@pytest.fixture
+def set_clock(monkeypatch: pytest.MonkeyPatch):
+    """Make it this moment for every view."""
+    return lambda moment: monkeypatch.setattr("django.utils.timezone.now", lambda: moment)

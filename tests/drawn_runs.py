@@ -9,9 +9,9 @@ from pathlib import Path
 from typing import Any
 
 from evaluation.models import Evaluation
-from evaluation.services import finish_evaluation
+from evaluation.running.queue.jobs import finish_evaluation
+from races.entries.services.submissions import submit_model
 from races.models import Race
-from races.services import submit_model
 from tests.evaluation.stubs import HEADER
 from tests.factories import a_model, laps, outcome, start
 from tracks.models import Track

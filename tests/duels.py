@@ -9,12 +9,12 @@ from typing import Any
 
 from accounts.models import Racer
 from evaluation.models import Evaluation
-from evaluation.pipeline import CompetitorOutcome, EvaluationOutcome
-from evaluation.services import finish_evaluation
+from evaluation.running.pipeline import CompetitorOutcome, EvaluationOutcome
+from evaluation.running.queue.jobs import finish_evaluation
 from paddock.errors import PlatformFault
+from races.boards.selectors.board import board
+from races.duels.services import draw_duels, drive_on
 from races.models import Duel, DuelState, Entry, Race
-from races.selectors import board
-from races.services import draw_duels, drive_on
 from tests import factories
 from tests.evaluation.stubs import car_outcome, outcome_of
 from tests.factories import a_race, a_racer, drive, laps, start

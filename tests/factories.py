@@ -12,12 +12,12 @@ from unittest.mock import patch
 
 from accounts.models import Racer
 from evaluation.models import Evaluation, State
-from evaluation.pipeline import EvaluationOutcome
-from evaluation.services import EVALUATIONS, finish_evaluation
+from evaluation.running.pipeline import EvaluationOutcome
+from evaluation.running.queue.jobs import EVALUATIONS, finish_evaluation
 from paddock.errors import PaddockError
 from paddock.simulator import engine
+from races.entries.services.submissions import submit_model
 from races.models import Race, RaceKind, Submission
-from races.services import submit_model
 from tests.evaluation.stubs import trace_csv
 from tests.rows import model_row, track_row
 from tracks.models import Track

@@ -5,7 +5,7 @@ from __future__ import annotations
 from datetime import datetime
 
 from core.events import follow
-from league.services.clock import tick
+from league.seasons.services.clock import tick
 
 
 def tell_what_happened(*, now: datetime) -> int:

@@ -8,10 +8,10 @@ from typing import Any
 
 from accounts.models import Racer
 from evaluation.models import Evaluation, State
-from evaluation.services import finish_evaluation
+from evaluation.running.queue.jobs import finish_evaluation
+from races.entries.services.entries import enter_race
+from races.live.services import begin_live, choose_model, end_live, launch, plan_live, prepare_ahead, tick_live
 from races.models import LiveEvent, LiveRacer, LiveSlot, Race
-from races.services import enter_race
-from races.services.live import begin_live, choose_model, end_live, launch, plan_live, prepare_ahead, tick_live
 from tests.factories import a_model, a_race, a_racer, laps, outcome, start
 
 START = timedelta(hours=2)

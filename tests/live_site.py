@@ -8,8 +8,8 @@ import sys
 from pathlib import Path
 from typing import Any
 
+from tests.config.test_run import READY, Run, environment, rows
 from tests.evaluation.processes import wait_for
-from tests.league.test_run import READY, Run, environment, rows
 from tests.shared import CHECKOUT
 
 START_S = 300.0  # on a machine with much other work

@@ -47,8 +47,8 @@ def a_car(alias: str) -> Any:
     from django.utils import timezone
 
     from accounts.models import Racer
-    from evaluation.services import upload_model
-    from league.services.house import HOUSE_CARS_DIR
+    from evaluation.garage.services import upload_model
+    from league.house_cars.services import HOUSE_CARS_DIR
     from paddock.packages.read import UploadPart
     from tests.shared import CONSOLE_CAR
 
@@ -100,9 +100,9 @@ def a_night(
     from django.utils import timezone
 
     from accounts.models import Racer
+    from races.entries.services.entries import enter_race
+    from races.live.services import choose_model, plan_live
     from races.models import LiveEvent
-    from races.services import enter_race
-    from races.services.live import choose_model, plan_live
     from tests.factories import a_race
     from tracks.models import Track
 
@@ -137,7 +137,7 @@ def a_field(*, cars: int = 8, laps: int = 1, **fields: Any) -> dict[str, Any]:
     from django.utils import timezone
 
     from accounts.models import Racer
-    from races.services import submit_model
+    from races.entries.services.submissions import submit_model
     from tests.duels import a_duel_race
     from tracks.models import Track
 
@@ -162,8 +162,8 @@ def a_bracket(*, gap_s: int = 1, **plan: Any) -> dict[str, Any]:
     """Qualifying of the knock-out closes now, and its live event runs by itself from in some seconds."""
     from django.utils import timezone
 
+    from races.live.services import plan_live
     from races.models import Race
-    from races.services.live import plan_live
 
     now = timezone.now()
     Race.objects.filter(slug="knock-out").update(closes_at=now + timedelta(seconds=2))

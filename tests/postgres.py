@@ -58,7 +58,7 @@ def postgres(copy_of: Path | None = None, name: str = "postgres") -> Iterator[st
 def migrated(kept: Path) -> Path:
     """The data of a stopped server with a migrated test database, made once for each state of the code.
 
-    ``kept``: the folder in which they are. Migrating takes nine seconds of a processor, copying the data none.
+    ``kept``: the folder in which they are. Making them takes seconds of a processor, copying them none.
     """
     name = database.digest(subprocess.check_output([program("initdb"), "--version"], text=True))
     data = kept / name

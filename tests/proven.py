@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from evaluation import proof
+from evaluation.running import proof
 from paddock.simulator.engine import ENGINE_ID
 
 

@@ -7,10 +7,10 @@ from datetime import datetime
 from typing import Any
 
 from evaluation.models import Evaluation
-from evaluation.services import finish_evaluation
+from evaluation.running.queue.jobs import finish_evaluation
 from paddock.errors import PaddockError
+from races.boards.selectors.board import board
 from races.models import Entry, Race, Redrive, RedriveState
-from races.selectors import board
 from tests import factories
 from tests.factories import outcome, start
 

@@ -13,7 +13,7 @@ from contextlib import contextmanager
 from pathlib import Path
 from time import monotonic, sleep
 
-from config import broker
+from config.serving import broker
 
 START_S = 60.0
 

@@ -15,6 +15,7 @@ if "PADDOCK_TEST_DATA" not in os.environ:
 os.environ["PADDOCK_DATA"] = str(Path(os.environ["PADDOCK_TEST_DATA"]) / os.environ.get("PYTEST_XDIST_WORKER", "main"))
 os.environ.setdefault("OMP_NUM_THREADS", "1")
 os.environ.setdefault("ORT_DISABLE_TELEMETRY", "1")
+os.environ.setdefault("PADDOCK_SHARED_PAGE_SECONDS", "0")  # a test that shares parts between requests sets it
 
 from config.settings import *  # noqa: F403
 from config.settings import DATA_DIR, DATABASES, STORAGES

@@ -6,7 +6,7 @@ from typing import Any
 
 import pytest
 
-from core import wakeup
+from core.wakeups import workers as wakeup
 
 
 def heard(monkeypatch: pytest.MonkeyPatch, task: str) -> list[dict[str, Any]]:

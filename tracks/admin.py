@@ -1,6 +1,4 @@
-"""Tracks in the admin site: import, describe, look at. Geometry never changes."""
-
-from __future__ import annotations
+"""The admin pages of tracks: import, describe, view; geometry never changes."""
 
 import base64
 from typing import Any
@@ -15,11 +13,11 @@ from django.utils.translation import gettext
 from django.utils.translation import gettext_lazy as _
 
 from accounts.models import Racer
-from accounts.who import racer_of
+from accounts.request_racer import racer_of
 from core.admin import ComparedChanges
 from core.forms import explain
 from paddock.errors import UserFault
-from paddock.geometry.npy import MAX_BYTES
+from paddock.geometry.files import MAX_BYTES
 
 from .drawing import draw_svg
 from .models import Track, TrackLook
@@ -65,8 +63,6 @@ class ImportForm(forms.ModelForm):
 
 @admin.register(Track)
 class TrackAdmin(ComparedChanges, admin.ModelAdmin):
-    """See the module's docstring."""
-
     list_display = ("name", "slug", "length_m", "width_m", "direction", "is_catalogue", "owner", "created_at")
     list_filter = ("is_catalogue", "direction", "created_at")
     search_fields = ("name", "slug", "owner__alias")
@@ -113,7 +109,6 @@ class TrackAdmin(ComparedChanges, admin.ModelAdmin):
 
     @admin.display(description=_("map"))
     def map(self, track: Track) -> str:
-        """The track as a picture."""
         if not track.has_shape:
             return gettext("not known here")
         picture = draw_svg(track.geometry, width=480, standalone=True)

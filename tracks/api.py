@@ -1,6 +1,4 @@
-"""The API of tracks. Everybody sees every track."""
-
-from __future__ import annotations
+"""The API of tracks; all tracks are public."""
 
 from typing import Any
 
@@ -9,24 +7,22 @@ from django.db.models import QuerySet
 from django.utils import timezone
 from django.utils.translation import gettext
 from drf_spectacular.utils import OpenApiParameter, extend_schema, extend_schema_field, extend_schema_view
-from rest_framework import generics, serializers, status
+from rest_framework import serializers, status
 from rest_framework.exceptions import NotFound
 from rest_framework.parsers import MultiPartParser
-from rest_framework.permissions import IsAuthenticatedOrReadOnly
 from rest_framework.request import Request
 from rest_framework.response import Response
-from rest_framework.views import APIView
 
+from accounts.request_racer import racer_of
 from accounts.scopes import ORGANISE
-from accounts.who import racer_of
-from core.bodies import Body, read_as
+from core.api.bodies import Body, read_as
+from core.api.views import APIView, ListAPIView
 from paddock.geometry.catalogue.names import direction_in
-from paddock.geometry.npy import MAX_BYTES
+from paddock.geometry.files import MAX_BYTES
 
 from . import services
-from .figures import figures, with_figures
 from .models import Direction, Track, TrackLook
-from .selectors import found_tracks, track_named, unknown_track
+from .selectors import figures, found_tracks, track_named, unknown_track, with_figures
 
 NAME_HELP = "The track's slug, or any name of a catalogue track, such as `penbay_open`."
 LINE = {
@@ -63,8 +59,8 @@ class TrackField(serializers.SlugRelatedField):
         track = track_named(data)
         if track is not None and track.slug != data and (direction := direction_in(data)):
             text = gettext("%(name)s is the track %(slug)s in one direction. Send this address and direction %(way)s.")
-            said = text % {"name": data[:64], "slug": track.slug, "way": direction}
-            raise serializers.ValidationError(said, code="track_direction")
+            message = text % {"name": data[:64], "slug": track.slug, "way": direction}
+            raise serializers.ValidationError(message, code="track_direction")
         try:
             return super().to_internal_value(track.slug if track else data)
         except serializers.ValidationError as refused:
@@ -149,15 +145,10 @@ class ImportSerializer(Body):
                 "sort", str, description="`name`, `length`, `width`, `corners`, `difficulty`, `record`, `raced`."
             ),
         ],
-        responses=TrackSerializer,
-        tags=["tracks"],
     )
 )
-class TracksView(generics.ListAPIView):
-    """All tracks: list them, import one."""
-
+class TracksView(ListAPIView):
     token_scope = ORGANISE
-    permission_classes = [IsAuthenticatedOrReadOnly]
     parser_classes = [MultiPartParser]
     serializer_class = TrackSerializer
 
@@ -170,7 +161,6 @@ class TracksView(generics.ListAPIView):
         summary="Import a track",
         request={"multipart/form-data": ImportSerializer},
         responses={201: TrackDetailSerializer},
-        tags=["tracks"],
     )
     def post(self, request: Request) -> Response:
         sent = read_as(ImportSerializer, request.data)
@@ -181,13 +171,7 @@ class TracksView(generics.ListAPIView):
 
 
 class TrackView(APIView):
-    """One track."""
-
-    permission_classes = [IsAuthenticatedOrReadOnly]
-
-    @extend_schema(
-        operation_id="read_track", summary="A track with its points", responses=TrackDetailSerializer, tags=["tracks"]
-    )
+    @extend_schema(operation_id="read_track", summary="A track with its points", responses=TrackDetailSerializer)
     def get(self, request: Request, slug: str) -> Response:
         named = track_named(slug)
         if named is None:

@@ -9,6 +9,6 @@ class TracksConfig(AppConfig):
     def ready(self) -> None:
         from accounts.quotas import register
 
-        from .quotas import TRACKS
+        from .services import TRACKS
 
         register(TRACKS)

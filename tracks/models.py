@@ -1,9 +1,5 @@
 """The catalogue of tracks in the database."""
 
-from __future__ import annotations
-
-from functools import lru_cache
-
 from django.conf import settings
 from django.db import models
 from django.urls import reverse
@@ -11,14 +7,13 @@ from django.utils import timezone
 from django.utils.translation import gettext
 from django.utils.translation import gettext_lazy as _
 
+from core.database.columns import MultiLineField, OneLineField
 from paddock.errors import UserFault
-from paddock.geometry.npy import read_npy
+from paddock.geometry.files import read_npy
 from paddock.geometry.track import TrackGeometry
 
 
 class Direction(models.TextChoices):
-    """Which way round a track is driven."""
-
     CCW = "ccw", _("counter-clockwise")
     CW = "cw", _("clockwise")
 
@@ -34,13 +29,12 @@ class TrackLook(models.TextChoices):
 class Track(models.Model):
     """A track that races can be held on. Its geometry and its look never change: another shape is another track.
 
-    A track of an imported season of which only the name is known has no geometry, no length and no width
-    (:attr:`has_shape`): its races are read, and none is held on it.
+    One of an imported season may have only a name (:attr:`has_shape`); no new race is held on it.
     """
 
     slug = models.SlugField(_("address"), unique=True, max_length=64)
-    name = models.CharField(_("name"), max_length=64)
-    description = models.TextField(_("description"), blank=True, max_length=1000)
+    name = OneLineField(_("name"), max_length=64)
+    description = MultiLineField(_("description"), blank=True, max_length=1000)
     npy = models.BinaryField(_("geometry"), editable=False)
     fingerprint = models.CharField(_("fingerprint"), max_length=64, unique=True, editable=False)
     length_m = models.FloatField(_("length in metres"), null=True, blank=True, editable=False)
@@ -103,13 +97,15 @@ class Track(models.Model):
 
     @property
     def geometry(self) -> TrackGeometry:
-        """The track's geometry in the file's own direction (cached for each process; immutable).
-
-        Raises UserFault("track_shape_unknown") for a track without one.
-        """
+        """The geometry in the file's direction, cached for each process. Raises UserFault("track_shape_unknown")."""
         if not self.has_shape:
             raise UserFault("track_shape_unknown", name=self.name)
-        return _geometry(self.fingerprint, bytes(self.npy), self.slug)
+        found = _geometries.get(key := (self.fingerprint, self.slug))
+        if found is None:  # only then are the points read, which lists of tracks defer
+            found = _geometries[key] = read_npy(bytes(self.npy), self.slug, is_open=None)
+            for oldest in list(_geometries)[:-_MOST_GEOMETRIES]:
+                _geometries.pop(oldest, None)
+        return found
 
     def way(self, direction: str) -> str:
         """A direction in words: an open track is driven as it is drawn or back."""
@@ -118,6 +114,5 @@ class Track(models.Model):
         return gettext("from start to end") if direction == self.direction else gettext("from end to start")
 
 
-@lru_cache(maxsize=128)
-def _geometry(fingerprint: str, npy: bytes, name: str) -> TrackGeometry:
-    return read_npy(npy, name, is_open=None)
+_MOST_GEOMETRIES = 128
+_geometries: dict[tuple[str, str], TrackGeometry] = {}

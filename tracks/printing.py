@@ -1,8 +1,8 @@
-"""A track for a floor: its files at true size, and what its lines take of tape."""
+"""A track to print at true size, and the tape that its lines need."""
 
-from __future__ import annotations
-
+import threading
 from collections.abc import Callable
+from functools import lru_cache
 from typing import Any
 
 from django.utils.translation import gettext as _
@@ -19,31 +19,39 @@ from paddock.geometry.prints import (
 )
 from paddock.geometry.prints import tape as kinds
 from paddock.geometry.prints.pdf import tiles_of
+from paddock.geometry.track import TrackGeometry
 from paddock.simulator.camera.theme import THEMES
 
 from .models import Track
 
-# what a browser is told, and what writes it
+# the content type and the writer of each format
 _WHOLE: dict[str, tuple[str, Callable[[Drawing], bytes]]] = {
     "svg": ("image/svg+xml", write_svg),
     "pdf": ("application/pdf", write_pdf),
     "dxf": ("image/vnd.dxf", write_dxf),
 }
 FORMS = (*_WHOLE, *PAPERS)
+KEPT = 32  # files of each process, up to a megabyte each; a track's shape and look never change
+_WRITING = threading.Lock()  # however many visitors ask, each process draws one file at a time
 
 
 def print_file(track: Track, form: str) -> tuple[str, str, bytes]:
     """One of :data:`FORMS`: its name, its type and the file. Raises KeyError for another."""
-    drawing = _drawing(track)
-    if form in PAPERS:
-        return f"{track.slug}-{form}.pdf", "application/pdf", write_tiles(drawing, form)
-    kind, write = _WHOLE[form]
-    return f"{track.slug}.{form}", kind, write(drawing)
+    kind = _WHOLE[form][0] if form in _WHOLE else "application/pdf"
+    name = f"{track.slug}-{form}.pdf" if form in PAPERS else f"{track.slug}.{form}"
+    with _WRITING:
+        return name, kind, _written(track.geometry, track.look, form)
+
+
+@lru_cache(maxsize=KEPT)
+def _written(geometry: TrackGeometry, look: str, form: str) -> bytes:
+    drawing = drawing_of(geometry, THEMES[look])
+    return write_tiles(drawing, form) if form in PAPERS else _WHOLE[form][1](drawing)
 
 
 def print_facts(track: Track) -> dict[str, Any]:
     """What the page shows: size in metres, bill of tape, files with what they are, papers with how many pages."""
-    drawing = _drawing(track)
+    drawing = drawing_of(track.geometry, THEMES[track.look])
     names = {
         kinds.OUTER: _("Outer border"),
         kinds.INNER: _("Inner border"),
@@ -71,7 +79,3 @@ def print_facts(track: Track) -> dict[str, Any]:
         ],
         "papers": [(paper, len(tiles_of(drawing, paper)[0]) + 1) for paper in PAPERS],
     }
-
-
-def _drawing(track: Track) -> Drawing:
-    return drawing_of(track.geometry, THEMES[track.look])

@@ -1,23 +1,42 @@
-"""Why a track is not imported, changed or taken away."""
+"""Reason codes of tracks."""
 
 from paddock.errors.reasons import gettext_noop as _
 from paddock.errors.reasons import register
 
 register(
     "Races",
-    "user",
-    {
+    invalid={
         # tracks that racers import
-        "track_known": _("This track already exists as %(name)s. Use that one."),
-        "track_limit": _("You have reached the limit of %(limit)s imported tracks. Use one of them, or ask an admin."),
         "track_name": _("Give the track a name of 1 to %(limit)s characters on one line."),
         "track_look": _("Invalid look of a track. Choose one of: %(looks)s."),
         "track_slug": _(
             "The address %(slug)s cannot be used. Use lower-case letters, digits and hyphens; it must be new."
         ),
+    },
+    not_found={
         "track_shape_unknown": _(
             "The shape of %(name)s is unknown: only its name was imported, with the results of a season."
         ),
+    },
+    conflict={
+        "track_known": _("This track already exists as %(name)s. Use that one."),
+        "track_limit": _("You have reached the limit of %(limit)s imported tracks. Use one of them, or ask an admin."),
         "track_in_use": _("Races or evaluations were driven on this track, so it stays."),
+    },
+)
+
+register(
+    "Commands",
+    invalid={
+        "track_database": _(
+            "There is no track %(name)s in the catalogue, and this site's tracks cannot be read: "
+            "%(problem)s. Use a catalogue track (%(known)s) or an .npy file, or check the database."
+        ),
+    },
+    not_found={
+        "track_not_found": _(
+            "There is no track %(name)s. The closest names are: %(nearest)s. Name an .npy file, a track that was "
+            "imported into this site, or one of the catalogue: %(known)s."
+        ),
     },
 )

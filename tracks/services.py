@@ -4,27 +4,27 @@ from __future__ import annotations
 
 import hashlib
 import re
+from collections.abc import Collection
 from datetime import datetime
 from typing import TYPE_CHECKING
 
 from django.db import IntegrityError, transaction
-from django.db.models import ProtectedError, Q
+from django.db.models import Count, ProtectedError, Q
 from django.utils import timezone
 from django.utils.text import slugify
+from django.utils.translation import gettext_lazy as _
 
-from accounts.quotas import limit_of, used_by
-from core.columns import length_of
-from core.locks import hold
+from accounts.quotas import CountedRows, Quota, limit_of, used_by
+from core.database.columns import length_of
+from core.database.locks import hold
 from paddock.errors import UserFault
 from paddock.geometry.catalogue import CATALOGUE, CatalogueTrack
 from paddock.geometry.catalogue.names import find
 from paddock.geometry.character import character_of, median_width
-from paddock.geometry.files import read_track
-from paddock.geometry.npy import write_npy
+from paddock.geometry.files import read_track, write_npy
 from paddock.geometry.track import TrackGeometry
 
 from .models import Direction, Track, TrackLook
-from .quotas import TRACKS
 from .selectors import track_named
 
 if TYPE_CHECKING:
@@ -35,7 +35,16 @@ SLUG_LIMIT = length_of(Track, "slug")
 # Addresses that pages use for something else.
 RESERVED_SLUGS = frozenset({"import", "new", "to-choose"})
 _SLUG = re.compile(r"[a-z0-9]+(?:-[a-z0-9]+)*\Z")
-_HIDDEN = re.compile(r"[\x00-\x1f\x7f]")
+
+
+def _tracks(racers: Collection[int] | None, now: datetime) -> CountedRows:
+    mine = Track.objects.exclude(owner=None)
+    if racers is not None:
+        mine = mine.filter(owner__in=racers)
+    return mine.order_by().values_list("owner").annotate(Count("pk"))
+
+
+TRACKS = Quota(3, "tracks", "TRACKS_PER_RACER", _("Imported tracks"), _tracks)
 
 
 def import_track(
@@ -44,7 +53,6 @@ def import_track(
     name: str,
     owner: Racer | None,
     now: datetime,
-    is_catalogue: bool = False,
     slug: str | None = None,
     description: str = "",
     look: str = TrackLook.OFFICIAL,
@@ -52,16 +60,11 @@ def import_track(
     scale: float = 1.0,
     least_width_m: float = 0.0,
 ) -> Track:
-    """Keep the track of a file (see :func:`paddock.geometry.files.read_track`, also for ``scale`` and
-    ``least_width_m``), under an address made from its name unless ``slug`` says another.
+    """Keep the track of a file (:func:`paddock.geometry.files.read_track`), under ``slug`` or an address from its name.
 
-    ``owner=None`` is an operator at the command line: no limit, a track that is here already is simply returned, and
-    one of an imported season of which only this name or address was known gets its shape, keeping address and races.
-    ``look``: one of :class:`tracks.models.TrackLook`, for good: cars of one race must see the same track. ``is_open``:
-    it is meant to be driven from start to end; a loop is refused then, and an open track otherwise.
-    Raises UserFault("track_...") for a file that is not a track (see :mod:`paddock.geometry.npy`), "track_known" (with
-    ``name`` and ``slug``) for a racer's copy of one, "track_limit" above the racer's quota, "track_name", "track_slug",
-    "track_look".
+    ``owner=None``: an operator, without a limit; a known track is returned, and a track of which only the name was
+    known gets its shape. ``is_open``: driven from start to end. Raises UserFault("track_..."), "track_known" with the
+    ``name`` and ``slug`` of the known one.
     """
     name = _valid_name(name)
     if look not in TrackLook.values:
@@ -79,7 +82,7 @@ def import_track(
         track = _row(geometry, slug=slug or free_slug(name), name=name)
         if shapeless is not None:
             track.pk, track.slug = shapeless.pk, shapeless.slug
-        track.owner, track.is_catalogue, track.created_at, track.look = owner, is_catalogue, now, look
+        track.owner, track.created_at, track.look = owner, now, look
         track.description = " ".join(description.split())[: Track._meta.get_field("description").max_length]
         try:
             with transaction.atomic():
@@ -94,11 +97,10 @@ def import_track(
 
 @transaction.atomic
 def load_catalogue(*, now: datetime | None = None) -> list[Track]:
-    """Put the tracks that come with Paddock into the database; what is there already stays as it is.
+    """Put the tracks that come with Paddock into the database; known ones stay.
 
-    A track whose shape a later version changed is a new row under the known address; the old one keeps its races under
-    another address, for geometry never changes. Races of an imported season on a track that was known by name only get
-    the catalogue's track of that name.
+    A track with a changed shape is a new row at the known address; the old one keeps its races at another address.
+    Tracks known by name only are replaced by those of the catalogue.
     """
     now = now or timezone.now()
     rows = [_catalogue_row(entry, now) for entry in CATALOGUE]
@@ -110,8 +112,8 @@ def load_catalogue(*, now: datetime | None = None) -> list[Track]:
 
 
 def recorded_track(name: str, *, now: datetime) -> Track:
-    """The track that an imported season names: by address, by a name of the catalogue, by name; else a new row that has
-    nothing but the name."""
+    """The track that an imported season names, by address, catalogue name or name; else a new row with only the
+    name."""
     track = track_named(name) or track_named(slugify(name).replace("_", "-"))
     named = None if track else find(name)
     if named is not None:
@@ -209,7 +211,7 @@ def _known(track: Track, owner: Racer | None) -> Track:
 
 
 def _valid_name(name: str) -> str:
-    name = " ".join(_HIDDEN.sub(" ", name).split())
+    name = " ".join(name.split())
     if not 1 <= len(name) <= NAME_LIMIT:
         raise UserFault("track_name", limit=NAME_LIMIT)
     return name

@@ -1,10 +1,7 @@
 """Track pages."""
 
-from __future__ import annotations
-
 from django.contrib import messages
 from django.contrib.auth.decorators import login_required
-from django.core.paginator import Paginator
 from django.http import Http404, HttpRequest, HttpResponse
 from django.shortcuts import get_object_or_404, redirect, render
 from django.utils import timezone
@@ -12,17 +9,16 @@ from django.utils.translation import gettext as _
 from django.views.decorators.http import require_http_methods, require_safe
 
 from accounts.quotas import limit_of
-from accounts.who import racer_of
+from accounts.request_racer import racer_of
 from core.forms import add_fault
+from core.pages.pager import LeanPaginator
 from paddock.errors import UserFault
 
-from .figures import figure, figures, with_figures
 from .forms import ImportTrackForm
 from .models import Track
 from .printing import FORMS, print_facts, print_file
-from .quotas import TRACKS
-from .selectors import closest_tracks, found_tracks, track_named
-from .services import import_track
+from .selectors import closest_tracks, figure, figures, found_tracks, track_named, with_figures
+from .services import TRACKS, import_track
 
 TRACKS_PER_PAGE = 24
 
@@ -36,7 +32,8 @@ def tracks(request: HttpRequest) -> HttpResponse:
 def _found(request: HttpRequest, asked: str, status: int = 200) -> HttpResponse:
     """The tracks that a search finds, or the closest names."""
     sorted_by = figure(request.GET.get("sort", ""))
-    page = Paginator(found_tracks(search=asked, sort=sorted_by.name), TRACKS_PER_PAGE).get_page(request.GET.get("page"))
+    found = found_tracks(search=asked, sort=sorted_by.name)
+    page = LeanPaginator(found, TRACKS_PER_PAGE).get_page(request.GET.get("page"))
     closest = [] if page.object_list or not asked else closest_tracks(asked)
     context = {"page": page, "asked": asked, "sorted_by": sorted_by, "figures": figures(), "closest": closest}
     return render(request, "tracks/tracks.html", context, status=status)
@@ -62,14 +59,13 @@ def track(request: HttpRequest, slug: str) -> HttpResponse:
 @require_safe
 def track_print(request: HttpRequest, slug: str) -> HttpResponse:
     """A track at its true size: files to print, and its tape in metres."""
-    shown = get_object_or_404(Track, slug=slug)
+    shown = get_object_or_404(Track, slug=slug, length_m__isnull=False)
     return render(request, "tracks/print.html", {"track": shown, **print_facts(shown)})
 
 
 @require_safe
 def track_file(request: HttpRequest, slug: str, form: str) -> HttpResponse:
-    """A track at its true size as one file."""
-    shown = get_object_or_404(Track, slug=slug)
+    shown = get_object_or_404(Track, slug=slug, length_m__isnull=False)
     if form not in FORMS:
         raise Http404
     name, kind, content = print_file(shown, form)

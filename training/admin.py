@@ -1,6 +1,4 @@
-"""The admin pages of training: what ran can be read and stopped, never edited."""
-
-from __future__ import annotations
+"""The admin pages of training: read and stop, never edit."""
 
 from django.contrib import admin
 from django.db.models import QuerySet
@@ -8,7 +6,7 @@ from django.http import HttpRequest
 
 from evaluation.admin import ReadOnlyAdmin
 
-from .models import Checkpoint, TrainingIteration, TrainingJob, Vehicle
+from .models import Checkpoint, Sweep, TrainingIteration, TrainingJob, Vehicle
 
 
 @admin.register(Vehicle)
@@ -43,3 +41,11 @@ class CheckpointAdmin(ReadOnlyAdmin):
     list_display = ["job", "iteration", "steps", "seconds", "created_at"]
     list_select_related = ["job"]
     search_fields = ["job__public_id", "job__name"]
+
+
+@admin.register(Sweep)
+class SweepAdmin(ReadOnlyAdmin):
+    list_display = ["public_id", "name", "owner", "state", "settings_count", "budget_s", "created_at"]
+    list_filter = ["state"]
+    list_select_related = ["owner"]
+    search_fields = ["public_id", "name", "owner__alias"]

@@ -1,13 +1,19 @@
 from __future__ import annotations
 
+import json
+import subprocess
+import sys
 from importlib.util import find_spec
 from typing import TYPE_CHECKING
 
 from django.apps import AppConfig
+from django.conf import settings
 from django.utils.translation import gettext_lazy as _
 
+from paddock.simulator.engine import ENGINE_ID
+
 if TYPE_CHECKING:
-    from evaluation.proof import Proof
+    from evaluation.running.proof import Proof
 
 
 class TrainingConfig(AppConfig):
@@ -15,51 +21,61 @@ class TrainingConfig(AppConfig):
     verbose_name = _("Training")
 
     def ready(self) -> None:
-        from accounts import storage
         from accounts.quotas import register
-        from core.pages import register_slots
-        from evaluation import proof
+        from accounts.usage import storage
+        from core.pages.registry import register_slots
+        from evaluation.running import proof
 
-        # kinds of events and the reasons that a sandboxed process reports are known from the start
-        from . import events, queues, sb3, streams  # noqa: F401
+        # register the kinds of events and the reasons of sandboxed processes
+        from . import events, sb3  # noqa: F401
+        from .jobs.selectors import register_topics
+        from .jobs.services.queue import register_operators_queue
         from .quotas import AT_ONCE, FILES, MINUTES
+        from .sweeps.selectors import register_sweep_topic
 
         register(AT_ONCE)
         register(MINUTES)
         storage.register(FILES)
-        queues.register()
-        streams.register()
+        register_operators_queue()
+        register_topics()
+        register_sweep_topic()
         _read_policies_of_sb3()
         proof.register(_prove)
         register_slots(
             {
-                "account.log_in": "training/parts/card_log_in.html",
-                "menu.account": "training/parts/menu_classes.html",
-                "ways_to_a_car": "training/parts/ways_to_a_car.html",
-                "garage.tabs": "training/parts/garage_tabs.html",
-                "model.crumb": "training/parts/shared_crumb.html",
-                "model.downloads": "training/parts/to_the_car.html",
-                "track.print": "training/parts/to_the_car.html",
-                "model.actions": "training/parts/model_clone.html",
+                "account.log_in": "training/classes/parts/card_log_in.html",
+                "menu.account": "training/classes/parts/menu.html",
+                "ways_to_a_car": "training/starter_training/parts/ways_to_a_car.html",
+                "garage.tabs": "training/vehicles/parts/garage_tabs.html",
+                "model.crumb": "training/cloning/parts/shared_crumb.html",
+                "model.downloads": "training/lessons/parts/to_the_car.html",
+                "track.print": "training/lessons/parts/to_the_car.html",
+                "model.actions": "training/cloning/parts/model_clone.html",
                 "model.races": "training/parts/model_races.html",
-                "model.origin": "training/parts/model_origin.html",
-                "worth.next": "training/parts/train_on.html",
-                "race.train": "training/parts/train_for_race.html",
-                "racer.cars": "training/parts/shared_by.html",
+                "model.origin": "training/cloning/parts/model_origin.html",
+                "worth.next": "training/wizard/parts/train_on.html",
+                "race.train": "training/wizard/parts/train_for_race.html",
+                "racer.cars": "training/cloning/parts/shared_by.html",
             }
         )
 
 
 def _prove() -> Proof:
-    """A worker proves itself by golden runs; what drives them is imported then."""
-    from .golden.proof import prove
+    """A worker proves itself by golden runs, in another process: what drives them would keep 50 MB of the worker."""
+    from evaluation.running.proof import Proof
 
-    return prove()
+    command = [sys.executable, "-m", "training.golden.proof"]
+    done = subprocess.run(command, cwd=settings.BASE_DIR, stdout=subprocess.PIPE, text=True, check=False)
+    try:
+        return Proof.from_dict(json.loads(done.stdout))
+    except ValueError:  # it was killed
+        why = f"The process of the golden runs ended with status {done.returncode}."
+        return Proof(ENGINE_ID, runs=1, equal=0, why=why, settled=False)
 
 
 def _read_policies_of_sb3() -> None:
     """Uploads of stable-baselines3's zips are read where torch is installed, in a process in the sandbox."""
-    from evaluation.admit import PROCESSES, UploadReader
+    from evaluation.garage.admission import PROCESSES, UploadReader
     from evaluation.sandbox.limits import SB3_CONVERTER
     from paddock.packages.kinds import SB3
 

@@ -1,6 +1,4 @@
-"""What happens to a training, as events."""
-
-from __future__ import annotations
+"""The event of a training's end."""
 
 from datetime import datetime
 
@@ -14,7 +12,11 @@ TRAINING_ENDED = register(
 
 
 def record_end(job_id: int, now: datetime) -> None:
-    """A training is final. Call it in the transaction that ends it, after the row is written."""
-    job = TrainingJob.objects.only("owner_id", "public_id", "ended_because", "reason_code").get(pk=job_id)
+    """A training is final. Call it in the transaction that ends it, after the row is written. A trial that may continue
+    has no event."""
+    columns = ("owner_id", "public_id", "ended_because", "reason_code", "keeps_models")
+    job = TrainingJob.objects.only(*columns).get(pk=job_id)
+    if not job.keeps_models:
+        return
     what = {"ended_because": job.ended_because, "reason": job.reason_code}
     record(TRAINING_ENDED, at=now, racer=job.owner_id, subject=job.public_id, **what)

@@ -1,61 +1,68 @@
-"""How many trainings a racer may have under way, and how many minutes they may train in a month."""
-
-from __future__ import annotations
+"""Quotas of trainings: at the same time, minutes a month, stored files."""
 
 from collections import defaultdict
 from collections.abc import Collection, Mapping
 from datetime import datetime
 
 from django.conf import settings
-from django.db.models import Count, QuerySet, Sum
+from django.db.models import Case, Q, QuerySet, Sum, Value, When
+from django.db.models.functions import Coalesce
 from django.utils.translation import gettext_lazy as _
 
 from accounts.quotas import Quota
-from accounts.storage import Shelf
+from accounts.usage.storage import Shelf
 from core.times import start_of_month
+from evaluation.garage.quotas import FileColumn, sizes_of_files
 from evaluation.models import StoredFile
-from evaluation.quotas import sizes_of_files
 from paddock.errors.reasons import platform_codes
 
-from .models import Checkpoint, JobState, TrainingIteration, TrainingJob
+from .models import Checkpoint, JobState, Sweep, SweepState, TrainingIteration, TrainingJob
 from .models.choices import UNDER_WAY
 
 
 def _at_once(racers: Collection[int] | None, now: datetime) -> Mapping[int, float]:
-    """Trainings that wait or run."""
-    return dict(_jobs(racers).filter(state__in=UNDER_WAY).order_by().values_list("owner").annotate(Count("pk")))
+    """Trainings that wait or run; a sweep is one of them until it ends."""
+    return used_quotas(racers, now)[AT_ONCE.name]
 
 
 def _minutes(racers: Collection[int] | None, now: datetime) -> Mapping[int, float]:
     """Minutes of the trainers since the month began (in the site's time zone): what ended counts as long as it held
-    one, what waits or runs for as long as it may. What failed through our fault counts for nothing; what was
-    deleted counts on."""
-    month = start_of_month(now)
-    jobs = (
-        _jobs(racers)
-        .filter(created_at__gte=month)
-        .exclude(state=JobState.FAILED, reason_code__in=platform_codes())
-        .values_list("owner", "state", "charged_s", "stop_minutes")
-    )
-    used: dict[int, float] = defaultdict(float)
-    for owner, state, seconds, minutes in jobs:
-        used[owner] += max(float(minutes), seconds / 60.0) if state in UNDER_WAY else seconds / 60.0
-    return used
+    one, what waits or runs for as long as it may, and a running sweep for its budget. What failed through our fault
+    counts for nothing; what was deleted counts on."""
+    return used_quotas(racers, now)[MINUTES.name]
+
+
+def used_quotas(racers: Collection[int] | None, now: datetime) -> dict[str, Mapping[int, float]]:
+    """The use of both quotas by their names. One query."""
+    month, ours = start_of_month(now), Q(state=JobState.FAILED, reason_code__in=platform_codes())
+    jobs = _jobs(racers).filter(Q(created_at__gte=month) & ~ours | Q(state__in=UNDER_WAY, stop_seconds=None))
+    whole = Case(When(state__in=UNDER_WAY, stop_seconds=None, then=1), default=0)
+    jobs = jobs.order_by().annotate(kind=Value("job"), whole=whole)
+    sweeps = _running_sweeps(racers).order_by().annotate(kind=Value("sweep"), whole=Value(1))
+    sweeps = sweeps.annotate(charged_s=Coalesce(Sum("trials__job__charged_s"), 0.0))
+    columns = ("kind", "owner", "whole", "created_at", "charged_s")
+    rows = jobs.values_list(*columns, "stop_minutes").union(sweeps.values_list(*columns, "budget_s"), all=True)
+    at_once: dict[int, float] = defaultdict(float)
+    minutes: dict[int, float] = defaultdict(float)
+    for kind, owner, is_whole, created_at, seconds, most in rows:
+        at_once[owner] += is_whole
+        if kind == "sweep":
+            minutes[owner] += max(0.0, most - seconds) / 60.0
+        elif created_at >= month:
+            minutes[owner] += max(float(most), seconds / 60.0) if is_whole else seconds / 60.0
+    return {AT_ONCE.name: at_once, MINUTES.name: minutes}
 
 
 def _files(racers: Collection[int] | None) -> Mapping[int, float]:
     """Checkpoints, sim-traces and models as stable-baselines3 saves them. Networks that became models are on the shelf
     of networks."""
-    used: dict[int, float] = defaultdict(float)
-    for model, column, owner in (
-        (Checkpoint, "file", "job__owner"),
-        (Checkpoint, "networks", "job__owner"),
-        (TrainingIteration, "simtrace", "job__owner"),
-        (TrainingJob, "sb3_zip", "owner"),
-    ):
-        for racer, size in sizes_of_files(model, column, owner, racers).items():
-            used[racer] += size
-    return used
+    tables: list[FileColumn] = [
+        (Checkpoint, "file", "job__owner", {}),
+        (Checkpoint, "networks", "job__owner", {}),
+        (TrainingIteration, "simtrace", "job__owner", {}),
+        (TrainingJob, "sb3_zip", "owner", {}),
+    ]
+    return sizes_of_files(tables, racers)
 
 
 def files_of(job: TrainingJob) -> list[str]:
@@ -73,6 +80,11 @@ def bytes_of(job: TrainingJob) -> int:
 
 def _jobs(racers: Collection[int] | None) -> QuerySet[TrainingJob]:
     return TrainingJob.objects.all() if racers is None else TrainingJob.objects.filter(owner__in=racers)
+
+
+def _running_sweeps(racers: Collection[int] | None) -> QuerySet[Sweep]:
+    sweeps = Sweep.objects.filter(state=SweepState.RUNNING)
+    return sweeps if racers is None else sweeps.filter(owner__in=racers)
 
 
 def _have_training() -> bool:

@@ -1,12 +1,11 @@
-"""Why a training or a vehicle is refused, and why a training ends early."""
+"""Reason codes of trainings and vehicles."""
 
 from paddock.errors.reasons import gettext_noop as _
 from paddock.errors.reasons import register
 
 register(
     "Paddock's own faults",
-    "platform",
-    {
+    unavailable={
         "submit_failed": _(
             "Paddock failed to send the model to its race. The model is in your garage: submit it there yourself."
         ),
@@ -18,11 +17,7 @@ register(
 
 register(
     "Vehicles",
-    "user",
-    {
-        "vehicle_name_taken": _("You have another vehicle named “%(name)s”. Choose another name."),
-        "vehicle_limit": _("You have reached the limit of %(limit)s vehicles. Delete one first."),
-        "vehicle_not_yours": _("This vehicle is not in your garage. Choose one of yours."),
+    invalid={
         "vehicle_sensors": _("A vehicle has one camera (%(cameras)s) and at most one lidar (%(lidars)s)."),
         "vehicle_lidar": _(
             "Only the sensor %(sensor)s has settings. Add it to the sensors, or leave the settings out."
@@ -31,22 +26,27 @@ register(
             "The time was used up before the training began: the lines outside of the reward function run once for "
             "each of %(count)s cars, and took %(ms)s ms. Compute less there."
         ),
+    },
+    forbidden={
+        "vehicle_not_yours": _("This vehicle is not in your garage. Choose one of yours."),
+    },
+    conflict={
+        "vehicle_name_taken": _("You have another vehicle named “%(name)s”. Choose another name."),
+        "vehicle_limit": _("You have reached the limit of %(limit)s vehicles. Delete one first."),
         "reward_check_runs": _("One of your reward functions is being checked already. Try again in a few seconds."),
     },
 )
 
 register(
     "Trainings",
-    "user",
-    {
+    invalid={
         "training_name_form": _(
             "A model's name has 1 to 64 letters (A to Z), digits and hyphens, without blanks. Choose another one."
         ),
-        "training_name_taken": _("You have a model or a training named “%(name)s” already. Choose another name."),
         "training_algorithm": _("There is no algorithm “%(algorithm)s”. Choose ppo or sac."),
         "training_exploration": _(
-            "“%(name)s” is no choice here: PPO and SAC try out what they are unsure of, more of it with a greater "
-            "entropy. Leave it out."
+            "“%(name)s” is not available: PPO and SAC explore by their entropy bonus. Leave it out, and raise the "
+            "entropy to explore more."
         ),
         "training_hyperparameter_unknown": _(
             "There is no hyperparameter “%(name)s” for this algorithm. It has: %(known)s."
@@ -84,19 +84,20 @@ register(
             "has bot cars, a time trial has neither."
         ),
         "training_reward_missing": _("Write a reward function, or choose one of the examples."),
-        "training_jobs_at_once": _(
-            "You have reached the limit of %(limit)s trainings at a time. Stop one, or wait for its end."
+        "sweep_name_form": _(
+            "A sweep's name has 1 to %(limit)s letters (A to Z), digits and hyphens, without blanks. Choose another "
+            "one."
         ),
-        "training_minutes_left": _(
-            "%(left)s of %(limit)s training minutes are left this month (queued and running "
-            "trainings count in full). Choose a shorter training."
+        "sweep_settings": _("A sweep tries a whole number of settings from %(low)s to %(high)s."),
+        "sweep_budget": _("This sweep needs a budget of %(low)s to %(high)s seconds."),
+        "sweep_range": _(
+            "The values of “%(name)s” need a low end below the high end, or at least two different choices."
         ),
-        "training_no_model": _(
-            "This model of the training does not exist. Wait for the first iteration, or choose the other one."
+        "sweep_variants": _("Try at most %(limit)s action spaces and %(limit)s reward functions beside the first."),
+        "sweep_space_empty": _(
+            "Choose what the settings differ in: a hyperparameter, another action space or another reward function."
         ),
-        "clone_not_yours": _(
-            "This model cannot be cloned: it is neither yours nor shared. Choose one of yours or a shared one."
-        ),
+        "sweep_combinations": _("There are only %(count)s different settings. Try fewer, or vary more."),
         "clone_sensors": _(
             "The model to be cloned sees with %(has)s, this vehicle with %(wanted)s. Choose a vehicle with the same "
             "sensors."
@@ -105,12 +106,9 @@ register(
             "The model to be cloned has the network %(has)s, this vehicle %(wanted)s. Choose a vehicle with the same "
             "network."
         ),
-        "class_learner_in_duels": _(
-            "The car of %(racer)s is in drawn duels of %(race)s. Cancel and delete that race, or delete the class."
-        ),
         "clone_actions": _(
-            "The model to be cloned chooses among %(has)s, this training among %(wanted)s. Their values may differ, "
-            "their number and kind may not."
+            "The cloned model has the actions %(has)s, this training has %(wanted)s. Values may differ; number "
+            "and kind must match."
         ),
         "clone_frame_stack": _(
             "The model to be cloned reads the last %(count)s observations at once (frame_stack); trainings here read "
@@ -134,22 +132,49 @@ register(
             "reward function (%(how)s). A function that changes anything but its own values does that. Try one of the "
             "examples instead of it; if that breaks down as well, tell whoever operates this site."
         ),
+    },
+    forbidden={
+        "clone_not_yours": _(
+            "This model cannot be cloned: it is neither yours nor shared. Choose one of yours or a shared one."
+        ),
+    },
+    not_found={
+        "class_learner_unknown": _("An alias is no learner of this class. Nothing was changed."),
+    },
+    conflict={
+        "training_name_taken": _("You have a model or a training named “%(name)s” already. Choose another name."),
+        "training_jobs_at_once": _(
+            "You have reached the limit of %(limit)s trainings at a time. Stop one, or wait for its end."
+        ),
+        "training_minutes_left": _(
+            "%(left)s of %(limit)s training minutes are left this month (queued and running "
+            "trainings count in full). Choose a shorter training."
+        ),
+        "training_of_sweep": _("This training is a trial of a sweep. Delete the sweep: its trials go with it."),
+        "sweep_without_model": _("No setting led to a model: no trial had an evaluation. Choose a larger budget."),
+        "sweep_running": _("Only a sweep that is over can be deleted. Stop this one first."),
+        "sweep_name_taken": _("You have a running sweep named “%(name)s” already. Choose another name."),
+        "training_no_model": _(
+            "This training does not have that model yet. Wait for the first iteration, or choose the other model."
+        ),
+        "class_learner_in_duels": _(
+            "The car of %(racer)s is in drawn duels of %(race)s. Cancel and delete that race, or delete the class."
+        ),
         "training_under_way": _("Only a training that is over can be deleted. Stop this one first."),
         "training_model_races": _(
-            "The model “%(name)s” is in the race “%(race)s”, which is not over. Delete the training without its "
-            "models, or wait for the end of the race."
+            "The model “%(name)s” is entered in “%(race)s”, which is still running. Delete the training without "
+            "its models, or wait until the race closes."
         ),
         "training_model_drives": _(
-            "The model “%(name)s” is in a run that waits or is driven. Delete the training without its models, or wait "
-            "for the end of the run."
+            "The model “%(name)s” has a queued or running run. Delete the training without its models, or wait "
+            "until the run ends."
         ),
     },
 )
 
 register(
     "Trainings",
-    "platform",
-    {
+    unavailable={
         "training_unavailable": _(
             "Training is not installed on this site. The operator can add it with “make training”."
         ),
@@ -158,6 +183,9 @@ register(
         "trainer_lost": _("The training worker was lost. The training resumes from its last checkpoint."),
         "trainer_protocol": _("The training sent invalid data. It resumes from its last checkpoint."),
         "trainer_error": _("The training failed (%(detail)s). It resumes from its last checkpoint."),
+        "sweep_broke_down": _(
+            "Paddock could not choose the next setting of this sweep. The trials so far stay. Start a new sweep."
+        ),
         "training_gave_up": _(
             "Paddock failed to train this model %(attempts)s times. The model is fine, and its "
             "minutes do not count. Train it again later."

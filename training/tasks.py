@@ -1,29 +1,28 @@
-"""Celery's side of training: thin, because the table of jobs is the truth and a message is only a wake-up.
-
-Trainings have a queue and workers of their own (``--queues training``), so that an evaluation never waits for one.
-"""
-
-from __future__ import annotations
+"""Celery tasks of training, with their own queue and workers, so that evaluations never wait for trainings."""
 
 import logging
+from collections.abc import Callable
 
 from celery import Task, shared_task
 from django.conf import settings
 
-from core.clock import database_now
+from core.database.clock import database_now
 from core.jobs.work import work_off
-from evaluation.services import note_worker
+from evaluation.running.worker_nodes import note_worker
 from paddock.errors import PlatformFault
 
-from .services import TRAININGS, forget_deleted, purge_trainings, run_next_training
+from .jobs.services.deletion import forget_deleted
+from .jobs.services.queue import TRAININGS
+from .jobs.services.records import purge_trainings
+from .jobs.services.worker import run_next_training
+from .sweeps.services import advance_sweeps, sweeps_due
 
 logger = logging.getLogger(__name__)
 
 
 @shared_task(bind=True)
 def train(self: Task) -> bool:
-    """Run one training; send another wake-up if it was one. Without torch, below the sandbox's minimum, or where golden
-    runs differ, none runs."""
+    """Run one training; wake the next. Without torch, a sufficient sandbox and equal golden runs, none runs."""
     worker = self.request.hostname or "local"
     if not settings.TRAINING or settings.TRAINING_PAUSED:
         return False
@@ -32,13 +31,20 @@ def train(self: Task) -> bool:
     except PlatformFault as fault:
         logger.error("%s trains nothing: %s", worker, "\n".join([str(fault), *getattr(fault, "__notes__", ())]))
         return False
-    return bool(work_off(TRAININGS, lambda told: run_next_training(worker=worker, interrupted=told)))
+
+    def turn(interrupted: Callable[[], bool]) -> bool:
+        advance_sweeps(now=database_now())
+        return run_next_training(worker=worker, interrupted=interrupted)
+
+    return bool(work_off(TRAININGS, turn))
 
 
 @shared_task
 def sweep() -> int:
-    """Requeue trainings that lost their worker, and send wake-ups for those that wait. Beat sends it every few
-    seconds."""
+    """Requeue trainings that lost their worker, and send wake-ups for those in the queue and for sweeps that wait for a
+    trainer; a periodic task."""
+    if sweeps_due().exists():
+        TRAININGS.wake()
     return TRAININGS.sweep(now=database_now()).waiting
 
 

@@ -1,6 +1,4 @@
-"""Videos of runs: looked at, stopped and deleted; never edited."""
-
-from __future__ import annotations
+"""The admin of videos, which views, stops and deletes them."""
 
 from django.contrib import admin, messages
 from django.db.models import QuerySet
@@ -17,20 +15,12 @@ from .services import stop_video
 
 @admin.register(Video)
 class VideoAdmin(ReadOnly, admin.ModelAdmin):
-    """Every video that was asked for. Deleting one deletes its file."""
+    """All videos. Deleting one deletes its file."""
 
-    list_display: tuple[str, ...] = (
-        "public_id",
-        "evaluation",
-        "car",
-        "part",
-        "language",
-        "state",
-        "attempt",
-        "asked_by",
-        "asked_at",
+    list_display = (
+        *("public_id", "evaluation", "car", "part", "language", "state", "attempt", "asked_by", "asked_at"),
+        *("megabytes", "watched_at", "reason_code"),
     )
-    list_display += ("megabytes", "watched_at", "reason_code")
     list_filter = ("state", "reason_code", "language", "asked_at")
     list_select_related = ("evaluation", "asked_by")
     search_fields = ("public_id", "evaluation__public_id", "asked_by__alias", "evaluation__owner__alias")

@@ -1,9 +1,7 @@
-"""What happens to videos, as events."""
-
-from __future__ import annotations
+"""The events of videos."""
 
 from core.events import EventKind, register
-from evaluation.events import RUN
+from evaluation.running.events import RUN
 
 # subject: the run that is shown
 VIDEO_READY = register(EventKind("video.ready", "a video of a run is ready", RUN, ("subject",), ("video",)))

@@ -1,4 +1,4 @@
-"""What videos ask the room above, which knows the races: who may see a run, and what a video says of its race."""
+"""The registry through which the room above supplies the visibility and titles of runs."""
 
 from __future__ import annotations
 
@@ -20,13 +20,11 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class Runs:
-    """What is known of runs above this room.
+    """The functions that the room above supplies.
 
-    ``can_see``: whether somebody may see a run, and its twin ``visible_to``: all runs that they may see.
-    ``titles``: of a run in a language, the title of its video and the line below. ``fastest_sectors_ms``: the times
-    that its sectors are held against for purple, empty for a run that takes no marks. ``related``: what of a run to
-    read with it. ``shown_together``: whether all these runs, by their ids, still stand as they were shown to
-    everybody who may see the first.
+    ``titles``: title and subtitle of a run's video in a language. ``fastest_sectors_ms``: the race's best sector times,
+    empty for a run without colours. ``related``: relations of a run to read with it. ``shown_together``: whether every
+    reader of the first of these runs (public ids) may see all of them.
     """
 
     can_see: Callable[[Viewer, Evaluation], bool]
@@ -41,12 +39,12 @@ _known: list[Runs] = []
 
 
 def register_runs(runs: Runs) -> None:
-    """Called once, when the site starts."""
+    """Register the functions once, at the start of the site."""
     _known[:] = [runs]
 
 
 def runs() -> Runs:
-    """What was registered. Raises LookupError before."""
+    """The registered functions. Raises LookupError without."""
     if not _known:
         raise LookupError("no room has registered its runs with the videos")
     return _known[0]

@@ -1,4 +1,4 @@
-"""Videos of finished runs. The table is the queue of those that are asked for."""
+"""Videos of finished runs. The table is their queue."""
 
 from __future__ import annotations
 
@@ -16,12 +16,12 @@ from core.jobs.models import Job, lease_constraints
 from evaluation.models import SHA256
 from paddock.rules.race import MAX_CARS
 
-WHOLE = 0  # the part that is the whole run
-REEL = 32_000  # and the one that is moments of several runs; more than any run has laps
+WHOLE = 0  # the part of the whole run
+REEL = 32_000  # the part of a reel; more than any run has laps
 
 
 class VideoState(models.TextChoices):
-    """The states of a video. READY and FAILED are final until somebody asks again."""
+    """The states of a video. READY and FAILED are final until the next request."""
 
     WAITING = "waiting", _("waiting")
     DRAWING = "drawing", _("rendering")
@@ -35,11 +35,10 @@ UNDER_WAY = (VideoState.WAITING, VideoState.DRAWING)
 class Video(Job):
     """One video of a finished run: of the whole run or one lap, following one car, with words in one language.
 
-    ``car``: the number of the car that is followed, 0 for the evaluation's own. ``part``: 0 for the whole run, else a
-    lap of that car, or :data:`REEL`: the moments of several runs that ``segments`` has (:class:`videos.reel.Segment`),
-    whose first run is ``evaluation``.
-    ``fingerprint``: of all that the file shows (:meth:`videos.run.VideoRun.fingerprint`); another one now, and the
-    file shows somebody's old name or colours. ``asks``: how often ``asked_by`` asked for it on the day of ``asked_at``.
+    ``car``: the number of the car that is followed, 0 for the evaluation's own. ``part``: 0 for the whole run, a lap of
+    that car, or :data:`REEL`: the moments in ``segments`` (:class:`.scenes.Segment`), whose first run is
+    ``evaluation``. ``fingerprint``: :meth:`.scenes.VideoRun.fingerprint` of the file. ``asks``: requests by
+    ``asked_by`` on the day of ``asked_at``.
     """
 
     public_id = models.CharField(max_length=12, unique=True, default=new_public_id, editable=False)
@@ -121,5 +120,4 @@ class Video(Job):
 
     @property
     def is_under_way(self) -> bool:
-        """Whether it waits or is being drawn."""
         return self.state in UNDER_WAY

@@ -1,6 +1,4 @@
-"""How many videos a racer may ask for, and what their files weigh."""
-
-from __future__ import annotations
+"""The quotas of videos and the size of their files."""
 
 from collections.abc import Collection, Mapping
 from datetime import datetime, timedelta
@@ -9,24 +7,23 @@ from django.conf import settings
 from django.db.models import Count, QuerySet, Sum
 from django.utils.translation import gettext_lazy as _
 
-from accounts.quotas import Quota
-from accounts.storage import Shelf
+from accounts.quotas import CountedRows, Quota
+from accounts.usage.storage import Shelf
 
 from .models import UNDER_WAY, Video
 
 A_DAY = timedelta(days=1)
 
 
-def _videos_at_once(racers: Collection[int] | None, now: datetime) -> Mapping[int, float]:
-    """Videos that wait or are being drawn, by who asked for them."""
+def _videos_at_once(racers: Collection[int] | None, now: datetime) -> CountedRows:
     waiting = _videos(racers).filter(state__in=UNDER_WAY)
-    return dict(waiting.order_by().values_list("asked_by").annotate(Count("pk")))
+    return waiting.order_by().values_list("asked_by").annotate(Count("pk"))
 
 
-def _videos_a_day(racers: Collection[int] | None, now: datetime) -> Mapping[int, float]:
-    """How often videos were asked for in the 24 hours before ``now``."""
+def _videos_a_day(racers: Collection[int] | None, now: datetime) -> CountedRows:
+    """The requests of each racer in the 24 hours before ``now``."""
     asked = _videos(racers).filter(asked_at__gt=now - A_DAY)
-    return dict(asked.order_by().values_list("asked_by").annotate(Sum("asks")))
+    return asked.order_by().values_list("asked_by").annotate(Sum("asks"))
 
 
 def _videos(racers: Collection[int] | None) -> QuerySet[Video]:
@@ -35,7 +32,6 @@ def _videos(racers: Collection[int] | None) -> QuerySet[Video]:
 
 
 def _video_files(racers: Collection[int] | None) -> Mapping[int, float]:
-    """Videos that are ready, by who asked for them."""
     ready = _videos(racers).filter(size__gt=0)
     return dict(ready.order_by().values_list("asked_by").annotate(Sum("size")))
 

@@ -1,4 +1,4 @@
-"""A video on its way to whoever watches it: who may, and the answer with its bytes. For pages and the API."""
+"""Responses with the bytes of a video, for pages and the API."""
 
 from __future__ import annotations
 
@@ -10,9 +10,9 @@ from django.shortcuts import get_object_or_404
 from django.utils import timezone
 from django.utils.translation import get_language
 
-from core.ranges import stored_file_response
-from core.storage_faults import storage_at_work
-from evaluation.files import as_download
+from core.files.range_responses import stored_file_response
+from core.files.storage_faults import storage_at_work
+from evaluation.garage.downloads import as_download
 
 from .hooks import runs
 from .models import REEL, WHOLE, Video, VideoState
@@ -35,8 +35,7 @@ def visible_video(racer: Racer | AnonymousUser, public_id: str) -> Video:
 
 
 def ready_video(racer: Racer | AnonymousUser, public_id: str) -> Video:
-    """The video, if it can be watched. Raises Http404 as well while it is not ready, and when it shows a name or a look
-    of before."""
+    """The video if it is ready. Raises Http404 also for an unfinished or stale video."""
     video = visible_video(racer, public_id)
     if shown_video(video).state != VideoState.READY:
         raise Http404
@@ -46,11 +45,10 @@ def ready_video(racer: Racer | AnonymousUser, public_id: str) -> Video:
 def video_response(
     request: HttpRequest, video: Video, *, still: bool = False, download: bool = False
 ) -> HttpResponseBase:
-    """The file of a ready video, whole or the part that ``Range`` names, or its still. ``download``: as a file to keep;
-    to a player it goes in pieces.
+    """The file of a ready video, whole or the part that ``Range`` names, or its still. ``download``: as an attachment;
+    a player gets it in pieces. Browsers revalidate their copy.
 
-    Browsers keep it, and ask each time whether it may still be shown. Raises Http404 where the file is lost (the video
-    can then be asked for anew) and PlatformFault("storage_failed").
+    Raises Http404 where the file is lost (the video can then be requested again) and PlatformFault("storage_failed").
     """
     now = timezone.now()
     file, kind = (video.poster, "image/jpeg") if still else (video.file, "video/mp4")
@@ -71,13 +69,12 @@ def video_response(
 
 
 def file_name(video: Video) -> str:
-    """What a video is downloaded as: its run, the car unless it is the run's own, the part."""
+    """The name of the downloaded file: the run, another car's number, the part."""
     part = {WHOLE: "run", REEL: "highlights"}.get(video.part, f"lap{video.part}")
     car = f"-car{video.car}" if video.car else ""
     return f"{video.evaluation.public_id}{car}-{part}.mp4"
 
 
 def page_language() -> str:
-    """The language of the request, as videos name it."""
     language = (get_language() or settings.LANGUAGE_CODE).split("-")[0]
     return language if language in dict(settings.LANGUAGES) else settings.LANGUAGE_CODE

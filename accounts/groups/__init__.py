@@ -1,1 +1,1 @@
-"""Groups of racers: who may see and do what, and every write."""
+"""Groups of racers."""

@@ -1,17 +1,13 @@
-"""Who sees which group and who is in it. Every predicate has a queryset twin; tests hold them together."""
+"""Visibility of groups and their members."""
 
-from __future__ import annotations
-
-from typing import TYPE_CHECKING, TypeGuard
+from collections.abc import Collection, Sequence
+from typing import Any, TypeGuard
 
 from django.db.models import Exists, OuterRef, Q, QuerySet
 
-from ..models import ClassTeacher, GroupMember, Racer, RacerGroup
+from core.streams.shared_pieces import shared_value
 
-if TYPE_CHECKING:
-    from django.contrib.auth.models import AnonymousUser
-
-    Viewer = Racer | AnonymousUser | None
+from ..models import ClassLearner, Classroom, ClassTeacher, GroupMember, Racer, RacerGroup, Viewer
 
 
 def can_lead(viewer: Viewer, group: RacerGroup) -> bool:
@@ -19,16 +15,8 @@ def can_lead(viewer: Viewer, group: RacerGroup) -> bool:
     return _known(viewer) and (viewer.is_staff or viewer.pk == group.leader_id)
 
 
-def can_see_group(viewer: Viewer, group: RacerGroup) -> bool:
-    """Whether the viewer may know that the group exists: listed ones everybody; else who leads it, who is in it or has
-    asked to be, and admins. Twin of :func:`groups_visible_to`."""
-    if group.is_listed or can_lead(viewer, group):
-        return True
-    return _known(viewer) and GroupMember.objects.filter(group=group, racer=viewer.pk).exists()
-
-
 def groups_visible_to(viewer: Viewer) -> QuerySet[RacerGroup]:
-    """All groups that the viewer may know of. Twin of :func:`can_see_group`."""
+    """Groups that the viewer can see: listed ones, those that they lead, are in or asked to join; admins all."""
     groups = RacerGroup.objects.select_related("leader")
     if not _known(viewer):
         return groups.filter(is_listed=True)
@@ -38,18 +26,16 @@ def groups_visible_to(viewer: Viewer) -> QuerySet[RacerGroup]:
     return groups.filter(Q(is_listed=True) | Q(leader=viewer.pk) | Q(inside))
 
 
-def can_see_member(viewer: Viewer, member: GroupMember) -> bool:
-    """Whether the viewer may know that a racer is in a group or has asked to be: the racer, who leads it, and admins;
-    once it is confirmed also who is in it, and of a listed group everybody. Twin of :func:`members_visible_to`."""
-    if can_lead(viewer, member.group) or (_known(viewer) and viewer.pk == member.racer_id):
-        return True
-    if member.confirmed_at is None:
-        return False
-    return member.group.is_listed or is_in(viewer, member.group)
+def visible_of(groups: Sequence[RacerGroup], viewer: Viewer) -> list[RacerGroup]:
+    """Those of ``groups`` that the viewer can see: one query, or none where all are listed."""
+    hidden = [group.pk for group in groups if not group.is_listed]
+    seen = set(groups_visible_to(viewer).filter(pk__in=hidden).values_list("pk", flat=True)) if hidden else set()
+    return [group for group in groups if group.is_listed or group.pk in seen]
 
 
 def members_visible_to(viewer: Viewer) -> QuerySet[GroupMember]:
-    """All memberships that the viewer may know of. Twin of :func:`can_see_member`."""
+    """Memberships and requests that the viewer can see: their own, those of groups that they lead, admins all;
+    confirmed ones also in listed groups and to other members."""
     members = GroupMember.objects.select_related("racer", "group")
     if not _known(viewer):
         return members.filter(group__is_listed=True, confirmed_at__isnull=False)
@@ -60,21 +46,41 @@ def members_visible_to(viewer: Viewer) -> QuerySet[GroupMember]:
     return members.filter(Q(racer=viewer.pk) | Q(group__leader=viewer.pk) | seen)
 
 
-def is_in(racer: Viewer, group: RacerGroup | int) -> bool:
-    """Whether the racer is a confirmed member."""
-    return (
-        _known(racer) and GroupMember.objects.filter(group=group, racer=racer.pk, confirmed_at__isnull=False).exists()
+def with_class(members: QuerySet[GroupMember]) -> QuerySet[Any]:
+    """With ``is_in_class``: whether the member is a learner or a teacher of the class whose group it is."""
+    same = {"classroom__group": OuterRef("group"), "racer": OuterRef("racer")}
+    return members.annotate(
+        is_in_class=Exists(ClassLearner.objects.filter(**same))
+        | Exists(ClassTeacher.objects.filter(**same))
+        | Exists(Classroom.objects.filter(group=OuterRef("group"), group__leader=OuterRef("racer")))
     )
 
 
-def inside(group: RacerGroup) -> QuerySet[GroupMember]:
-    """The confirmed members of a group."""
+def is_in(racer: Viewer, group: RacerGroup | int) -> bool:
+    if not _known(racer):
+        return False
+    known = getattr(racer, "_groups_in", {}).get(group if isinstance(group, int) else group.pk)
+    if known is not None:
+        return bool(known)
+    return inside(group).filter(racer=racer.pk).exists()
+
+
+def remember_groups(racer: Racer, groups: Collection[int]) -> None:
+    """Let :func:`is_in` answer from memory about these groups, on a page with many: no query for a single racer."""
+    confirmed = GroupMember.objects.filter(group__in=groups, confirmed_at__isnull=False)
+    members = shared_value(
+        ("members of groups", *groups), lambda: frozenset(confirmed.values_list("group", "racer").order_by())
+    )
+    racer._groups_in = {group: (group, racer.pk) in members for group in groups}  # type: ignore[attr-defined]
+
+
+def inside(group: RacerGroup | int) -> QuerySet[GroupMember]:
     return GroupMember.objects.filter(group=group, confirmed_at__isnull=False)
 
 
 def may_hold_for(racer: Racer | None, group: RacerGroup) -> bool:
-    """Whether the racer may hold a race for this group alone: for listed ones anybody, for others who leads them, for a
-    class its second teachers too. Twin of :func:`groups_to_hold_for`."""
+    """Whether the racer can create a race for this group only: anybody if it is listed, else its leader and a class's
+    teachers. Twin of :func:`groups_to_hold_for`."""
     if group.is_listed or can_lead(racer, group):
         return True
     return _known(racer) and ClassTeacher.objects.filter(classroom__group=group, racer=racer.pk).exists()

@@ -1,7 +1,5 @@
 """Making groups, asking to be in one, confirming, leaving."""
 
-from __future__ import annotations
-
 from datetime import datetime
 
 from django.db import transaction
@@ -9,12 +7,12 @@ from django.db.models import ProtectedError
 from django.utils.crypto import get_random_string
 from django.utils.text import slugify
 
-from core.locks import hold
+from core.database.locks import hold
 from paddock.errors import UserFault
 
 from ..models import Classroom, GroupMember, Racer, RacerGroup
 from ..models.access import new_code
-from .selectors import can_lead
+from .selectors import can_lead, with_class
 
 GROUPS_PER_RACER = 20
 RESERVED = frozenset({"new", "join"})
@@ -44,7 +42,7 @@ def change_group(*, group: RacerGroup, by: Racer, name: str, description: str) -
 
 @transaction.atomic
 def ask_to_join(*, code: str, racer: Racer, now: datetime) -> GroupMember:
-    """Ask to be in the group of this link; who leads it is in it at once. Raises UserFault("group_link_unknown")."""
+    """Ask to join the group of a link; its leader is a member at once. Raises UserFault("group_link_unknown")."""
     group = RacerGroup.objects.filter(code=code).first() if code else None
     if group is None:
         raise UserFault("group_link_unknown")
@@ -66,15 +64,17 @@ def confirm_member(*, member: GroupMember, by: Racer, now: datetime) -> GroupMem
 
 
 def remove_member(*, member: GroupMember, by: Racer) -> None:
-    """Take a racer out of a group, or turn down who asks; everybody may leave. Raises UserFault("group_not_yours")."""
+    """Remove a member or decline a request; racers may leave, except from their class. Raises
+    UserFault("group_not_yours" | "group_is_a_class")."""
     if by.pk != member.racer_id:
         _require_lead(member.group, by)
+    if with_class(GroupMember.objects.filter(pk=member.pk)).filter(is_in_class=True).exists():
+        raise UserFault("group_is_a_class")
     GroupMember.objects.filter(pk=member.pk).delete()
 
 
 def hand_over_group(*, group: RacerGroup, to: Racer, by: Racer) -> RacerGroup:
-    """Let a confirmed member lead. Raises UserFault("group_not_yours" | "group_not_a_member" |
-    "group_is_a_class")."""
+    """Let a confirmed member lead. Raises UserFault("group_not_yours" | "group_not_a_member" | "group_is_a_class")."""
     _require_lead(group, by)
     if Classroom.objects.filter(group=group).exists():
         raise UserFault("group_is_a_class")
@@ -105,7 +105,6 @@ def delete_group(*, group: RacerGroup, by: Racer) -> None:
 
 
 def free_slug(name: str) -> str:
-    """An address for a group of this name that no other has."""
     slug = slugify(name)[:40].strip("-")
     if not slug or slug in RESERVED or RacerGroup.objects.filter(slug=slug).exists():
         slug = f"{slug or 'group'}-{get_random_string(6, 'abcdefghijkmnpqrstuvwxyz23456789')}"

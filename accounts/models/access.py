@@ -1,7 +1,4 @@
-"""What an admin has set for single racers, invitations to sign up, where racers have logged in from, and what their
-tokens may do."""
-
-from __future__ import annotations
+"""Quotas of single racers, invitations to sign up, known addresses, and grants of tokens."""
 
 import secrets
 from datetime import datetime
@@ -12,6 +9,8 @@ from django.db import models
 from django.db.models import F, Q
 from django.urls import reverse
 from django.utils.translation import gettext_lazy as _
+
+from core.database.columns import OneLineField
 
 from ..quotas import name_choices
 from ..scopes import SCOPES
@@ -50,7 +49,7 @@ class SignUpInvitation(models.Model):
     """A link with which so many people may sign up while sign-up is by invitation."""
 
     code = models.CharField(_("code"), max_length=32, unique=True, default=new_code, editable=False)
-    note = models.CharField(_("note"), max_length=100, blank=True, help_text=_("For admins: the intended recipient."))
+    note = OneLineField(_("note"), max_length=100, blank=True, help_text=_("For admins: the intended recipient."))
     uses = models.PositiveIntegerField(_("racers"), default=1, help_text=_("Number of racers who can sign up with it."))
     used = models.PositiveIntegerField(_("signed up"), default=0, editable=False)
     expires_at = models.DateTimeField(_("expires"))
@@ -80,12 +79,11 @@ class SignUpInvitation(models.Model):
         return reverse("sign_up_invitation", args=[self.code])
 
     def is_open(self, now: datetime) -> bool:
-        """Whether somebody may still sign up with it."""
         return self.used < self.uses and now < self.expires_at
 
 
 class KnownAddress(models.Model):
-    """A racer has logged in from an address, which is kept as a digest (:mod:`accounts.log_in`)."""
+    """A racer has logged in from an address, which is kept as a digest (:mod:`accounts.signing_in.attempt_limits`)."""
 
     racer = models.ForeignKey(settings.AUTH_USER_MODEL, models.CASCADE, related_name="known_addresses")
     digest = models.CharField(max_length=64)
@@ -127,5 +125,4 @@ class TokenGrant(models.Model):
 
     @property
     def scopes(self) -> list[str]:
-        """Their names, in the usual order."""
         return [scope for scope in SCOPES if getattr(self, f"may_{scope}")]

@@ -1,13 +1,11 @@
-"""Classes: a teacher's learners, who have accounts without e-mail address and password."""
-
-from __future__ import annotations
+"""Classes: a teacher's learners, with accounts without e-mail address and password."""
 
 from django.conf import settings
 from django.db import models
 from django.urls import reverse
 from django.utils.translation import gettext_lazy as _
 
-from core.validators import ONE_LINE
+from core.database.columns import OneLineField
 
 from .group import RacerGroup
 
@@ -57,7 +55,7 @@ class ClassLearner(models.Model):
         settings.AUTH_USER_MODEL, models.CASCADE, primary_key=True, related_name="learner", verbose_name=_("racer")
     )
     classroom = models.ForeignKey(Classroom, models.CASCADE, related_name="learners", verbose_name=_("class"))
-    real_name = models.CharField(_("name"), max_length=80, validators=[ONE_LINE])
+    real_name = OneLineField(_("name"), max_length=80)
     code_digest = models.CharField(max_length=64, unique=True, null=True, editable=False)
     lessons = models.JSONField(_("lessons seen"), default=dict, blank=True)
 

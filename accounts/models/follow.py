@@ -1,6 +1,4 @@
-"""Who follows whom."""
-
-from __future__ import annotations
+"""Follows between racers."""
 
 from django.conf import settings
 from django.db import models
@@ -9,7 +7,7 @@ from django.utils.translation import gettext_lazy as _
 
 
 class Follow(models.Model):
-    """A racer wants to hear what another one does."""
+    """A racer follows another one."""
 
     follower = models.ForeignKey(
         settings.AUTH_USER_MODEL, models.CASCADE, related_name="follows", verbose_name=_("follower"), db_index=False

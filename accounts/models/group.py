@@ -1,6 +1,4 @@
-"""Groups of racers: a school, a club, all students. Who is in one is confirmed by who leads it."""
-
-from __future__ import annotations
+"""Groups of racers, such as a school or a club. The leader confirms members."""
 
 from django.conf import settings
 from django.db import models
@@ -8,20 +6,17 @@ from django.db.models import Q
 from django.urls import reverse
 from django.utils.translation import gettext_lazy as _
 
-from core.validators import ONE_LINE
+from core.database.columns import MultiLineField, OneLineField
 
 from .access import new_code
 
 
 class RacerGroup(models.Model):
-    """Racers who belong together. ``code`` is the secret part of the link with which they ask to be in it.
-
-    One that is listed is shown to everybody, with who is in it; of others nobody learns who is not in them.
-    """
+    """A group of racers, visible to members, or to everybody if listed. ``code``: secret part of the link to join."""
 
     slug = models.SlugField(_("address"), unique=True, max_length=48)
-    name = models.CharField(_("name"), max_length=64, validators=[ONE_LINE])
-    description = models.TextField(_("description"), blank=True, max_length=500)
+    name = OneLineField(_("name"), max_length=64)
+    description = MultiLineField(_("description"), blank=True, max_length=500)
     leader = models.ForeignKey(
         settings.AUTH_USER_MODEL,
         models.SET_NULL,

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from typing import Any
+from typing import Any, TypeAlias
 
-from django.contrib.auth.models import AbstractBaseUser, BaseUserManager, PermissionsMixin
+from django.contrib.auth.models import AbstractBaseUser, AnonymousUser, BaseUserManager, PermissionsMixin
 from django.core.validators import RegexValidator
 from django.db import models, transaction
 from django.db.models.functions import Lower
@@ -12,11 +12,11 @@ from django.urls import reverse
 from django.utils import timezone
 from django.utils.translation import gettext_lazy as _
 
-from core.validators import ONE_LINE
+from core.database.columns import OneLineField
 
 ALIAS_PATTERN = r"^[A-Za-z0-9_-]{2,64}$"
 ALIAS_VALIDATORS = [
-    RegexValidator(ALIAS_PATTERN, _("Use 2 to 64 letters, digits, hyphens and underscores."), code="alias"),
+    RegexValidator(ALIAS_PATTERN, _("Use 2 to 64 English letters, digits, hyphens and underscores."), code="alias"),
 ]
 
 
@@ -31,7 +31,6 @@ class RacerManager(BaseUserManager["Racer"]):
         return racer
 
     def create_superuser(self, alias: str, email: str, password: str | None = None, **fields: Any) -> Racer:
-        """An admin with every permission."""
         return self.create_user(alias, email, password, is_staff=True, is_superuser=True, **fields)
 
     def get_by_natural_key(self, alias: str | None) -> Racer:
@@ -39,19 +38,18 @@ class RacerManager(BaseUserManager["Racer"]):
 
 
 class Racer(AbstractBaseUser, PermissionsMixin):
-    """Somebody who races. The alias is what everybody sees; the e-mail address is seen by its owner and admins only.
+    """A racer. The alias is public; only the owner and admins see the e-mail address.
 
-    House cars belong to racers with ``is_house``: they cannot log in and are never ranked. Who is known only from an
-    imported season has a ``record_id``, the id in that record; they cannot log in either, nor can stand-ins of guests,
-    who race real cars without an account by their ``guest_name`` and have no page.
+    House cars belong to racers with ``is_house``, known racers of imported seasons have a ``record_id``, and guests
+    with real cars a ``guest_name``: none of them can log in.
     """
 
     alias = models.CharField(_("alias"), max_length=64, unique=True, validators=ALIAS_VALIDATORS)
     email = models.EmailField(_("e-mail address"), unique=True)
     country = models.CharField(_("country"), max_length=2, blank=True, help_text=_("Two-letter code, such as KR."))
-    team = models.CharField(_("team"), max_length=64, blank=True, validators=[ONE_LINE])
+    team = OneLineField(_("team"), max_length=64, blank=True)
     record_id = models.CharField(_("id in imported seasons"), max_length=64, unique=True, null=True, editable=False)
-    guest_name = models.CharField(
+    guest_name = OneLineField(
         _("name of the guest"), max_length=64, blank=True, default="", db_default="", editable=False
     )
     avatar = models.CharField(
@@ -63,7 +61,9 @@ class Racer(AbstractBaseUser, PermissionsMixin):
         null=True,
         blank=True,
         editable=False,
-        help_text=_("Results of races from then on are hidden from the racer until they watched them. Empty: none."),
+        help_text=_(
+            "Results of races since then stay hidden until the racer has watched them. Empty: no results are hidden."
+        ),
     )
     is_house = models.BooleanField(_("house car"), default=False)
     is_staff = models.BooleanField(_("admin"), default=False)
@@ -101,28 +101,33 @@ class Racer(AbstractBaseUser, PermissionsMixin):
         self._closed = True
 
     def save(self, *args: Any, **kwargs: Any) -> None:
-        """Whichever way a password is changed, what the old one let in ends with it. (One that is only hashed anew, by
-        stronger means, is no change.)"""
+        """Delete tokens and known addresses when the password changes; a new hash of the same password is no change."""
         chosen = getattr(self, "_password", None) is not None  # Django's own mark of a new password
         changed = not self._state.adding and (chosen or getattr(self, "_closed", False))
         with transaction.atomic():
             super().save(*args, **kwargs)
             if changed:
-                from ..services import end_access  # which imports the models
-
-                end_access(racer=self)
+                self._end_access()
         self._closed = False
+
+    def _end_access(self) -> None:
+        """Delete tokens and known addresses. Sessions end by themselves: each is signed with the password's hash."""
+        from knox.models import get_token_model  # knox's models need this one
+
+        get_token_model().objects.filter(user=self).delete()
+        self.known_addresses.all().delete()
 
     @property
     def shown_name(self) -> str:
-        """What others read: the alias, of a guest the name that was typed."""
         return self.guest_name or self.alias
 
     @property
     def has_page(self) -> bool:
-        """Whether others may look the racer up: not closed accounts, nor guests. Who is known from a record alone was
-        never active and has a page."""
+        """Whether the racer has a public page: active accounts and racers of imported seasons."""
         return self.is_active or (self.record_id is not None and not self.guest_name)
 
     def get_absolute_url(self) -> str:
         return reverse("racer", args=[self.alias])
+
+
+Viewer: TypeAlias = "Racer | AnonymousUser | None"  # None and AnonymousUser: a guest

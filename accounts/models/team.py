@@ -1,6 +1,4 @@
-"""Teams: a captain, members, and who is asked to join."""
-
-from __future__ import annotations
+"""Teams: a captain, members and open invitations."""
 
 from django.conf import settings
 from django.db import models
@@ -8,7 +6,7 @@ from django.db.models import Q
 from django.urls import reverse
 from django.utils.translation import gettext_lazy as _
 
-from core.validators import ONE_LINE
+from core.database.columns import OneLineField
 
 from .access import new_code
 
@@ -19,13 +17,10 @@ def team_key(name: str) -> str:
 
 
 class Team(models.Model):
-    """Racers who race for one name, which stands beside each of them (``Racer.team``) and in standings of teams.
-
-    ``key``: the name as it is compared; ``code``: the secret part of the link that joins.
-    """
+    """Racers under one name. ``key``: the name as it is compared; ``code``: secret part of the link to join."""
 
     slug = models.SlugField(_("address"), unique=True, max_length=48)
-    name = models.CharField(_("name"), max_length=64, validators=[ONE_LINE])
+    name = OneLineField(_("name"), max_length=64)
     key = models.CharField(max_length=200, unique=True, editable=False)
     captain = models.ForeignKey(
         settings.AUTH_USER_MODEL, models.SET_NULL, null=True, blank=True, related_name="+", verbose_name=_("captain")

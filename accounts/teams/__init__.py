@@ -1,1 +1,1 @@
-"""Teams: who may do what, and every write."""
+"""Teams of racers."""

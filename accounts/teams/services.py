@@ -1,17 +1,15 @@
 """Founding teams, joining, leaving, and what their captains do."""
 
-from __future__ import annotations
-
 from datetime import datetime
 
-from django.core.exceptions import ValidationError
 from django.db import transaction
 from django.db.models import QuerySet
 from django.utils.crypto import get_random_string
 from django.utils.text import slugify
 
+from core.database.locks import hold
 from core.events import record
-from core.locks import hold
+from core.validators import normalized
 from paddock.errors import UserFault
 
 from ..events import TEAM_INVITED
@@ -30,21 +28,14 @@ def is_captain(racer: object, team: Team) -> bool:
 
 
 def invitations_visible_to(viewer: object) -> QuerySet[TeamInvitation]:
-    """Invitations that the viewer may know of: their own, those of their team, and admins all. Twin of
-    :func:`can_see_invitation`."""
+    """Invitations that the viewer can see: their own, those of the team that they lead, and admins all."""
     found = TeamInvitation.objects.select_related("team", "racer")
     if not isinstance(viewer, Racer):
         return found.none()
     return found if viewer.is_staff else found.filter(racer=viewer) | found.filter(team__captain=viewer)
 
 
-def can_see_invitation(viewer: object, invitation: TeamInvitation) -> bool:
-    """Twin of :func:`invitations_visible_to`."""
-    return isinstance(viewer, Racer) and (viewer.pk == invitation.racer_id or is_captain(viewer, invitation.team))
-
-
 def team_of(racer: Racer) -> Team | None:
-    """The racer's team."""
     member = TeamMember.objects.filter(racer=racer).select_related("team").first()
     return None if member is None else member.team
 
@@ -55,7 +46,7 @@ def found_team(*, by: Racer, name: str, now: datetime) -> Team:
     and django's ValidationError by field."""
     hold(by)
     _require_free(by)
-    name = " ".join(name.split()) if name.isprintable() else name
+    name = " ".join(filter(None, normalized(name).split(" ")))
     if Team.objects.filter(key=team_key(name)).exists():
         raise UserFault("team_name_taken")
     team = Team(name=name, key=team_key(name), captain=by, made_at=now, slug=_free_slug(name))
@@ -67,7 +58,7 @@ def found_team(*, by: Racer, name: str, now: datetime) -> Team:
 
 @transaction.atomic
 def invite_to_team(*, team: Team, alias: str, by: Racer, now: datetime) -> TeamInvitation:
-    """Ask a racer to join; who was asked already stays asked. Raises UserFault("team_captain_only" |
+    """Invite a racer to a team; an open invitation stays as it is. Raises UserFault("team_captain_only" |
     "team_no_such_racer" | "team_too_many_invitations")."""
     _require_captain(team, by)
     racer = Racer.objects.filter(alias__iexact=alias.strip(), is_active=True, is_house=False).first()
@@ -109,8 +100,7 @@ def join_by_link(*, code: str, racer: Racer, now: datetime) -> Team:
 
 @transaction.atomic
 def leave_team(*, racer: Racer) -> None:
-    """Be in no team. The last one out closes the team; a captain hands over first. Raises
-    UserFault("team_hand_over_first")."""
+    """Leave the team; the last member closes it. Raises UserFault("team_hand_over_first") for a captain."""
     team = team_of(racer)
     if team is not None:
         _take_out(team, racer)
@@ -144,11 +134,9 @@ def new_team_link(*, team: Team, by: Racer) -> Team:
 
 
 def set_team_name(*, racer: Racer, name: str, now: datetime) -> None:
-    """For programs, which name a team: "" leaves, a new name founds it. Raises UserFault("team_by_invitation") for a
-    team of others, and what leaving and founding raise; ValidationError for what is no name."""
-    if not _is_a_name(name):
-        raise ValidationError({"team": ["One line, without control characters, of 64 characters at most."]})
-    name = " ".join(name.split())
+    """Join by name, for programs: "" leaves, a new name founds a team. Raises UserFault("team_by_invitation"),
+    ValidationError, and as founding and leaving do."""
+    Racer(team=name).clean_fields(exclude={field.name for field in Racer._meta.fields} - {"team"})
     if team_key(name) == team_key(racer.team):
         return
     with transaction.atomic():
@@ -158,10 +146,6 @@ def set_team_name(*, racer: Racer, name: str, now: datetime) -> None:
         if Team.objects.filter(key=team_key(name)).exists():
             raise UserFault("team_by_invitation")
         found_team(by=racer, name=name, now=now)
-
-
-def _is_a_name(name: str) -> bool:
-    return name.isprintable() and len(name) <= 64
 
 
 def _join(team: Team, racer: Racer, now: datetime) -> Team:
@@ -180,8 +164,7 @@ def _join(team: Team, racer: Racer, now: datetime) -> Team:
 
 
 def lead_on(team: Team) -> None:
-    """Let a team whose captain's account is gone be led by who has been in it for longest; without members it is
-    closed."""
+    """Make the longest-standing member captain of a team without one; close a team without members."""
     if not Team.objects.filter(pk=team.pk, captain=None).exists():
         return
     first = team.members.select_related("racer").order_by("-racer__is_active", "joined_at", "pk").first()
@@ -229,3 +212,10 @@ def _free_slug(name: str) -> str:
     if not slug or slug in RESERVED or Team.objects.filter(slug=slug).exists():
         slug = f"{slug or 'team'}-{get_random_string(6, 'abcdefghijkmnpqrstuvwxyz23456789')}"
     return slug
+
+
+def lead_on_without(sender: object, *, instance: TeamMember, **kwargs: object) -> None:
+    """Give a team another captain after the deletion of its captain's account."""
+    team = Team.objects.filter(pk=instance.team_id, captain=None).first()
+    if team is not None:
+        lead_on(team)

@@ -1,4 +1,1 @@
-"""The HTTP API as a whole: who asks, its schema and reference, its addresses.
-
-Rooms below never import this package; Django REST framework finds it through its settings.
-"""
+"""The HTTP API as a whole: authentication, its schema and reference, its addresses. Rooms below never import it."""

@@ -18,8 +18,8 @@ from rest_framework.authentication import get_authorization_header
 from rest_framework.exceptions import APIException, AuthenticationFailed
 
 from accounts.scopes import in_order, needed
-from accounts.second_factor import lacks_demanded_factor
-from accounts.tokens import grant_of, note_use
+from accounts.signing_in.second_factor import lacks_demanded_factor
+from accounts.tokens.services import grant_of, note_use
 
 if TYPE_CHECKING:  # views import this module
     from drf_spectacular.openapi import AutoSchema
@@ -38,7 +38,7 @@ class SecondFactorMissing(APIException):
 
 
 class ScopeMissing(APIException):
-    """The token was made for something else."""
+    """A token without a scope that the operation requires."""
 
     status_code = status.HTTP_403_FORBIDDEN
     default_code = "scope_missing"
@@ -51,11 +51,10 @@ class ScopeMissing(APIException):
 
 
 class TokenAuthentication(KnoxAuthentication):
-    """Knox's, except that the word of RFC 6750 is taken as well as Knox's own, and that bytes which are no text are an
-    invalid token and not a crash."""
+    """Knox's authentication that also accepts RFC 6750's word and refuses bytes that are not text."""
 
     def authenticate(self, request: Request) -> tuple | None:
-        """The racer and their token; None where neither word is there. Raises ScopeMissing, SecondFactorMissing."""
+        """The racer and their token; None without a token. Raises ScopeMissing, SecondFactorMissing."""
         found = self._shown(request)
         if found is not None:
             racer, token = found
@@ -71,7 +70,6 @@ class TokenAuthentication(KnoxAuthentication):
         return found
 
     def authenticate_header(self, request: Request) -> str:
-        """The challenge beside a 401 (RFC 6750, section 3)."""
         return "Bearer"
 
     def _shown(self, request: Request) -> tuple | None:
@@ -97,15 +95,11 @@ class TokenAuthentication(KnoxAuthentication):
 
 
 class TokenScheme(KnoxTokenScheme):
-    """How the schema describes it."""
-
     target_class = TokenAuthentication  # type: ignore[assignment]  # a name or a class, as its own words say
     name = ["token", "bearer"]  # type: ignore[assignment]
 
     def get_security_definition(self, auto_schema: AutoSchema) -> list[dict[str, Any]]:
-        """Knox's own word in a header, and the scheme that every client knows."""
         return [super().get_security_definition(auto_schema), {"type": "http", "scheme": "bearer"}]
 
     def get_security_requirement(self, auto_schema: AutoSchema) -> list[dict[str, list[Any]]]:
-        """One of the two."""
         return [{name: []} for name in self.name]

@@ -1,7 +1,5 @@
 """The API's reference for people: a page drawn from the very schema that programs read, with nothing from elsewhere."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from functools import lru_cache
 from typing import Any
@@ -18,8 +16,8 @@ from .schema_view import schema_in
 
 METHODS = ("get", *WRITES)
 SUBJECTS = (
-    *("account", "notices", "webhooks", "models", "vehicles", "trainings"),
-    *("tracks", "races", "timing", "cups", "following", "seasons", "evaluations", "reports"),
+    *("account", "groups", "teams", "classes", "notices", "webhooks", "models", "vehicles", "trainings"),
+    *("sweeps", "tracks", "races", "timing", "cups", "following", "seasons", "evaluations", "reports"),
 )
 
 
@@ -36,8 +34,6 @@ class DocumentedField:
 
 @dataclass(frozen=True)
 class Operation:
-    """One row of the reference."""
-
     anchor: str
     method: str
     path: str
@@ -52,8 +48,7 @@ class Operation:
 
 @require_safe
 def page(request: HttpRequest) -> HttpResponse:
-    """Every operation by subject."""
-    return render(request, "config/api.html", {"subjects": operations(), "origin": origin_of(request)})
+    return render(request, "config/api/reference.html", {"subjects": operations(), "origin": origin_of(request)})
 
 
 def operations() -> tuple[tuple[str, tuple[Operation, ...]], ...]:
@@ -75,7 +70,8 @@ def _operations(language: str) -> tuple[tuple[str, tuple[Operation, ...]], ...]:
 
 def _operation(schema: dict[str, Any], path: str, method: str, operation: dict[str, Any]) -> Operation:
     body_type, body = _first(operation.get("requestBody", {}).get("content", {}))
-    parameters = sorted(operation.get("parameters", ()), key=lambda parameter: parameter["in"] != "path")
+    shown = [parameter for parameter in operation.get("parameters", ()) if parameter["in"] != "header"]
+    parameters = sorted(shown, key=lambda parameter: parameter["in"] != "path")
     return Operation(
         anchor=operation["operationId"],
         method=method.upper(),
@@ -129,12 +125,11 @@ def _kind(schema: dict[str, Any], described: dict[str, Any]) -> str:
 
 
 def _first(content: dict[str, dict[str, Any]]) -> tuple[str, dict[str, Any]]:
-    """The first media type and what is said of it, empty where there is none."""
     return next(iter(content.items()), ("", {}))
 
 
 def _answer(response: dict[str, Any]) -> str:
-    """What comes back: the name of a schema, a media type, or a description."""
+    """The name of a schema, a media type, or a description."""
     media, content = _first(response.get("content", {}))
     answer = content.get("schema", {})
     if "$ref" in answer:

@@ -1,12 +1,13 @@
 """What drf-spectacular cannot know by itself: the one form of an error, and where which of them may come."""
 
-from __future__ import annotations
-
+from datetime import timedelta
 from typing import Any
 
 from drf_spectacular.openapi import AutoSchema
 
 from accounts.scopes import needed
+from core.api.idempotency import HEADER, KEPT, LONGEST, PATTERN, REPLAYED
+from paddock.errors.reasons import REASONS
 
 WRITES = ("post", "put", "patch", "delete")
 
@@ -15,7 +16,7 @@ ERROR = {
     "description": "Every failure has this form.",
     "required": ["code", "message", "fault", "params"],
     "properties": {
-        "code": {"type": "string", "description": "Stable; listed in the documentation."},
+        "code": {"type": "string", "description": "Stable; the reason codes stand in `x-reason-codes`, by status."},
         "message": {"type": "string", "description": "What is wrong and what to do, in the reader's language."},
         "fault": {"type": "string", "enum": ["user", "platform"], "description": "Who has to change something."},
         "params": {"type": "object", "additionalProperties": {}, "description": "The values in the message."},
@@ -34,11 +35,16 @@ ERROR = {
     },
 }
 
+NO_KEY = "tell_crossing"  # of a sensor, whose crossings have numbers
 FRESHNESS = ("ETag", "Cache-Control")
 LIMITS = ("RateLimit-Limit", "RateLimit-Remaining", "RateLimit-Reset")
 HEADERS = {
-    "ETag": ("string", "Send it back as `If-None-Match`: 304 while nothing has changed."),
-    "Cache-Control": ("string", "Who may keep the answer. Nobody keeps what was said to you for others."),
+    "ETag": (
+        "string",
+        "Send it back as `If-None-Match`: 304 while nothing has changed; with a write as `If-Match`: 412 once it has.",
+    ),
+    REPLAYED: ("string", "`true`: the stored answer to the same request before. Nothing was done again."),
+    "Cache-Control": ("string", "The caches that may store the answer. No shared cache stores a private one."),
     "RateLimit-Limit": ("integer", "Requests of this kind that a racer may make in an hour."),
     "RateLimit-Remaining": ("integer", "How many of them are left."),
     "RateLimit-Reset": ("integer", "Seconds until one more is."),
@@ -51,14 +57,32 @@ SIGNED_BY = {
     "webhook-signature": "v1 and the HMAC-SHA256 of id, timestamp and body, as Standard Webhooks has it.",
 }
 
+IF_MATCH = {
+    "name": "If-Match",
+    "in": "header",
+    "schema": {"type": "string"},
+    "description": "The `ETag` of a GET of this address, or of the nearest one above it that has a GET: written only "
+    "while that is unchanged. `*`: while it exists.",
+}
+IDEMPOTENCY_KEY = {
+    "name": HEADER,
+    "in": "header",
+    "schema": {"type": "string", "minLength": 1, "maxLength": LONGEST, "pattern": f"^{PATTERN}$"},
+    "description": "A new one, such as a UUID, for each request that is to act once. The same request with the same "
+    f"key within {KEPT // timedelta(hours=1)} hours gets the first answer again.",
+}
+
 DESCRIPTIONS = {
     "400": "The input is refused: a reason code, or `invalid` with `fields`.",
     "401": "No valid token, and not logged in.",
     "403": "Seen, but not yours to change; or a session without its CSRF token.",
     "409": "Not now, or not again: it contradicts how things stand.",
     "404": "Not found, or you have no access to it.",
-    "429": "Too many requests; `Retry-After` says when to try again.",
-    "default": "Any other failure, in the same form: 405, 406, 413, 415, 500, 503.",
+    "413": "A file, or what it unpacks to, is too large.",
+    "412": "Changed since the `ETag` that `If-Match` names. Nothing was written.",
+    "422": "The `Idempotency-Key` came with another body before.",
+    "429": "Too many requests; try again after the seconds in `Retry-After`.",
+    "default": "Any other failure, in the same form: 405, 406, 409, 413, 415, 500, 503.",
 }
 
 
@@ -67,6 +91,17 @@ class Schema(AutoSchema):
 
     def get_description(self, *_args: object) -> str:
         return ""
+
+    def get_tags(self) -> list[str]:
+        return [tag] if (tag := getattr(self.view, "tag", "")) else super().get_tags()
+
+    def get_request_serializer(self) -> Any:
+        """None for an operation that refuses fields (:func:`core.api.finding.finds`)."""
+        handler = getattr(self.view, self.method.lower(), None)
+        return super().get_request_serializer() if getattr(handler, "takes_fields", True) else None
+
+    def get_response_serializers(self) -> Any:
+        return {204: None} if self.method == "DELETE" else super().get_response_serializers()
 
     def get_operation(self, *args: Any, **kwargs: Any) -> dict[str, Any] | None:
         """The operation, and which scopes a token needs for it (none for an operation that any token may use)."""
@@ -79,7 +114,10 @@ class Schema(AutoSchema):
 def add_errors(result: dict[str, Any], generator: Any, request: Any, public: bool) -> dict[str, Any]:
     """A drf-spectacular postprocessing hook: describe the error responses of every operation."""
     components = result.setdefault("components", {})
-    components.setdefault("schemas", {})["Error"] = ERROR
+    by_status: dict[str, list[str]] = {}
+    for reason in sorted(REASONS.values(), key=lambda each: (each.status, each.code)):
+        by_status.setdefault(str(reason.status), []).append(reason.code)
+    components.setdefault("schemas", {})["Error"] = ERROR | {"x-reason-codes": by_status}
     components["headers"] = {
         name: {"description": text, "schema": {"type": kind}} for name, (kind, text) in HEADERS.items()
     }
@@ -87,12 +125,25 @@ def add_errors(result: dict[str, Any], generator: Any, request: Any, public: boo
     for path, operations in result["paths"].items():
         for method, operation in operations.items():
             _describe(operation, path, method)
+            if method in WRITES and _has_etag(result["paths"], path):
+                operation.setdefault("parameters", []).append(IF_MATCH)
+                if method in ("put", "patch") and "get" in operations and "200" in operation["responses"]:
+                    operation["responses"]["200"]["headers"]["ETag"] = {"$ref": "#/components/headers/ETag"}
     return result
 
 
+def _has_etag(paths: dict[str, Any], path: str) -> bool:
+    """Whether this address, or one above it, is read with GET (:func:`core.api.views._readable`)."""
+    while path.strip("/"):
+        if "get" in paths.get(path, {}):
+            return True
+        path = path.rstrip("/").rpartition("/")[0] + "/"
+    return False
+
+
 def _webhooks() -> dict[str, Any]:
-    """What addresses are told, by event: a request that Paddock makes (Standard Webhooks)."""
-    from league.happenings import EVENTS, LABELS, TEST
+    """The requests that Paddock sends to webhooks, by event (Standard Webhooks)."""
+    from league.webhooks.payloads import EVENTS, LABELS, TEST
 
     return {event: {"post": _delivery(event, str(LABELS.get(event, "a test")))} for event in (*EVENTS, TEST)}
 
@@ -126,12 +177,15 @@ def _describe(operation: dict[str, Any], path: str, method: str) -> None:
         possible.add("400")
     if writes or {} not in operation.get("security", [{}]):
         possible |= {"401", "403"}
-    if method in ("post", "patch"):
-        possible.add("409")
+    if "multipart/form-data" in operation.get("requestBody", {}).get("content", {}):
+        possible.add("413")
+    if method == "post" and operation["operationId"] != NO_KEY:
+        possible.add("422")
+        operation.setdefault("parameters", []).append(IDEMPOTENCY_KEY)
     if "{" in path or any(parameter["name"] == "page" for parameter in operation.get("parameters", ())):
         possible.add("404")
     if writes:
-        possible.add("429")
+        possible |= {"409", "412", "429"}
     responses = operation["responses"]
     if method == "get":
         responses.setdefault("304", {"description": "The same as `If-None-Match` names."})
@@ -150,12 +204,12 @@ def _describe(operation: dict[str, Any], path: str, method: str) -> None:
 
 
 def _headers(method: str, code: str) -> dict[str, Any]:
-    """What stands in the head of an answer: the middleware of :mod:`config.delivery` and the throttle write it."""
+    """The headers that :mod:`config.middleware.http_caching` and the throttle add to an answer."""
     names: tuple[str, ...] = ()
     if method == "get" and code in ("200", "304"):
         names = FRESHNESS
     elif method in WRITES and code != "401":
-        names = LIMITS
+        names = (*LIMITS, REPLAYED) if method == "post" and code.startswith("2") else LIMITS
     if code in ("429", "503"):
         names = (*names, "Retry-After")
     return {name: {"$ref": f"#/components/headers/{name}"} for name in names}

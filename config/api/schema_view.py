@@ -1,7 +1,5 @@
 """The OpenAPI description as JSON or YAML, generated once per process, language and format."""
 
-from __future__ import annotations
-
 from functools import lru_cache
 from threading import Lock
 from typing import Any
@@ -20,7 +18,8 @@ from drf_spectacular.renderers import (
 from drf_spectacular.utils import extend_schema
 from rest_framework.permissions import AllowAny
 from rest_framework.request import Request
-from rest_framework.views import APIView
+
+from core.api.views import APIView
 
 _generating = Lock()
 
@@ -59,7 +58,6 @@ def _generate(language: str) -> dict[str, Any]:
 
 @lru_cache
 def schema_document(language: str, media_type: str) -> bytes:
-    """The schema as the renderer of ``media_type`` writes it."""
     schema = schema_in(language)
     renderer = next(each for each in SchemaView.renderer_classes if each.media_type == media_type)
     with translation.override(language):

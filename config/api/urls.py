@@ -1,27 +1,25 @@
 """Addresses below /api/. Version 1 only grows: nothing in it is renamed or taken away."""
 
-from __future__ import annotations
-
 from django.urls import URLPattern, URLResolver, include, path, re_path
 
-from evaluation import api as models
+from accounts.groups import api as groups
+from accounts.teams import api as teams
+from evaluation.garage import api as models
 from evaluation.reports import api as reports
-from league.api import cups, following, notices, organising, seasons, webhooks
-from races.api import (
-    afterwards,
-    boards,
-    comparing,
-    duels,
-    entries,
-    evaluations,
-    live,
-    live_speed,
-    own,
-    races,
-    specifications,
-    timing,
-    videos,
-)
+from league.cups import api as cups
+from league.following import api as following
+from league.notices import api as notices
+from league.racers import api as racers
+from league.seasons.api import organising, seasons
+from league.webhooks import api as webhooks
+from races.aftermath import api as afterwards
+from races.duels import api as duels
+from races.live import api as live
+from races.pages.api import boards, races
+from races.pages.api import entering as entries
+from races.runs.api import comparison, evaluations, specifications, test_runs, videos
+from races.timing.api import laps as timing
+from races.timing.api import setup as timing_setup
 from tracks import api as tracks
 
 from . import reference, schema_view, views
@@ -38,6 +36,23 @@ version_1: list[URLPattern | URLResolver] = [
     path("notices/<int:number>/read/", notices.NoticeReadView.as_view(), name="api-notice-read"),
     path("following/", following.FollowingView.as_view(), name="api-following"),
     path("following/<slug:alias>/", following.FollowView.as_view(), name="api-follow"),
+    path("racers/<slug:alias>/", racers.RacerView.as_view(), name="api-racer"),
+    path("groups/", groups.GroupsView.as_view(), name="api-groups"),
+    path("groups/join/", groups.GroupJoinView.as_view(), name="api-group-join"),
+    path("groups/<slug:slug>/", groups.GroupView.as_view(), name="api-group"),
+    path("groups/<slug:slug>/link/", groups.GroupLinkView.as_view(), name="api-group-link"),
+    path("groups/<slug:slug>/members/", groups.GroupMembersView.as_view(), name="api-group-members"),
+    path("groups/<slug:slug>/members/<slug:alias>/", groups.GroupMemberView.as_view(), name="api-group-member"),
+    path("groups/<slug:slug>/membership/", groups.GroupMembershipView.as_view(), name="api-group-membership"),
+    path("teams/", teams.TeamsView.as_view(), name="api-teams"),
+    path("teams/join/", teams.TeamJoinView.as_view(), name="api-team-join"),
+    path("teams/<slug:slug>/", teams.TeamView.as_view(), name="api-team"),
+    path("teams/<slug:slug>/link/", teams.TeamLinkView.as_view(), name="api-team-link"),
+    path("teams/<slug:slug>/members/", teams.TeamMembersView.as_view(), name="api-team-members"),
+    path("teams/<slug:slug>/members/<slug:alias>/", teams.TeamMemberView.as_view(), name="api-team-member"),
+    path("teams/<slug:slug>/membership/", teams.TeamMembershipView.as_view(), name="api-team-membership"),
+    path("teams/<slug:slug>/invitations/", teams.TeamInvitationsView.as_view(), name="api-team-invitations"),
+    path("teams/<slug:slug>/invitations/<slug:alias>/", teams.TeamInvitationView.as_view(), name="api-team-invitation"),
     path("webhooks/", webhooks.WebhooksView.as_view(), name="api-webhooks"),
     path("webhooks/<int:number>/", webhooks.WebhookView.as_view(), name="api-webhook"),
     path("webhooks/<int:number>/secret/", webhooks.WebhookSecretView.as_view(), name="api-webhook-secret"),
@@ -68,13 +83,13 @@ version_1: list[URLPattern | URLResolver] = [
     path("races/<slug:slug>/sessions/<slug:id>/", timing.SessionView.as_view(), name="api-timed-session"),
     path("races/<slug:slug>/laps/", timing.LapFileView.as_view(), name="api-lap-file"),
     path("races/<slug:slug>/laps/<slug:id>/", timing.LapView.as_view(), name="api-lap"),
-    path("races/<slug:slug>/sensors/", timing.SensorsView.as_view(), name="api-sensors"),
-    path("races/<slug:slug>/sensors/<int:number>/", timing.SensorView.as_view(), name="api-sensor"),
-    path("races/<slug:slug>/timekeepers/", timing.TimekeepersView.as_view(), name="api-timekeepers"),
-    path("races/<slug:slug>/timekeepers/<slug:alias>/", timing.TimekeeperView.as_view(), name="api-timekeeper"),
-    path("races/<slug:slug>/guests/", timing.GuestsView.as_view(), name="api-guests"),
-    path("races/<slug:slug>/guests/<slug:id>/", timing.GuestView.as_view(), name="api-guest"),
-    path("timing/claims/", timing.ClaimView.as_view(), name="api-claims"),
+    path("races/<slug:slug>/sensors/", timing_setup.SensorsView.as_view(), name="api-sensors"),
+    path("races/<slug:slug>/sensors/<int:number>/", timing_setup.SensorView.as_view(), name="api-sensor"),
+    path("races/<slug:slug>/timekeepers/", timing_setup.TimekeepersView.as_view(), name="api-timekeepers"),
+    path("races/<slug:slug>/timekeepers/<slug:alias>/", timing_setup.TimekeeperView.as_view(), name="api-timekeeper"),
+    path("races/<slug:slug>/guests/", timing_setup.GuestsView.as_view(), name="api-guests"),
+    path("races/<slug:slug>/guests/<slug:id>/", timing_setup.GuestView.as_view(), name="api-guest"),
+    path("timing/claims/", timing_setup.ClaimView.as_view(), name="api-claims"),
     path("timing/crossings/", timing.CrossingsView.as_view(), name="api-crossings"),
     path("races/<slug:slug>/duels/", duels.DuelsView.as_view(), name="api-duels"),
     path("races/<slug:slug>/live/", live.LiveView.as_view(), name="api-live"),
@@ -87,7 +102,7 @@ version_1: list[URLPattern | URLResolver] = [
     path("races/<slug:slug>/live/console/", live.LiveActsView.as_view(), name="api-live-console"),
     path("races/<slug:slug>/live/mine/", live.LiveMineView.as_view(), name="api-live-mine"),
     path("races/<slug:slug>/live/poses/", live.LivePosesView.as_view(), name="api-live-poses"),
-    path("races/<slug:slug>/live/speed/", live_speed.LiveSpeedView.as_view(), name="api-live-speed"),
+    path("races/<slug:slug>/live/speed/", live.LiveSpeedView.as_view(), name="api-live-speed"),
     path("races/<slug:slug>/entry/", entries.EntryView.as_view(), name="api-entry"),
     path("races/<slug:slug>/submissions/", entries.SubmissionsView.as_view(), name="api-submissions"),
     path("races/<slug:slug>/removals/<slug:alias>/", entries.RemovalView.as_view(), name="api-removal"),
@@ -103,9 +118,9 @@ version_1: list[URLPattern | URLResolver] = [
     path("cups/starter/", cups.CupStarterView.as_view(), name="api-cup-starter"),
     path("cups/<slug:day>/", cups.CupView.as_view(), name="api-cup"),
     path("invitations/<slug:token>/", entries.InvitationView.as_view(), name="api-invitation"),
-    path("", include("training.api.urls")),
-    path("evaluations/", own.OwnRunsView.as_view(), name="api-evaluations"),
-    path("evaluations/<slug:public_id>/again/", own.AgainView.as_view(), name="api-evaluation-again"),
+    path("", include("training.api_urls")),
+    path("evaluations/", test_runs.OwnRunsView.as_view(), name="api-evaluations"),
+    path("evaluations/<slug:public_id>/again/", test_runs.AgainView.as_view(), name="api-evaluation-again"),
     path("evaluations/<slug:public_id>/", evaluations.EvaluationView.as_view(), name="api-evaluation"),
     path(
         "evaluations/<slug:public_id>/specification/",
@@ -116,7 +131,7 @@ version_1: list[URLPattern | URLResolver] = [
     path("evaluations/<slug:public_id>/metrics/", evaluations.MetricsView.as_view(), name="api-metrics"),
     path(
         "evaluations/<slug:public_id>/compare/<slug:other_id>/",
-        comparing.CompareView.as_view(),
+        comparison.CompareView.as_view(),
         name="api-evaluation-compare",
     ),
     path("evaluations/<slug:public_id>/layout/", evaluations.LayoutView.as_view(), name="api-layout"),

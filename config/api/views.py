@@ -1,6 +1,6 @@
 """Tokens, the racer behind one, and the answer for addresses that do not exist."""
 
-from __future__ import annotations
+from typing import Any
 
 from allauth.account import app_settings as account_settings
 from allauth.account.adapter import get_adapter
@@ -12,76 +12,35 @@ from django.core.exceptions import ValidationError
 from django.db.models import QuerySet
 from django.utils import timezone
 from django.utils.translation import gettext as _
-from django.utils.translation import gettext_lazy
-from drf_spectacular.utils import OpenApiResponse, extend_schema, extend_schema_view
+from drf_spectacular.utils import extend_schema, extend_schema_view
 from knox.models import AuthToken
-from rest_framework import generics, serializers, status
-from rest_framework.exceptions import APIException, NotFound, Throttled
+from rest_framework import serializers, status
+from rest_framework.exceptions import NotFound, Throttled
 from rest_framework.permissions import AllowAny, IsAuthenticated
 from rest_framework.request import Request
 from rest_framework.response import Response
-from rest_framework.views import APIView
 
-from accounts.countries import country_choices
 from accounts.models import Racer
-from accounts.profile import change_profile
-from accounts.quotas import usage_of
+from accounts.profile.fields import editable
+from accounts.profile.services import change_profile
+from accounts.quotas import Usage
+from accounts.request_racer import racer_of
 from accounts.scopes import ANY, EVERY, RACE, SCOPES
-from accounts.second_factor import factors_of, lacks_demanded_factor
-from accounts.tokens import LONGEST_DAYS, create_token, revoke_token, scopes_of, tokens_of
-from accounts.who import racer_of
-from core.bodies import Body, read_as, refuse_fields
+from accounts.signing_in.second_factor import factors_of, lacks_demanded_factor
+from accounts.tokens.services import LONGEST_DAYS, create_token, revoke_token, scopes_of, tokens_of
+from accounts.usage.selectors import usage_of
+from core.api.bodies import Body
+from core.api.operations import operation
+from core.api.views import APIView, ListAPIView
+from paddock.errors import UserFault
 
 from .auth import SecondFactorMissing
 
 TOO_MANY_ATTEMPTS_WAIT_S = 300
 
 
-class WrongCredentials(APIException):
-    """The name, address or password is wrong. Which of them is not said."""
-
-    status_code = status.HTTP_400_BAD_REQUEST
-    default_code = "wrong_credentials"
-    default_detail = gettext_lazy("Alias, e-mail address or password is wrong.")
-
-
-class AddressUnverified(APIException):
-    """Logging in needs a verified e-mail address on this site."""
-
-    status_code = status.HTTP_403_FORBIDDEN
-    default_code = "email_unverified"
-    default_detail = gettext_lazy("Verify your e-mail address first: follow the link in the message we sent you.")
-
-
-class SecondFactorNeeded(APIException):
-    """The password was right, and this racer has a second factor."""
-
-    status_code = status.HTTP_403_FORBIDDEN
-    default_code = "second_factor_needed"
-    default_detail = gettext_lazy(
-        "Send the code of your second factor too. If you only have a passkey, create a token in "
-        "the settings on the site."
-    )
-
-
-class WrongCode(APIException):
-    """The code of the second factor is wrong, used or too old."""
-
-    status_code = status.HTTP_400_BAD_REQUEST
-    default_code = "wrong_code"
-    default_detail = gettext_lazy("The code is wrong or has already been used.")
-
-
-class NoToken(APIException):
-    """Only a request that came with a token can give it back."""
-
-    status_code = status.HTTP_400_BAD_REQUEST
-    default_code = "no_token"
-    default_detail = gettext_lazy("Send the token to revoke in the header Authorization: Token ...")
-
-
 class LoginSerializer(Body):
-    """Who logs in."""
+    """The log-in form: name, password and second factor."""
 
     login = serializers.CharField(max_length=254, help_text="Alias or e-mail address.")
     password = serializers.CharField(max_length=1024, trim_whitespace=False, style={"input_type": "password"})
@@ -114,10 +73,12 @@ class RacerSerializer(serializers.Serializer):
 
     alias = serializers.CharField()
     email = serializers.EmailField()
-    country = serializers.CharField(allow_blank=True)
     team = serializers.CharField(allow_blank=True)
     is_staff = serializers.BooleanField(help_text="An admin.")
     joined_at = serializers.DateTimeField()
+
+    def get_fields(self) -> dict[str, serializers.Field]:
+        return {**super().get_fields(), **{name: field.api() for name, field in editable().items()}}
 
 
 class UsageSerializer(serializers.Serializer):
@@ -135,12 +96,13 @@ class UsageSerializer(serializers.Serializer):
 class ProfileBody(Body):
     """What a racer may change about themselves; what is left out stays."""
 
-    country = serializers.ChoiceField(
-        [("", ""), *country_choices()], required=False, allow_blank=True, help_text="Two-letter code, or empty."
-    )
     team = serializers.CharField(
         required=False, allow_blank=True, max_length=64, help_text="Empty leaves it, a new name founds one."
     )
+
+    def get_fields(self) -> dict[str, serializers.Field]:
+        bodies = {name: field.body() for name, field in editable().items() if field.body is not None}
+        return {**super().get_fields(), **bodies}
 
 
 class KnownTokenSerializer(serializers.Serializer):
@@ -162,10 +124,16 @@ class KnownTokenSerializer(serializers.Serializer):
         return token == self.context["request"].auth
 
 
-class TokenView(APIView):
-    """Log in to the API and out of it."""
+def _token(request: Request) -> AuthToken:
+    if request.auth is None:
+        raise UserFault("no_token")
+    return request.auth
 
+
+class TokenView(APIView):
+    tag = "account"
     token_scope = ANY
+    slow_methods = ("POST",)
 
     def get_permissions(self) -> list:
         return [AllowAny() if self.request.method == "POST" else IsAuthenticated()]
@@ -176,74 +144,46 @@ class TokenView(APIView):
             return []
         return super().get_authenticators()
 
-    @extend_schema(
-        operation_id="create_token",
-        summary="Get a token for a password",
-        request=LoginSerializer,
-        responses={201: TokenSerializer},
-        auth=[],
-        tags=["account"],
+    @operation(
+        "create_token", "Get a token for a password", body=LoginSerializer, answer=TokenSerializer, status=201, auth=[]
     )
-    def post(self, request: Request) -> Response:
-        sent = read_as(LoginSerializer, request.data)
+    def post(self, request: Request, sent: dict[str, Any]) -> Response:
         racer = _authenticate(request, sent["login"], sent["password"])
         _show_second_factor(racer, sent.get("code", ""))
         wanted = {name: sent[name] for name in ("scopes", "days") if name in sent}
-        token, text = create_token(racer=racer, now=timezone.now(), **wanted)
-        user_logged_in.send(sender=Racer, request=request._request, user=racer)
-        made = {"token": text, "alias": racer.alias, "scopes": token.grant.scopes, "expires_at": token.expiry}
-        return Response(TokenSerializer(made).data, status=status.HTTP_201_CREATED)
 
-    @extend_schema(
-        operation_id="delete_token",
-        summary="Give the token of this request back",
-        request=None,
-        responses={204: OpenApiResponse(description="It is void from now on.")},
-        tags=["account"],
-    )
-    def delete(self, request: Request) -> Response:
-        if request.auth is None:
-            raise NoToken()
-        refuse_fields(request)
-        request.auth.delete()
+        def make() -> Response:
+            token, text = create_token(racer=racer, now=timezone.now(), **wanted)
+            user_logged_in.send(sender=Racer, request=request._request, user=racer)
+            made = {"token": text, "alias": racer.alias, "scopes": token.grant.scopes, "expires_at": token.expiry}
+            return Response(TokenSerializer(made).data, status=status.HTTP_201_CREATED)
+
+        return self.write(make, racer=racer)
+
+    @operation("delete_token", "Give the token of this request back", find=_token, answer="It is void from now on.")
+    def delete(self, request: Request, token: AuthToken) -> None:
+        token.delete()
         user_logged_out.send(sender=Racer, request=request._request, user=request.user)
-        return Response(status=status.HTTP_204_NO_CONTENT)
 
 
 class MeView(APIView):
-    """Who the token belongs to."""
-
+    tag = "account"
     token_scope = RACE
     permission_classes = [IsAuthenticated]
 
-    @extend_schema(operation_id="me", summary="The racer behind the token", responses=RacerSerializer, tags=["account"])
-    def get(self, request: Request) -> Response:
-        return Response(RacerSerializer(request.user).data)
+    @operation("me", "The racer behind the token", answer=RacerSerializer)
+    def get(self, request: Request) -> Racer:
+        return racer_of(request)
 
-    @extend_schema(
-        operation_id="change_profile",
-        summary="Change country or team",
-        request=ProfileBody,
-        responses=RacerSerializer,
-        tags=["account"],
-    )
-    def patch(self, request: Request) -> Response:
-        racer = racer_of(request)
-        sent = {"country": racer.country} | read_as(ProfileBody, request.data)
-        return Response(RacerSerializer(change_profile(racer=racer, now=timezone.now(), **sent)).data)
+    @operation("change_profile", "Change country or team", body=ProfileBody, answer=RacerSerializer)
+    def patch(self, request: Request, sent: dict[str, Any]) -> Racer:
+        team = sent.pop("team", None)
+        return change_profile(racer=racer_of(request), values=sent, team=team, now=timezone.now())
 
 
-@extend_schema_view(
-    get=extend_schema(
-        operation_id="list_tokens",
-        summary="My tokens, the newest first",
-        responses=KnownTokenSerializer,
-        tags=["account"],
-    )
-)
-class TokensView(generics.ListAPIView):
-    """Which programs may act for me."""
-
+@extend_schema_view(get=extend_schema(operation_id="list_tokens", summary="My tokens, the newest first"))
+class TokensView(ListAPIView):
+    tag = "account"
     permission_classes = [IsAuthenticated]
     serializer_class = KnownTokenSerializer
 
@@ -251,44 +191,44 @@ class TokensView(generics.ListAPIView):
         return tokens_of(racer_of(self.request), timezone.now())
 
 
+def own_token(request: Request, key: str) -> AuthToken:
+    token = AuthToken.objects.filter(user=racer_of(request), token_key=key).first()
+    if token is None:
+        raise NotFound()
+    return token
+
+
 class TokenRevocationView(APIView):
-    """Locking a program out."""
-
+    tag = "account"
     token_scope = EVERY
-    permission_classes = [IsAuthenticated]
 
-    @extend_schema(
-        operation_id="revoke_token",
-        summary="Revoke one of my tokens",
-        request=None,
-        responses={204: OpenApiResponse(description="Programs that use it are locked out from now on.")},
-        tags=["account"],
+    @operation(
+        "revoke_token",
+        "Revoke one of my tokens",
+        find=own_token,
+        answer="Programs that use it are locked out from now on.",
     )
-    def delete(self, request: Request, key: str) -> Response:
-        refuse_fields(request)
-        if not revoke_token(racer=racer_of(request), key=key):
-            raise NotFound()
-        return Response(status=status.HTTP_204_NO_CONTENT)
+    def delete(self, request: Request, token: AuthToken) -> None:
+        revoke_token(racer=racer_of(request), key=token.token_key)
 
 
 class UsageView(APIView):
-    """What the racer may use of the site."""
-
+    tag = "account"
     permission_classes = [IsAuthenticated]
 
-    @extend_schema(
-        operation_id="usage",
-        summary="Every quota: how much the racer has used, and how much they may",
-        responses=UsageSerializer(many=True),
-        tags=["account"],
+    @operation(
+        "usage",
+        "Every quota: how much the racer has used, and how much they may",
+        answer=UsageSerializer,
+        many=True,
     )
-    def get(self, request: Request) -> Response:
-        return Response(UsageSerializer(usage_of(racer_of(request), timezone.now()), many=True).data)
+    def get(self, request: Request) -> list[Usage]:
+        return usage_of(racer_of(request), timezone.now())
 
 
 @extend_schema(exclude=True)
 class UnknownAddressView(APIView):
-    """Anything below /api/ that is nothing: not found, in the API's own form."""
+    """404 in the API's own form for unknown addresses below /api/."""
 
     permission_classes = [AllowAny]
     authentication_classes = []
@@ -309,9 +249,10 @@ def _authenticate(request: Request, login: str, password: str) -> Racer:
     except ValidationError:
         raise Throttled(wait=TOO_MANY_ATTEMPTS_WAIT_S) from None
     if racer is None or not racer.is_active:
-        raise WrongCredentials()
-    if account_settings.EMAIL_VERIFICATION == account_settings.EmailVerificationMethod.MANDATORY:
-        _require_verified_address(racer)
+        raise UserFault("wrong_credentials")
+    must_verify = account_settings.EMAIL_VERIFICATION == account_settings.EmailVerificationMethod.MANDATORY
+    if must_verify and not EmailAddress.objects.filter(user=racer, verified=True).exists():
+        raise UserFault("email_unverified")
     return racer
 
 
@@ -322,15 +263,10 @@ def _show_second_factor(racer: Racer, code: str) -> None:
     if not factors_of(racer).exists():
         return
     if not code:
-        raise SecondFactorNeeded()
+        raise UserFault("second_factor_needed")
     form = AuthenticateForm(user=racer, data={"code": code})
     if not form.is_valid():
         if form.has_error("code", "too_many_login_attempts"):
             raise Throttled(wait=TOO_MANY_ATTEMPTS_WAIT_S)
-        raise WrongCode()
+        raise UserFault("wrong_code")
     form.authenticator.record_usage()
-
-
-def _require_verified_address(racer: Racer) -> None:
-    if not EmailAddress.objects.filter(user=racer, verified=True).exists():
-        raise AddressUnverified()

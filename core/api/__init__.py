@@ -1,1 +1,1 @@
-"""What every room's API shares: errors, pages, limits."""
+"""Base of every room's API: errors, pagination, limits."""

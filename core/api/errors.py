@@ -1,14 +1,9 @@
-"""Every failure of the API in one form: ``{"code", "message", "fault", "params"}``, and ``"fields"`` for bad input.
-
-``code`` is stable, ``message`` is for people and in their language, ``fault`` says whether the caller or Paddock is
-to blame.
-"""
-
-from __future__ import annotations
+"""Every failure of the API in one form: ``{"code", "message", "fault", "params"}``, and ``"fields"`` for bad input."""
 
 import logging
 import math
-from typing import Any
+from collections.abc import Mapping
+from typing import Any, NotRequired, TypedDict
 
 from django.core.exceptions import NON_FIELD_ERRORS, PermissionDenied, RequestDataTooBig, SuspiciousOperation
 from django.core.exceptions import ValidationError as DjangoValidationError
@@ -22,89 +17,100 @@ from rest_framework import exceptions, status
 from rest_framework.response import Response
 from rest_framework.views import set_rollback
 
+from core.files.storage_faults import is_of_storage
 from core.forms import explain
-from core.nul import is_of_nul
-from core.storage_faults import is_of_storage
+from core.validators import is_of_nul
 from paddock.errors import PaddockError, PlatformFault
 
 log = logging.getLogger(__name__)
 
 RETRY_AFTER_S = 30
+Fields = dict[str, list[dict[str, str]]]
 
-# Reason codes that are not plain bad input (400).
-_FORBIDDEN = (
-    "model_not_yours vehicle_not_yours clone_not_yours race_not_yours race_needs_invitation race_pro_only "
-    "race_open_only race_league_admins race_terms entry_removed timing_not_yours timing_stewards"
-)
-_NOT_THERE = (
-    "invitation_unknown entry_missing certificate_no_place race_has_no_duels guest_unknown timekeeper_unknown "
-    "sensor_unknown"
-)
-_NOT_NOW = (
-    "race_not_open_yet race_closed race_cancelled race_recorded race_has_opened race_is_over race_has_submissions "
-    "race_changed_meanwhile race_limit season_changed_meanwhile season_is_official "
-    "entry_withdrawn car_already_submitted car_of_another submission_running submissions_used_up submission_not_failed "
-    "race_engine_gone results_not_yet highlights_none "
-    "duels_before_closing duels_wait_for_qualifying duels_drawn "
-    "track_known track_limit track_in_use garage_full storage_full model_name_taken too_many_tokens "
-    "training_name_taken training_jobs_at_once training_minutes_left reward_check_runs "
-    "vehicle_name_taken vehicle_limit training_no_model webhook_limit webhook_test_limit "
-    "race_is_physical race_not_physical timing_final timing_too_late sessions_used_up guest_linked sensor_busy "
-    "sensor_idle sensors_too_many timekeepers_too_many "
-    "video_run_not_finished videos_off videos_at_once videos_a_day own_runs_at_once own_runs_a_day own_under_way"
-)
-STATUS_OF: dict[str, int] = {
-    **dict.fromkeys(_FORBIDDEN.split(), status.HTTP_403_FORBIDDEN),
-    **dict.fromkeys(_NOT_THERE.split(), status.HTTP_404_NOT_FOUND),
-    **dict.fromkeys(_NOT_NOW.split(), status.HTTP_409_CONFLICT),
-    "sensor_token": status.HTTP_401_UNAUTHORIZED,
-    "sensor_revoked": status.HTTP_401_UNAUTHORIZED,
-    "too_large": status.HTTP_413_REQUEST_ENTITY_TOO_LARGE,
-}
+
+class ErrorBody(TypedDict):
+    """The answer to a failed request. ``fields``: what is wrong with the input, by field."""
+
+    code: str
+    message: str
+    fault: str
+    params: Mapping[str, object]
+    fields: NotRequired[Fields]
 
 
 class RequestTooLarge(exceptions.APIException):
     """The body of a request is larger than the operation reads."""
 
-    status_code = status.HTTP_413_REQUEST_ENTITY_TOO_LARGE
-    default_code = "request_too_large"
+    status_code, default_code = status.HTTP_413_REQUEST_ENTITY_TOO_LARGE, "request_too_large"
     default_detail = gettext_lazy("The request is too large. Send it in smaller parts.")
+
+
+class PreconditionFailed(exceptions.APIException):
+    """The resource is not, or no longer, what ``If-Match`` names."""
+
+    status_code, default_code = status.HTTP_412_PRECONDITION_FAILED, "precondition_failed"
+    default_detail = gettext_lazy("Changed since you read it. Nothing was written. Read it again, then retry.")
+
+
+class KeyInvalid(exceptions.APIException):
+    """An idempotency key that is empty, too long or not visible ASCII."""
+
+    status_code, default_code = status.HTTP_400_BAD_REQUEST, "idempotency_key_invalid"
+    default_detail = gettext_lazy("Idempotency-Key takes 1 to 255 visible ASCII characters, for example a UUID.")
+
+
+class KeyReused(exceptions.APIException):
+    """An idempotency key that came with another request before."""
+
+    status_code, default_code = status.HTTP_422_UNPROCESSABLE_ENTITY, "idempotency_key_reused"
+    default_detail = gettext_lazy("This Idempotency-Key was used with another body. Use a new key for a new request.")
+
+
+class KeyInUse(exceptions.APIException):
+    """The first request with an idempotency key is still being answered."""
+
+    status_code, default_code = status.HTTP_409_CONFLICT, "idempotency_key_in_use"
+    default_detail = gettext_lazy("The first request with this Idempotency-Key is still running. Retry in a second.")
+    wait = 1
 
 
 class Unavailable(exceptions.APIException):
     """The database or the broker does not answer now."""
 
-    status_code = status.HTTP_503_SERVICE_UNAVAILABLE
-    default_code = "unavailable"
+    status_code, default_code = status.HTTP_503_SERVICE_UNAVAILABLE, "unavailable"
     default_detail = gettext_lazy("Paddock is busy or restarting. Nothing was changed. Try again in a minute.")
 
 
 class InternalError(exceptions.APIException):
-    """A bug of ours."""
-
     default_code = "server_error"
     default_detail = gettext_lazy("Internal error. It is not your fault, and it is recorded in the operator's log.")
 
 
 def handle(exc: Exception, context: dict[str, Any]) -> Response:
     """The response for ``exc`` (REST framework's EXCEPTION_HANDLER). Never gives up: the last answer is a 500."""
+    response = _response(exc, context.get("request"))
+    # Django writes no second line for what is logged here
+    response._has_been_logged = response.status_code >= status.HTTP_500_INTERNAL_SERVER_ERROR  # type: ignore[attr-defined]
+    return response
+
+
+def _response(exc: Exception, request: object) -> Response:
     headers: dict[str, str] = {}
     if is_of_storage(exc):
         log.error("The storage of files failed.", exc_info=exc)
         exc = PlatformFault("storage_failed")
     if isinstance(exc, PaddockError):
         set_rollback()
-        code = _status_of(exc)
-        if code == status.HTTP_503_SERVICE_UNAVAILABLE:
-            headers["Retry-After"] = str(RETRY_AFTER_S)
-        body = _body(exc.code, explain(exc), exc.fault, exc.params)
+        if exc.reason.status in (status.HTTP_429_TOO_MANY_REQUESTS, status.HTTP_503_SERVICE_UNAVAILABLE):
+            headers["Retry-After"] = str(exc.params.get("wait_s", RETRY_AFTER_S))
+        body = ErrorBody(code=exc.code, message=explain(exc), fault=exc.fault, params=exc.params)
         if isinstance(errors := getattr(exc, "errors", None), DjangoValidationError):  # several problems, by field
             body["fields"] = _fields(exceptions.ValidationError(_messages(errors)).get_full_details())
-        return Response(body, status=code, headers=headers)
+        return Response(body, status=exc.reason.status, headers=headers)
 
-    error = _as_api_exception(exc, context)
+    error = _as_api_exception(exc, request)
     set_rollback()
-    params: dict[str, Any] = dict(getattr(error, "params", {}))
+    params = dict(getattr(error, "params", {}))
     if scheme := getattr(error, "auth_header", None):
         headers["WWW-Authenticate"] = scheme
     if wait_s := getattr(error, "wait", None):
@@ -116,23 +122,21 @@ def handle(exc: Exception, context: dict[str, Any]) -> Response:
 
     if isinstance(error, exceptions.ValidationError):
         fields = _fields(error.get_full_details())
-        body = _body("invalid", _summary(fields), fault, params) | {"fields": fields}
+        body = ErrorBody(code="invalid", message=_summary(fields), fault=fault, params=params, fields=fields)
     else:
         name = error.get_codes()
-        body = _body(name if isinstance(name, str) else error.default_code, str(error.detail), fault, params)
+        code = name if isinstance(name, str) else error.default_code
+        body = ErrorBody(code=code, message=str(error.detail), fault=fault, params=params)
     return Response(body, status=error.status_code, headers=headers)
 
 
-def _as_api_exception(exc: Exception, context: dict[str, Any]) -> exceptions.APIException:
+def _as_api_exception(exc: Exception, request: object) -> exceptions.APIException:
     match exc:
         case exceptions.NotAuthenticated():
-            exc.detail = exceptions.ErrorDetail(
-                _(
-                    "Authentication required: send the header Authorization: Token ... (create a token in "
-                    "your settings)."
-                ),
-                str(exc.get_codes()),
+            text = _(
+                "Authentication required: send the header Authorization: Token ... (create a token in your settings)."
             )
+            exc.detail = exceptions.ErrorDetail(text, str(exc.get_codes()))
             return exc
         case exceptions.APIException():
             return exc
@@ -148,7 +152,6 @@ def _as_api_exception(exc: Exception, context: dict[str, Any]) -> exceptions.API
             return exceptions.ParseError(_("The JSON is nested too deeply."))
         case DjangoValidationError():
             return exceptions.ValidationError(_messages(exc))
-    request = context.get("request")
     if is_of_nul(exc):
         return exceptions.NotFound(_("Not found, or you have no access to it."))
     if isinstance(exc, (OperationalError, RedisError)):
@@ -158,16 +161,6 @@ def _as_api_exception(exc: Exception, context: dict[str, Any]) -> exceptions.API
     log.error("An API request failed", exc_info=exc)
     got_request_exception.send(sender=None, request=getattr(request, "_request", request))
     return InternalError()
-
-
-def _status_of(fault: PaddockError) -> int:
-    if fault.fault == "platform":
-        return status.HTTP_503_SERVICE_UNAVAILABLE
-    return STATUS_OF.get(fault.code, status.HTTP_400_BAD_REQUEST)
-
-
-def _body(code: str, message: str, fault: str, params: dict[str, Any]) -> dict[str, Any]:
-    return {"code": code, "message": message, "fault": fault, "params": params}
 
 
 def _messages(exc: DjangoValidationError) -> dict | list:
@@ -184,11 +177,11 @@ def _messages(exc: DjangoValidationError) -> dict | list:
     ]
 
 
-def _fields(details: Any, name: str = "") -> dict[str, list[dict[str, str]]]:
+def _fields(details: Any, name: str = "") -> Fields:
     """Flatten nested validation details to ``{"track.name": [{"code", "message"}]}``; "" stands for the whole."""
     if _is_message(details):
         return {name: [{"code": str(details["code"]), "message": str(details["message"])}]}
-    found: dict[str, list[dict[str, str]]] = {}
+    found: Fields = {}
     if isinstance(details, dict):
         parts = [("" if key == "non_field_errors" else str(key), value) for key, value in details.items()]
     else:
@@ -204,7 +197,7 @@ def _is_message(details: Any) -> bool:
     return isinstance(details, dict) and set(details) == {"message", "code"} and isinstance(details["message"], str)
 
 
-def _summary(fields: dict[str, list[dict[str, str]]]) -> str:
+def _summary(fields: Fields) -> str:
     """One line that names the first wrong field."""
     field, errors = next(iter(fields.items()), ("", []))
     message = errors[0]["message"] if errors else _("Some values are invalid.")

@@ -1,6 +1,4 @@
-"""Lists come in pages: ``?page=2&page_size=100``."""
-
-from __future__ import annotations
+"""Pagination of lists: ``?page=2&page_size=100``."""
 
 from typing import Any
 
@@ -11,7 +9,7 @@ from rest_framework.response import Response
 
 
 class Pages(PageNumberPagination):
-    """50 rows on a page unless ``page_size`` (1 to 100) says otherwise."""
+    """Pages of 50 rows, or of ``page_size`` (1 to 100) rows."""
 
     page_size = 50
     page_size_query_param = "page_size"

@@ -1,4 +1,4 @@
-"""How often one racer may write. Reading is not limited."""
+"""The limit of write requests per racer."""
 
 from __future__ import annotations
 
@@ -15,14 +15,10 @@ if TYPE_CHECKING:  # views import this module
 
 
 class WriteThrottle(ScopedRateThrottle):
-    """Counts each racer's unsafe requests against the view's ``throttle_scope`` ("write" unless it says otherwise).
+    """Limits each racer's unsafe requests by the view's ``throttle_scope`` (default: "write").
 
-    Anonymous requests are not counted: the only ones that write anything are attempts to log in, which allauth
-    limits together with those of the site's form.
-
-    A view with a ``throttle_refused_scope`` counts what it refused against that instead (see
-    :meth:`count_as_refused`): who tries until a file is right shall not have to wait an hour for it.
-    """
+    Guests are not counted: they only log in, which allauth limits. A view with a ``throttle_refused_scope`` counts
+    refused requests against that scope instead (:meth:`count_as_refused`)."""
 
     _refused: WriteThrottle | None = None
     _spent: WriteThrottle | None = None  # the allowance of refused ones, when that is used up
@@ -78,8 +74,8 @@ class WriteThrottle(ScopedRateThrottle):
         return len(self.history) < self._limit
 
     def _tell(self, request: Request) -> None:
-        """Leave with the request what its answer's headers say (:class:`config.delivery.Fresh`): the fields that GitHub
-        and others have, by the names of the IETF's draft; seconds until the oldest of what counts does so no more."""
+        """Store the answer's rate limit headers (IETF draft) with the request, for
+        :mod:`config.middleware.http_caching`."""
         oldest = self.history[-1] if self.history else self.now
         request._request.rate_limit = {  # type: ignore[attr-defined]
             "RateLimit-Limit": str(self._limit),

@@ -1,22 +1,17 @@
-"""The one list of what can happen. Each room registers its kinds in its module ``events``."""
-
-from __future__ import annotations
+"""The registry of event kinds. Each room registers its kinds in its module ``events``."""
 
 from dataclasses import dataclass
 
 
 @dataclass(frozen=True)
 class EventKind:
-    """A kind of event.
+    """A kind of event, named ``thing.what_happened``.
 
-    ``name``: what it is called in the table, ``thing.what_happened``. ``says``: one line for the documentation.
-    ``seen_by``: the audience (:mod:`core.events.visibility`). ``names``: which of the columns ``racer``, ``race`` and
-    ``subject`` it fills. ``data``: the names of all it keeps besides, small and JSON. ``once``: what there is one event
-    for, in words; empty for a kind of which there may be any number.
-    """
+    ``summary``: for the documentation; ``seen_by``: the audience; ``names``: the filled columns of :data:`COLUMNS`;
+    ``data``: the keys of its JSON; ``once``: what there is one event for, empty for any number."""
 
     name: str
-    says: str
+    summary: str
     seen_by: str
     names: tuple[str, ...] = ()
     data: tuple[str, ...] = ()
@@ -28,8 +23,7 @@ COLUMNS = ("racer", "race", "subject")
 
 
 def register(kind: EventKind) -> EventKind:
-    """Add a kind to the list. Registering the same one twice changes nothing; raises ValueError for another one of the
-    same name, and for a column that there is not."""
+    """Register a kind. Raises ValueError for another kind of the same name and for an unknown column."""
     if KINDS.get(kind.name, kind) != kind:
         raise ValueError(f"there are two kinds of event called {kind.name}")
     if unknown := set(kind.names) - set(COLUMNS):

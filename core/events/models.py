@@ -1,6 +1,4 @@
-"""The table of what happened, and how far each reader has come in it."""
-
-from __future__ import annotations
+"""The tables of events and of the readers' cursors."""
 
 from django.conf import settings
 from django.db import models
@@ -10,16 +8,10 @@ from django.utils.translation import gettext_lazy as _
 
 
 class Event(models.Model):
-    """One thing that happened.
+    """One thing that happened at ``at``; ``recorded_at``: when it was written.
 
-    ``at``: when it happened, as the service says that wrote it; ``recorded_at``: when it was written, by the database's
-    clock. ``racer``: whom it concerns; ``race``: the id of its race, which may be gone by now; ``subject``: the public
-    id or address of what it is about. ``once``: what there is only one event of this kind for; None where
-    there may be any number.
-
-    ``position``: its place in the order that readers follow; None until the transaction that wrote it is committed and
-    somebody reads (:mod:`core.events.reading` says why).
-    """
+    ``race``: an id; ``subject``: a public id or address; ``once``: the key of a kind that happens once. ``position``:
+    its place in the readers' order, None until a reader numbers it (:mod:`core.events.reading`)."""
 
     position = models.PositiveBigIntegerField(_("position"), null=True, unique=True, editable=False)
     kind = models.CharField(_("kind"), max_length=32)
@@ -58,10 +50,7 @@ class Event(models.Model):
 
 
 class EventCursor(models.Model):
-    """How far a reader has come: it has done everything up to ``position`` and nothing after it.
-
-    The row called ``NUMBERED`` is nobody's: it holds the last position that was given.
-    """
+    """How far a reader has come. The row ``NUMBERED`` holds the last position given."""
 
     NUMBERED = "numbered"
 

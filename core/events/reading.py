@@ -1,21 +1,8 @@
 """Following the events: each reader gets every event of its kinds exactly once.
 
-**Nothing is missed.** A row's id is drawn when it is written, but on PostgreSQL a transaction with a lower id may be
-committed after one with a higher id: whoever remembered the highest id seen would never come back for the late one. So
-readers do not go by ids. Committed events are given their ``position`` afterwards, by :func:`number_new`, which every
-reader calls first. It numbers what it sees on from the last position, in one transaction, under the lock of one row. So
-positions become visible in their order, and whoever has read up to one has seen every event that will ever stand at or
-below it. A transaction that is committed late is numbered late, and nobody waits for it. On SQLite there is one writer
-at a time, and the same holds. Positions are plain data: they stay right when a database is dumped and restored.
-
-**Nothing is done twice.** A reader's cursor is a row. Taking an event, all that the reader writes for it and the new
-cursor are one transaction under that row's lock: killed anywhere, all of it has happened or nothing has. Several
-processes may follow for the same reader: they take turns.
-
-A reader that raises stays where it is and is called again with the same event; the other readers go on.
-"""
-
-from __future__ import annotations
+Ids are drawn before the commit, so a lower id may become visible after a higher one. Readers therefore follow
+positions, which :func:`number_new` gives to committed events under the lock of one row. A reader's writes and its
+cursor are one transaction under the cursor's lock. A reader that raises gets the same event again."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -30,20 +17,21 @@ from .models import Event, EventCursor
 from .waking import interested
 
 AT_ONCE = 500
-READERS: dict[str, EventReader] = {}
 
 
 @dataclass(frozen=True)
 class EventReader:
-    """Who reads events of some kinds.
+    """A reader of events of some kinds.
 
-    ``handle(event, now)`` writes what follows from an event, within the transaction that moves the cursor, and returns
-    how many things it told. It must do nothing that cannot be rolled back: what goes out of the house is queued in it.
-    """
+    ``handle(event, now)`` writes the consequences within the transaction of the cursor, and returns their number. It
+    queues mails and requests to other sites."""
 
     name: str
     kinds: tuple[EventKind, ...]
     handle: Callable[[Event, datetime], int]
+
+
+READERS: dict[str, EventReader] = {}
 
 
 def register_reader(reader: EventReader) -> EventReader:
@@ -54,18 +42,18 @@ def register_reader(reader: EventReader) -> EventReader:
 
 
 def follow(name: str, *, now: datetime) -> int:
-    """Let a reader do what happened since it last looked, in order. Returns how many things it told."""
+    """Handle a reader's new events in order. Returns the sum of the handlers' results."""
     reader = READERS[name]
     number_new()
-    told = 0
+    handled = 0
     while _is_behind(reader):
         with transaction.atomic():
             cursor = _locked(name)
             event = _ahead(reader, cursor.position).first()
             if event is not None:  # None: somebody else took it
-                told += reader.handle(event, now)
+                handled += reader.handle(event, now)
                 EventCursor.objects.filter(pk=name).update(position=event.position)
-    return told
+    return handled
 
 
 def number_new() -> int:
@@ -84,8 +72,7 @@ def number_new() -> int:
 
 
 def trim(*, now: datetime) -> int:
-    """Delete events that were recorded more than ``PADDOCK_EVENTS_KEPT_DAYS`` ago and that every reader has passed.
-    Returns how many."""
+    """Delete events older than ``PADDOCK_EVENTS_KEPT_DAYS`` that every reader has passed. Returns how many."""
     number_new()
     passed = min((_pass_unwanted(reader) for reader in READERS.values()), default=None)
     old = Event.objects.filter(recorded_at__lt=now - timedelta(days=settings.EVENTS_KEPT_DAYS))

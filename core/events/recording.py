@@ -1,6 +1,4 @@
-"""Writing down what happened."""
-
-from __future__ import annotations
+"""Records events."""
 
 from collections.abc import Iterable
 from datetime import datetime
@@ -8,7 +6,7 @@ from typing import Any
 
 from django.db import transaction
 
-from ..streams.bell import ring_after_commit
+from ..wakeups.streams import ring_after_commit
 from .kinds import COLUMNS, KINDS, EventKind
 from .models import Event
 from .waking import wake_readers
@@ -40,18 +38,15 @@ def written(
 
 
 def record(kind: EventKind, *, at: datetime, **what: Any) -> bool:
-    """Write down that something happened ``at`` a time, in the caller's transaction; whoever reads such events is woken
-    once that is committed. Returns whether it is news: False where the kind happens once and was recorded before.
+    """Record an event in the caller's transaction; its readers wake after the commit. Returns whether it is new.
 
-    ``what``: the columns that the kind names (``racer`` and ``race``: ids; ``subject``: a public id or an address), all
-    of its data, and ``once`` if there is only one of it. Raises TypeError for anything missing, unknown or too much.
-    """
+    ``what``: the columns and all of the data that the kind names, and ``once``. Raises TypeError for anything missing
+    or unknown."""
     return record_all([written(kind, at=at, **what)]) == 1
 
 
 def record_all(events: Iterable[Event]) -> int:
-    """:func:`record` for many that happened together. Returns how many are news; those that happen once and were
-    recorded before are left as they are."""
+    """:func:`record` for many events. Returns the number of new ones."""
     rows = list(events)
     with transaction.atomic():
         known = _known(rows)

@@ -1,18 +1,15 @@
-"""The periodic work of events, and what a wake-up asks for."""
-
-from __future__ import annotations
+"""Celery tasks of events: follow, sweep, trim."""
 
 from celery import shared_task
-from django.utils import timezone
 
+from ..database.clock import database_now
 from . import reading
 from .waking import wake
 
 
 @shared_task
 def follow(reader: str) -> int:
-    """Let a reader do what happened since it last looked. Returns how many things it told."""
-    return reading.follow(reader, now=timezone.now())
+    return reading.follow(reader, now=database_now())
 
 
 @shared_task
@@ -25,5 +22,4 @@ def sweep() -> int:
 
 @shared_task
 def trim() -> int:
-    """Delete events that are old and that every reader has passed. Returns how many."""
-    return reading.trim(now=timezone.now())
+    return reading.trim(now=database_now())

@@ -1,6 +1,4 @@
-"""Who may see an event: a predicate and its queryset twin, put together of what the rooms say of their own things."""
-
-from __future__ import annotations
+"""Visibility of events: a predicate and its queryset twin, from the audiences that rooms register."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -18,8 +16,7 @@ Viewer = Any
 
 @dataclass(frozen=True)
 class Audience:
-    """Who sees events of some kinds. ``can_see(viewer, event)`` and ``seen(viewer)``, its twin as a condition on
-    events, are asked of nobody who is staff: they see everything."""
+    """The viewers of some kinds: ``can_see(viewer, event)`` and its twin ``seen(viewer)``. Staff sees everything."""
 
     can_see: Callable[[Viewer, Event], bool]
     seen: Callable[[Viewer], Q]
@@ -39,8 +36,7 @@ def register_audience(name: str, *, can_see: Callable[[Viewer, Event], bool], se
 
 
 def can_see_event(viewer: Viewer, event: Event) -> bool:
-    """Whether the viewer may see an event. Twin of :func:`events_visible_to`. Of a kind that is not known any more
-    only staff sees anything."""
+    """Whether the viewer may see an event; only staff sees unknown kinds. Twin of :func:`events_visible_to`."""
     if _is_known(viewer) and viewer.is_staff:
         return True
     kind = KINDS.get(event.kind)

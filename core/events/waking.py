@@ -1,6 +1,4 @@
-"""Waking readers once an event is committed. A wake-up that gets lost costs a minute: the sweep wakes them all."""
-
-from __future__ import annotations
+"""Wakes readers after an event is committed; a lost wake-up delays them by a minute."""
 
 from collections.abc import Collection
 from dataclasses import dataclass
@@ -8,7 +6,7 @@ from time import monotonic
 
 from django.db import connection, transaction
 
-from ..wakeup import send
+from ..wakeups.workers import send
 
 FOLLOW = "core.events.tasks.follow"
 LEFT_ALONE_S = 5.0
@@ -39,8 +37,7 @@ class _WakeUp:
 
 
 def wake(reader: str) -> None:
-    """Ask a worker to let a reader follow. A broker that is away is logged, and left alone for a moment, so that nobody
-    waits for it several times."""
+    """Wake a worker for a reader. After a failure the broker is left alone for a moment."""
     global _away_until
     if monotonic() >= _away_until and not send(FOLLOW, 1, args=[reader]):
         _away_until = monotonic() + LEFT_ALONE_S

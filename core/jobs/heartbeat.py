@@ -1,6 +1,4 @@
-"""A thread that holds a lease while the work goes on."""
-
-from __future__ import annotations
+"""A thread that renews a lease while a job runs."""
 
 import logging
 import threading
@@ -9,20 +7,18 @@ from datetime import timedelta
 from time import monotonic
 from typing import Any, Self
 
-from django.db import DatabaseError, connections
+from django.db import connections
 
 logger = logging.getLogger(__name__)
 BEATS_PER_LEASE = 6
 
 
 class Heartbeat(threading.Thread):
-    """Keeps a lease alive within its block, and carries the progress to the database.
+    """Renews a lease and writes the progress while its block runs.
 
-    ``beat`` gets the newest progress, or None when nothing new was told, prolongs the lease and answers whether it is
-    still good. It is called at most every ``every_s`` seconds and at least :data:`BEATS_PER_LEASE` times per lease;
-    with ``always`` every ``every_s``, told something or not. ``lost`` turns true when the lease is gone, or when the
-    database could not be reached for as long as a lease lasts.
-    """
+    ``beat(progress or None)`` renews the lease and returns whether it is valid: at most every ``every_s`` seconds, at
+    least :data:`BEATS_PER_LEASE` times per lease, with ``always`` without progress too. ``lost``: the lease is gone, or
+    the database was away for its length."""
 
     def __init__(
         self,
@@ -65,8 +61,7 @@ class Heartbeat(threading.Thread):
                 try:
                     self.lost = not self._beat(news)
                 except Exception as error:  # the database may be away in many ways
-                    trace = None if isinstance(error, DatabaseError) else error
-                    logger.warning("A heartbeat could not be written: %s", error, exc_info=trace)
+                    logger.warning("A heartbeat could not be written", exc_info=error)
                     connections.close_all()
                     self.lost = monotonic() - last > self._lease_s
                 else:

@@ -1,6 +1,4 @@
-"""A kind of job: what is its own, and how its jobs are claimed, held, put back and ended."""
-
-from __future__ import annotations
+"""A kind of job, and how its jobs are claimed, renewed, released and finished."""
 
 import logging
 import uuid
@@ -13,39 +11,34 @@ from django.conf import settings
 from django.db import transaction
 from django.db.models import F, Q, QuerySet
 
-from ..clock import database_now
-from ..streams.bell import poke, poke_after_commit
-from ..wakeup import wake
+from ..database.clock import database_now
+from ..wakeups.streams import poke, poke_after_commit
+from ..wakeups.workers import wake
 from .heartbeat import Heartbeat
 from .models import Leased
-from .outages import STORAGE, is_out, look_after
+from .outages import STORAGE, ended_outage, is_out
 
 logger = logging.getLogger(__name__)
 CANDIDATES = 16  # looked at by one claim at once: as many workers may reach for the first
 COUNTED = 1000  # a sweep counts no more than so many that wait
 J = TypeVar("J", bound=Leased)
 Row = TypeVar("Row", bound="JobKind[Any]")
-_KINDS: dict[str, JobKind[Any]] = {}
 
 
 @dataclass(frozen=True)
 class SweepReport:
-    """What a sweep found: leases that had run out, and how many jobs wait now and could be done (of more than
-    :data:`COUNTED`, that many)."""
+    """Expired leases that a sweep found, and the jobs that wait and are due (at most :data:`COUNTED`)."""
 
     requeued: int = 0
     waiting: int = 0
 
 
 class JobKind(Generic[J]):
-    """One kind of job. Attributes say what is its own, methods that a kind overrides what it does differently.
+    """One kind of job: attributes and methods that a subclass overrides.
 
-    ``name``: in the log and of the registry; ``task``: what is called to wake a worker; ``queue``: the broker's queue
-    that its workers listen to; ``order``: of those that wait; ``related``: what is read along with a claimed one;
-    ``blank``: columns of an attempt that a new one begins with; ``wakes``: workers that one sweep wakes at the most;
-    ``needs``: what must not be out (:mod:`core.jobs.outages`); ``beat_s``: seconds between two heartbeats that have
-    something to tell.
-    """
+    ``task``: the task that wakes a worker, in the broker's ``queue``; ``order``: of waiting jobs; ``related``: of a
+    claimed one; ``blank``: columns that a new attempt resets; ``wakes``: most workers woken by a sweep; ``needs``:
+    parts that must not be out (:mod:`core.jobs.outages`); ``beat_s``: seconds between heartbeats with progress."""
 
     name: str
     model: type[J]
@@ -100,8 +93,7 @@ class JobKind(Generic[J]):
         """A part of every sweep."""
 
     def lost(self, mine: QuerySet[J], job: J, now: datetime) -> bool:
-        """The worker of ``mine`` (one row or none; ``job`` is how it was read) disappeared: what becomes of it.
-        Whether it still was its to change."""
+        """Handle the loss of a job's worker (``mine``: one row or none). Returns whether the job was changed."""
         return self.put_back(mine, now=now)
 
     def began(self, job: J, now: datetime) -> None:
@@ -114,8 +106,7 @@ class JobKind(Generic[J]):
     # --- claim, heartbeat, end
 
     def claim(self, *, worker: str, now: datetime) -> J | None:
-        """Take the job whose turn it is under a new lease. None when nothing waits, when all that waits pauses, and
-        while a part that it needs is out: every one would fail alike."""
+        """Take the next job under a new lease. None when nothing is due, and while a needed part is out."""
         if is_out(*self.needs):
             return None
         self.prepare(now)
@@ -185,17 +176,9 @@ class JobKind(Generic[J]):
 
     def put_back(self, mine: QuerySet[J], *, now: datetime, pause: timedelta | None = None, **columns: Any) -> bool:
         """Let ``mine`` (one row or none) wait again in its place, after a pause or at once. False: there was none."""
-        back = mine.update(
-            **{
-                "state": self.waiting,
-                "lease": None,
-                "leased_until": None,
-                "started_at": None,
-                "not_before": now + pause if pause else None,
-                **self.blank,
-                **columns,
-            }
-        )
+        none = dict.fromkeys(("lease", "leased_until", "started_at"))
+        wait = {"state": self.waiting, "not_before": now + pause if pause else None}
+        back = mine.update(**(none | wait | self.blank | columns))
         if back and not pause:
             self.wake()
         return bool(back)
@@ -211,15 +194,15 @@ class JobKind(Generic[J]):
     # --- sweep and wake-up
 
     def sweep(self, *, now: datetime, wake: bool = True) -> SweepReport:
-        """Put jobs whose worker disappeared back into the queue, see whether a part that was out is back, and wake
-        workers for whatever waits and does not pause.
+        """Requeue jobs with expired leases, probe parts that were out, and wake workers for jobs that are due.
 
-        One that cannot be put back (a receiver raises) does not keep the others waiting. ``wake=False`` is for a
-        caller that is about to look at the queue itself.
-        """
-        expired = self.model._base_manager.filter(state=self.working, leased_until__lt=now)
+        A job that cannot be requeued does not stop the sweep. ``wake=False``: the caller looks at the queue itself."""
+        leased = self.model._base_manager.filter(state=self.working)
+        # the clock was set back: a living worker's next beat prolongs the lease, a dead one's ends in time
+        leased.filter(leased_until__gt=now + 2 * self.lease).update(leased_until=now + self.lease)
+        expired = leased.filter(leased_until__lt=now)
         requeued = sum(self._take_back(job, now) for job in expired.order_by("leased_until"))
-        look_after(*self.needs, now=now)
+        end_outages(*self.needs, now=now)
         self.prepare(now)
         self.tidy(now)
         waiting = 0 if is_out(*self.needs) else len(self.due(now).values_list("pk", flat=True)[:COUNTED])
@@ -243,6 +226,9 @@ class JobKind(Generic[J]):
         """What has failed by us ``since`` then is due at once."""
 
 
+_KINDS: dict[str, JobKind[Any]] = {}
+
+
 def register(kind: Row) -> Row:
     """Note a kind: the breaker and the tests' contract reach all there are. Registering one twice changes nothing."""
     _KINDS[kind.name] = kind
@@ -250,5 +236,14 @@ def register(kind: Row) -> Row:
 
 
 def all_kinds() -> list[JobKind[Any]]:
-    """Every kind of job, in the order of their names."""
     return [_KINDS[name] for name in sorted(_KINDS)]
+
+
+def end_outages(*parts: str, now: datetime) -> None:
+    """End the pauses of all jobs that a part stopped, once the part is back."""
+    ended = ended_outage(*parts, now=now)
+    if ended is not None:
+        part, since = ended
+        for kind in all_kinds():
+            if part in kind.needs:
+                kind.end_pauses(since=since)

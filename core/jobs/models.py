@@ -1,6 +1,4 @@
-"""The columns and constraints that all jobs have, and what is out while none is claimed."""
-
-from __future__ import annotations
+"""Columns and constraints of all jobs, and the table of outages."""
 
 from collections.abc import Sequence
 
@@ -21,11 +19,8 @@ def reason_sentence(code: str, params: dict) -> str:
 
 
 class Leased(models.Model):
-    """A row that a worker claims by a guarded UPDATE that writes its lease; every later write names that lease.
-
-    ``attempt``: how often it was claimed; ``not_before``: until when it pauses; ``started_at``: when the attempt under
-    way, or the last one, began.
-    """
+    """A row that a worker claims by a guarded UPDATE with a lease, which every later write names. ``not_before``: the
+    end of its pause; ``started_at``: of the last attempt."""
 
     attempt = models.PositiveSmallIntegerField(_("attempt"), default=0, db_default=0)
     lease = models.UUIDField(_("lease"), null=True, blank=True, editable=False)
@@ -40,11 +35,10 @@ class Leased(models.Model):
 
 
 class Job(Leased):
-    """One that fails by a fault: a racer's at once, ours only when it alone fails while others pass.
+    """A leased row that may fail by a fault: ``reason_code`` and ``reason_params``.
 
-    ``reason_code``, ``reason_params``: the fault that it ended with; ``kills``: how often it failed alone;
-    ``failed_at``: when a fault of ours last ended an attempt; ``operator_detail``: what operators read of them.
-    """
+    ``kills``: failures while other jobs passed; ``failed_at``: of the last platform fault; ``operator_detail``: notes
+    for operators."""
 
     state: models.CharField  # of the kind's own states, "failed" among them
     reason_code = models.CharField(_("reason"), max_length=40, blank=True)
@@ -60,7 +54,6 @@ class Job(Leased):
 
     @property
     def reason(self) -> str:
-        """Why it ended, in the reader's language, or ``""``."""
         return reason_sentence(self.reason_code, self.reason_params)
 
     @property
@@ -70,8 +63,7 @@ class Job(Leased):
 
 
 def lease_constraints(prefix: str, *, waiting: str, working: str, final: Sequence[str]) -> list[models.BaseConstraint]:
-    """What holds for the states of every :class:`Leased` row: there is a lease while somebody works at it and at no
-    other time, it pauses only while it waits, and its end has a time. Names begin with ``prefix``."""
+    """Constraints of every :class:`Leased` row on state, lease, pause and end, named with ``prefix``."""
     return [
         models.CheckConstraint(condition=Q(state__in=[waiting, working, *final]), name=f"{prefix}_state_known"),
         models.CheckConstraint(
@@ -91,10 +83,7 @@ def lease_constraints(prefix: str, *, waiting: str, working: str, final: Sequenc
 
 
 class Outage(models.Model):
-    """A part that jobs need is out: while there is a row, none of them is claimed. Looked after by the sweeps.
-
-    ``looks``: how often it was looked at in vain; ``look_at``: when it is looked at next.
-    """
+    """A part is out, and no job that needs it is claimed. ``looks``: failed probes; ``look_at``: the next probe."""
 
     class Part(models.TextChoices):
         """What can be out."""

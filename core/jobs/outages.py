@@ -1,11 +1,6 @@
-"""The breaker: while the storage of files is out nobody claims, so no job fails by it, and the sweeps look for its
-return.
+"""The breaker: while the storage of files is out no job is claimed, and sweeps probe for its return.
 
-There is none for the broker, which nothing but the wake-up needs, and none in the database for the sandbox, which is
-each machine's own: whoever knows what to look at after such a fault says so (:func:`look_after_faults`).
-"""
-
-from __future__ import annotations
+Other rooms register checks for faults of parts that belong to one machine (:func:`look_after_faults`)."""
 
 import logging
 import uuid
@@ -14,11 +9,11 @@ from datetime import datetime, timedelta
 
 from django.core.files.base import ContentFile
 from django.core.files.storage import default_storage
-from django.db.models import F
+from django.db.models import F, Q
 
 from paddock.errors import PaddockError, PlatformFault
 
-from ..storage_faults import storage_at_work
+from ..files.storage_faults import storage_at_work
 from .models import Outage
 
 logger = logging.getLogger(__name__)
@@ -33,22 +28,21 @@ def is_out(*parts: str) -> bool:
 
 
 def storage_is_out() -> bool:
-    """:func:`is_out` of the storage of files."""
     return is_out(STORAGE)
 
 
 def waits_for_storage(fault: PaddockError) -> bool:
-    """Whether all that stops a job is that no file can be read or written: nothing is claimed meanwhile."""
+    """Whether a job failed only because the storage is out."""
     return fault.code == "storage_failed" and storage_is_out()
 
 
 def look_after_faults(code: str, look: Callable[[], object]) -> None:
-    """``look`` is called after every fault of ours with this code, before the job goes back into the queue."""
+    """Call ``look`` after every platform fault with this code, before the job is requeued."""
     _LOOKS[code] = look
 
 
 def note_fault(fault: PaddockError, *, now: datetime) -> None:
-    """Before a job goes back into the queue: nobody shall claim the next one only to fail like this one."""
+    """Open the breaker if needed before a job is requeued."""
     if fault.code == "storage_failed":
         note_storage_fault(now=now)
     elif fault.code in _LOOKS:
@@ -56,10 +50,7 @@ def note_fault(fault: PaddockError, *, now: datetime) -> None:
 
 
 def note_storage_fault(*, now: datetime) -> bool:
-    """A stored file could not be read or written: see whether none can, and then open the breaker. Whether it is out.
-
-    False means that only this file is lost or damaged, which is not a reason to keep others waiting.
-    """
+    """Probe the storage after a fault of a file, and open the breaker if it is out. Returns whether it is out."""
     if storage_is_out():
         return True
     if storage_answers():
@@ -70,23 +61,19 @@ def note_storage_fault(*, now: datetime) -> bool:
     return True
 
 
-def look_after(*parts: str, now: datetime) -> None:
-    """Look whether a part that is out has come back, when a look is due; of many callers one looks. When it is back,
-    what paused since it went is due at once."""
-    from .kinds import all_kinds
-
-    outage = Outage.objects.filter(part__in=parts, look_at__lte=now).first() if parts else None
+def ended_outage(*parts: str, now: datetime) -> tuple[str, datetime] | None:
+    """Probe a part when a probe is due, once for all callers. Returns the part and its outage's start if it is back."""
+    due = Q(look_at__lte=now) | Q(look_at__gt=now + 2 * LONGEST)  # or the clock was set back
+    outage = Outage.objects.filter(due, part__in=parts).first() if parts else None
     if outage is None:
-        return
+        return None
     pause = min(FIRST_LOOK * 2 ** min(outage.looks, 10), LONGEST)
-    mine = Outage.objects.filter(pk=outage.pk, looks=outage.looks)
-    if not mine.update(looks=F("looks") + 1, look_at=now + pause) or not storage_answers():
-        return
+    mine, since = Outage.objects.filter(pk=outage.pk, looks=outage.looks), min(outage.since, now)
+    if not mine.update(looks=F("looks") + 1, since=since, look_at=now + pause) or not storage_answers():
+        return None
     Outage.objects.filter(pk=outage.pk).delete()
-    for kind in all_kinds():
-        if outage.part in kind.needs:
-            kind.end_pauses(since=outage.since)
-    logger.warning("The storage of files is back after %s s.", int((now - outage.since).total_seconds()))
+    logger.warning("The storage of files is back after %s s.", int((now - since).total_seconds()))
+    return outage.part, since
 
 
 def storage_answers() -> bool:

@@ -1,6 +1,4 @@
-"""What operators see of the kinds of job, and run again. Each room registers its own when the site comes up."""
-
-from __future__ import annotations
+"""The registry of queues that the operators' page shows."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -15,12 +13,10 @@ from .kinds import JobKind
 
 @dataclass(frozen=True)
 class Queue:
-    """A kind of job on the operators' page; what it is stands in ``kind``.
+    """A kind of job on the operators' page.
 
-    ``name``: in addresses; ``since``: the column that says since when a job waits; ``related``: what the page shows of
-    a job. ``repeatable``: those of the failed ones that can be run again; ``run_again``: puts one of them back, False
-    when it is not failed any more, raises UserFault for why it stays as it is.
-    """
+    ``name``: in addresses; ``since``: the column with the start of the wait; ``related``: for the page; ``repeatable``:
+    failed jobs that can run again; ``run_again``: requeues one, and raises UserFault if it must not."""
 
     name: str
     label: Promise
@@ -31,7 +27,6 @@ class Queue:
     run_again: Callable[[Any, datetime], object]
 
     def jobs(self) -> QuerySet[Any]:
-        """All jobs of the kind."""
         return self.kind.model._default_manager.all()
 
     def failed_runs(self) -> QuerySet[Any]:

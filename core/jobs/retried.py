@@ -1,6 +1,4 @@
-"""Kinds whose jobs end by a fault: the racer's at once, ours tried again for as long as it lasts."""
-
-from __future__ import annotations
+"""Kinds whose jobs fail at once by a racer's fault and are retried after the platform's."""
 
 import logging
 import uuid
@@ -31,16 +29,15 @@ def pause_after(attempts: int) -> timedelta:
 
 
 def detail_with(detail: str, head: str = "") -> Right:
-    """The column ``operator_detail`` with one more note, as an expression. The newest 20,000 characters are kept: what
-    is tried for as long as it takes has no end of them."""
+    """An expression: ``operator_detail`` with one more note, cut to the newest :data:`DETAILS_LIMIT` characters."""
     note = f"{head} {detail.strip()[-DETAIL_LIMIT:]}".strip() + "\n"
     return Right(Concat("operator_detail", Value(note)), DETAILS_LIMIT)
 
 
 @dataclass(frozen=True)
 class Verdict:
-    """What becomes of a job after a fault: it ends with ``fault``, or (None) waits again for ``pause``. ``columns``:
-    what else is written."""
+    """The consequence of a fault: the job ends with ``fault``, or (None) waits for ``pause``. ``columns``: more to
+    write."""
 
     fault: PaddockError | None = None
     pause: timedelta | None = None
@@ -50,10 +47,9 @@ class Verdict:
 class RetriedKind(JobKind[R]):
     """A kind whose jobs end by a fault.
 
-    ``lost_code``: the fault of a worker that disappeared; ``alone``: codes of faults that may be one job's own doing;
-    ``gave_up_code``: what ends one at which we failed by those ``EVALUATION_MAX_ATTEMPTS`` times while others passed;
-    ``storage_counts``: whether an attempt counts that the storage's outage ended.
-    """
+    ``lost_code``: a lost worker's fault; ``alone``: codes that may be a job's own doing, which ends with
+    ``gave_up_code`` after ``EVALUATION_MAX_ATTEMPTS`` of them while others passed; ``storage_counts``: whether outages
+    of the storage count."""
 
     lost_code: str
     alone: frozenset[str] = frozenset()
@@ -65,8 +61,7 @@ class RetriedKind(JobKind[R]):
         return fault.code in self.alone and self.others_passed(job)
 
     def others_passed(self, job: R) -> bool:
-        """Whether another was done since this one was queued or last failed. Where none ever is, nothing is given
-        up."""
+        """Whether another job finished since this one was queued or last failed."""
         return False
 
     def gave_up(self, job: R, now: datetime) -> None:
@@ -89,12 +84,7 @@ class RetriedKind(JobKind[R]):
     # --- what follows a fault
 
     def fail(self, *, pk: int, lease: uuid.UUID, fault: PaddockError, now: datetime, detail: str = "") -> bool:
-        """End an attempt that failed. False: the lease is gone.
-
-        What becomes of the job is :meth:`after`'s to say: a user's fault is final at once; after a platform's the job
-        goes back to its place in the queue, to be tried after pauses that grow (:func:`pause_after`) for as long as it
-        takes. ``detail`` is for operators.
-        """
+        """End a failed attempt as :meth:`after` decides. Returns False if the lease is gone."""
         mine = self.held(pk, lease)
         job = mine.first()
         return job is not None and self._fail(mine, job, fault, now, detail)
@@ -128,24 +118,10 @@ class RetriedKind(JobKind[R]):
     # --- by hand
 
     def begin_anew(self, rows: QuerySet[R], **columns: Any) -> bool:
-        """Put those of ``rows`` that ended (one or none) back into the queue as if they had never begun. False: there
-        was none."""
-        again = rows.update(
-            **{
-                "state": self.waiting,
-                "attempt": 0,
-                "kills": 0,
-                "failed_at": None,
-                "not_before": None,
-                "worker": "",
-                "reason_code": "",
-                "reason_params": {},
-                "started_at": None,
-                "ended_at": None,
-                **self.blank,
-                **columns,
-            }
-        )
+        """Requeue the ended one of ``rows`` as new. Returns False for none."""
+        none = dict.fromkeys(("failed_at", "not_before", "started_at", "ended_at"))
+        fresh = {"state": self.waiting, "attempt": 0, "kills": 0, "worker": "", "reason_code": "", "reason_params": {}}
+        again = rows.update(**(none | fresh | self.blank | columns))
         if again:
             self.wake()
         return bool(again)

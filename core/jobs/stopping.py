@@ -1,10 +1,4 @@
-"""How a worker that is told to stop ends soon.
-
-A worker is a main process, which Celery's signals reach, and the processes of its pool, which run the tasks. SIGTERM
-may come to the first alone or to the whole group.
-"""
-
-from __future__ import annotations
+"""Fast shutdown of a worker's main process and its pool at SIGTERM to one of them or to the group."""
 
 import mmap
 import os
@@ -15,36 +9,52 @@ from contextlib import contextmanager, suppress
 
 import billiard
 from billiard import pool
-from celery.signals import worker_init, worker_process_init, worker_shutting_down
+from celery.signals import task_postrun, task_prerun, worker_init, worker_process_init, worker_shutting_down
 
 _RECEIPT_TENTHS_S = 10
 _stopping = mmap.mmap(-1, 1)  # one byte that a worker shares with the processes that it forks
+_is_busy = False  # of a process of a pool
 
 
 @worker_init.connect
 def begin_worker(**kwargs: object) -> None:
-    """Before a worker has its pool: a byte of its own. Workers that are forks of one process, as those of
-    ``manage.py run`` are, would share that one's: the first that stops would have all others begin nothing any more."""
+    """Give each worker a separate byte before its pool starts: forks of one process would share it."""
     global _stopping
     _stopping = mmap.mmap(-1, 1)
 
 
 @worker_process_init.connect
 def begin_process(**kwargs: object) -> None:
-    """A SIGTERM to the whole group reaches the pool's processes too; Celery's main process ends idle ones itself.
+    """End idle pool processes at SIGTERM, and shorten their wait for the main process to read their output.
 
-    At its end a process of the pool waits until the main process has read what it sent, half a minute at most. But that
-    one reads nothing more for a task that it had handed over, and not yet heard of, when it was told to stop. It counts
-    the task as not begun, the broker delivers it again, and nothing is lost: the wait need not be long.
-    """
-    signal.signal(signal.SIGTERM, signal.SIG_IGN)
+    A stopping main process does not read a task that was not acknowledged; the broker delivers it again."""
+    signal.signal(signal.SIGTERM, _end_idle_process)
     pool.GUARANTEE_MESSAGE_CONSUMPTION_RETRY_LIMIT = _RECEIPT_TENTHS_S
+
+
+@task_prerun.connect
+def begin_task(**kwargs: object) -> None:
+    """From here on this process is not idle."""
+    global _is_busy
+    _is_busy = True
+
+
+@task_postrun.connect
+def end_task(**kwargs: object) -> None:
+    """This process is idle again."""
+    global _is_busy
+    _is_busy = False
+
+
+def _end_idle_process(*_: object) -> None:
+    if not _is_busy and not is_stopping():
+        signal.signal(signal.SIGTERM, signal.SIG_DFL)
+        os.kill(os.getpid(), signal.SIGTERM)
 
 
 @worker_shutting_down.connect
 def pass_on_shutdown(**kwargs: object) -> None:
-    """Celery waits for running tasks when it is told to stop; tell them to hand their work back instead, and those
-    that are on their way to a process not to begin any."""
+    """Signal running tasks to hand their work back, where Celery would wait for them."""
     _stopping[0] = 1
     for process in billiard.active_children():
         with suppress(ProcessLookupError):
@@ -52,32 +62,29 @@ def pass_on_shutdown(**kwargs: object) -> None:
 
 
 def is_stopping() -> bool:
-    """Whether the worker of this process was told to stop. False in every other process."""
+    """Whether the worker of this process is stopping. False in every other process."""
     return _stopping[0] == 1
 
 
 @contextmanager
 def shutdown_flag() -> Iterator[Callable[[], bool]]:
-    """Within the block SIGTERM does not end the process: the function that it yields tells whether one came, or the
-    worker was told to stop before, so that the work is handed back.
+    """Hold back SIGTERM within the block; the yielded function returns whether the work must be handed back.
 
-    Two signals come almost at once where the whole group is told: the second one may interrupt the handling of the
-    first. It therefore takes no lock (setting a threading.Event does, and would wait for itself).
-    """
+    The handler takes no lock: a second signal may interrupt it."""
     signalled = False
 
     def note(*_: object) -> None:
         nonlocal signalled
         signalled = True
 
-    def told() -> bool:
+    def must_stop() -> bool:
         return signalled or is_stopping()
 
     if threading.current_thread() is not threading.main_thread():
-        yield told
+        yield must_stop
         return
     before = signal.signal(signal.SIGTERM, note)
     try:
-        yield told
+        yield must_stop
     finally:
         signal.signal(signal.SIGTERM, before)

@@ -1,6 +1,4 @@
-"""A worker's turns: claim a job, do it under a heartbeat, write down how it ended."""
-
-from __future__ import annotations
+"""The loop of a worker: claim a job, run it with a heartbeat, store its result."""
 
 import logging
 import traceback
@@ -10,33 +8,32 @@ from typing import Any, TypeVar
 
 from paddock.errors import PaddockError, PlatformFault, UserFault
 
-from ..clock import database_now
-from ..storage_faults import is_of_storage
+from ..database.clock import database_now
+from ..files.storage_faults import is_of_storage
+from ..logs.filters import is_outage_of_database
 from .heartbeat import Heartbeat
 from .kinds import JobKind
 from .models import Job
 from .outages import note_fault
 from .retried import RetriedKind
-from .stopping import shutdown_flag
 
 logger = logging.getLogger(__name__)
-Told = Callable[[], bool]
+StopCheck = Callable[[], bool]
 J = TypeVar("J", bound=Job)
 
 
 def never() -> bool:
-    """Nobody is told to shut down."""
+    """The check of a worker that is never stopped."""
     return False
 
 
 def run_next(
-    kind: RetriedKind[J], do: Callable[[J, Heartbeat], bool], *, worker: str, interrupted: Told = never
+    kind: RetriedKind[J], do: Callable[[J, Heartbeat], bool], *, worker: str, interrupted: StopCheck = never
 ) -> bool:
-    """Do the job whose turn it is to its end. False: nothing waits.
+    """Run the next job to its end. Returns False when nothing is due.
 
-    ``do`` does it and writes down that it is done, False if the lease was gone; what it raises becomes the job's fault.
-    ``interrupted`` turns true when the worker is told to shut down: the job is then handed back.
-    """
+    ``do`` runs it, stores its result and returns whether the lease was valid; an exception becomes the job's fault.
+    ``interrupted``: whether the worker shuts down, which requeues the job."""
     job = kind.claim(worker=worker, now=database_now())
     if job is None:
         return False
@@ -50,8 +47,12 @@ def run_next(
                 ended = kind.release(pk=job.pk, lease=job.lease, now=database_now())
                 how = "was handed back"
             else:
-                # what we stopped because the database was away for too long is no fault of the job
-                fault, detail = fault_of(PlatformFault(kind.lost_code) if heartbeat.lost else error)
+                # what a database ended that was away, or full, is no fault of the job
+                if heartbeat.lost or is_outage_of_database(error):
+                    lost = PlatformFault(kind.lost_code)
+                    lost.__cause__ = error
+                    error = lost
+                fault, detail = fault_of(error)
                 note_fault(fault, now=database_now())
                 ended = kind.fail(pk=job.pk, lease=job.lease, fault=fault, now=database_now(), detail=detail)
                 how = f"failed: {fault.code}"
@@ -61,25 +62,26 @@ def run_next(
 
 def work_off(
     kind: JobKind[Any],
-    turn: Callable[[Told], bool],
+    turn: Callable[[StopCheck], bool],
     *,
     budget_s: float = 0.0,
     idle: Callable[[], object] | None = None,
 ) -> int:
-    """Take turns until one finds nothing to do, the worker is told to stop, or ``budget_s`` seconds are over; then
-    wake the next, since more may wait. How many turns did something.
+    """Take turns until nothing is left, the worker stops or ``budget_s`` is over; then wake another worker. Returns the
+    number of turns.
 
-    ``turn`` gets what tells whether to stop; ``idle`` is called at the end unless it was told.
-    """
+    ``turn`` gets the check for a stop; ``idle`` is called at the end unless the worker stops."""
+    from .stopping import shutdown_flag  # needs Celery
+
     kind.sweep(now=database_now(), wake=False)
     started, count = monotonic(), 0
-    with shutdown_flag() as told_to_stop:
-        while not told_to_stop() and turn(told_to_stop):
+    with shutdown_flag() as must_stop:
+        while not must_stop() and turn(must_stop):
             count += 1
-            if monotonic() - started >= budget_s and not told_to_stop():
+            if monotonic() - started >= budget_s and not must_stop():
                 kind.wake()
                 break
-        if idle is not None and not told_to_stop():
+        if idle is not None and not must_stop():
             idle()
     return count
 

@@ -1,6 +1,4 @@
-"""The table of events as the stream process reads it: in order, by position, nothing missed."""
-
-from __future__ import annotations
+"""Queries of the stream process: events in the order of their positions."""
 
 from dataclasses import dataclass
 
@@ -9,7 +7,7 @@ from ..events.reading import number_new
 from .topics import topics_of
 
 AT_ONCE = 500
-REPLAYED = 1000  # events that a reader is told of who comes back; one who missed more reads the page anew
+REPLAYED = 1000  # events sent to a reconnecting reader; one that missed more reloads the page
 
 
 @dataclass(frozen=True)
@@ -21,19 +19,18 @@ class Moved:
 
 
 def newest() -> int:
-    """The last position that was given."""
     number_new()
     return last_numbered()
 
 
 def last_numbered() -> int:
-    """The same without numbering what is new: whoever reads the table from now on sees all up to it."""
+    """The same without numbering new events: later queries see every event up to it."""
     return EventCursor.objects.filter(pk=EventCursor.NUMBERED).values_list("position", flat=True).first() or 0
 
 
 def after(position: int) -> tuple[int, list[Moved]]:
-    """What happened after a position, at most :data:`AT_ONCE` events, and up to where that is: less than ``position``
-    where the table is not the one any more in which that was given (a backup was restored)."""
+    """At most :data:`AT_ONCE` events after a position, and the last position: less than ``position`` after a restored
+    backup."""
     last = newest()
     events = list(Event.objects.filter(position__gt=position).order_by("position")[:AT_ONCE])
     if events:
@@ -42,8 +39,7 @@ def after(position: int) -> tuple[int, list[Moved]]:
 
 
 def between(position: int, last: int) -> list[Moved] | None:
-    """What happened after one position up to another; None where that is more than :data:`REPLAYED`, not kept any more,
-    or in a table that is not the one in which these positions were given."""
+    """The events between two positions; None for more than :data:`REPLAYED`, and for positions that are gone."""
     if position == last:
         return []
     if not 0 <= position < last or last - position > REPLAYED:

@@ -1,10 +1,4 @@
-"""What a page can follow, who may, and which topics an event moves.
-
-A topic is written ``name`` or ``name:key``. Asking for one tells nothing: a topic that is not there, one that may not
-be seen and one that rests all answer the same, nothing.
-"""
-
-from __future__ import annotations
+"""Topics (``name`` or ``name:key``) that a page can follow, their access rules, and the topics that an event moves."""
 
 import re
 from collections.abc import AsyncIterator, Callable, Iterable, Mapping, Sequence
@@ -15,13 +9,13 @@ from ..events.models import Event
 
 # A racer, somebody who is not logged in, or None
 Viewer = Any
-Data = dict[str, Any]
+Data = Mapping[str, object]
 Moves = Callable[[Sequence[Event]], Mapping[int, Iterable[str]]]
 T = TypeVar("T")
 
 WRITTEN = re.compile(r"[a-z]{1,16}(:[\w-]{1,64})?", re.ASCII)
 RACER = "racer"
-ME = "me"  # what a reader asks for who means their own
+ME = "me"  # a reader's name for their racer topic
 
 
 class Backstage(Protocol):
@@ -36,18 +30,11 @@ class Backstage(Protocol):
 
 @dataclass(frozen=True)
 class Topic:
-    """A kind of topic.
+    """A kind of topic. ``can_follow(viewer, key)`` is called for each message, in a thread that may query the database.
 
-    ``can_follow(viewer, key)``: whether a viewer may be told that it moves, and be sent its messages. It is asked again
-    whenever something is sent, in a thread that may ask the database. Whatever a guest may follow, everybody may.
-
-    The rest is for topics with messages of their own, which are in no table. ``welcome(key)``: what a reader is sent
-    who has just come (in a thread that may ask the database; None: nothing); made once for all who come before the
-    source says something new. ``source(key, stage)``: an asynchronous iterator of messages, run once in each stream
-    process while somebody follows the key; it must not block, is closed when the last reader has left, and is begun
-    anew when it fails. What it says after a reader came is told to them after their welcome: nothing is between.
-    Messages may also come from any process by :func:`core.streams.push`.
-    """
+    For messages that are in no table: ``welcome(key)`` returns the first message of a new reader, or None;
+    ``source(key, stage)`` is an asynchronous iterator, run once in each stream process while the key has readers. It
+    must not block, and restarts after a failure. Other processes send messages by :func:`core.streams.push`."""
 
     name: str
     can_follow: Callable[[Viewer, str], bool]
@@ -66,8 +53,7 @@ def register_topic(topic: Topic) -> Topic:
 
 
 def register_moves(moves: Moves) -> Moves:
-    """Say which topics events move: ``moves(events)`` answers with topics by the primary keys of events. Registering
-    the same function twice changes nothing."""
+    """Register ``moves(events)``, which returns the moved topics by the events' primary keys."""
     if moves not in _MOVES:
         _MOVES.append(moves)
     return moves
@@ -90,10 +76,10 @@ def can_follow(viewer: Viewer, topic: str) -> bool:
 
 
 def asked_for(written: Iterable[str], viewer: Viewer) -> set[str]:
-    """The topics that a reader asks for; ``me`` is the reader's own. Raises ValueError for what is no topic."""
+    """The topics that a reader asks for; ``me`` is the reader's own. Raises ValueError for an unknown topic."""
     topics = set()
     for topic in written:
-        if WRITTEN.fullmatch(topic) is None:
+        if WRITTEN.fullmatch(topic) is None or topic.partition(":")[0] not in (ME, *TOPICS):
             raise ValueError(f"{topic[:80]!r} is not a topic")
         if topic != ME:
             topics.add(topic)
@@ -106,9 +92,5 @@ def is_known(viewer: Viewer) -> bool:
     return viewer is not None and viewer.is_authenticated
 
 
-def _of_racers(events: Sequence[Event]) -> dict[int, list[str]]:
-    return {event.pk: [f"{RACER}:{event.racer_id}"] for event in events if event.racer_id is not None}
-
-
 register_topic(Topic(RACER, lambda viewer, key: is_known(viewer) and str(viewer.pk) == key))
-register_moves(_of_racers)
+register_moves(lambda events: {each.pk: [f"{RACER}:{each.racer_id}"] for each in events if each.racer_id is not None})

@@ -1,7 +1,5 @@
 """What every page needs to show: times as m:ss.mmm, moments, counts."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Sequence
 from datetime import date, datetime, timedelta
@@ -18,9 +16,18 @@ from django.utils.translation import gettext as _
 from django.utils.translation import pgettext
 
 from core import times
+from core.validators import is_right_to_left
 
 register = template.Library()
-OLD_S = 30 * 86400  # from then on a day says more than a number of days
+OLD_S = 30 * 86400  # from this age on a date is shown instead of a number of days
+
+
+@register.filter
+def bdi(value: object) -> object:
+    """A user's text; with right-to-left letters in a ``<bdi>``. Not for attributes and titles."""
+    if isinstance(value, SafeString) or value is None or not is_right_to_left(text := str(value)):
+        return value
+    return format_html("<bdi>{}</bdi>", text)
 
 
 @register.filter
@@ -78,19 +85,16 @@ def translated(text: str) -> str:
 
 @register.filter
 def item(mapping: dict, key: Any) -> Any:
-    """``mapping[key]``, or nothing."""
     return mapping.get(key) if mapping else None
 
 
 @register.filter
 def at(values: Sequence, index: int) -> Any:
-    """``values[index]``, or nothing."""
     return values[index] if values and index < len(values) else None
 
 
 @register.filter
 def ceil(number: float) -> int:
-    """The next whole number."""
     return math.ceil(number)
 
 
@@ -102,7 +106,6 @@ def plain(number: float) -> str:
 
 @register.filter
 def day(when: date | datetime | None) -> str:
-    """A day in the reader's time zone and language."""
     return "–" if when is None else times.written_day(when)
 
 
@@ -114,7 +117,6 @@ def written(when: datetime) -> str:
 
 @register.filter
 def month(when: date | datetime) -> str:
-    """A month with its year in the reader's language."""
     local = timezone.localtime(when) if isinstance(when, datetime) else when
     return date_format(local, pgettext("format of a month", "F Y"))
 

@@ -1,31 +1,26 @@
 """The frame of every page: its theme, the navigation, and slots that rooms above fill."""
 
-from __future__ import annotations
-
-from typing import Any
+from functools import lru_cache
 
 from django import template
 from django.conf import settings
 from django.db import Error
 from django.http import HttpRequest
 from django.template import Context
-from django.template.base import FilterExpression, Parser, Token, token_kwargs
-from django.urls import reverse
+from django.template.base import FilterExpression, NodeList, Parser, Token, token_kwargs
+from django.template.loader import render_to_string
+from django.urls import get_script_prefix, reverse
 from django.utils.safestring import SafeString
+from django.utils.translation import get_language
 from django.utils.translation import gettext as _
 
-from core import mail, pages
-from core.events.models import EventCursor
+from core import mail
+from core.pages import registry as pages
+from core.streams.reading import last_numbered
+from core.streams.shared_pieces import marked, shown_position
 
 register = template.Library()
-
-
-@register.simple_tag
-def mail_is_sent() -> bool:
-    """See :func:`core.mail.mail_is_sent`."""
-    return mail.mail_is_sent()
-
-
+register.simple_tag(mail.mail_is_sent)
 THEMES = ("dark", "light")
 
 
@@ -36,11 +31,24 @@ def theme(request: HttpRequest | str) -> str:
     return chosen if chosen in THEMES else ""
 
 
+@register.simple_tag
+def frame(template: str) -> SafeString:
+    """``{% frame "parts/frame/footer.html" %}``: a template that depends on nothing but settings and the language."""
+    return _drawn(template, get_language(), get_script_prefix())
+
+
 @register.simple_tag(takes_context=True)
-def navigation(context: Context) -> list[dict[str, Any]]:
-    """The sections of the site in their order: ``address``, ``label``, and whether the page belongs to it."""
+def navigation(context: Context) -> SafeString:
+    """The sections of the site, with the section of the page marked."""
     here = pages.section_of(getattr(context.get("request"), "path", ""))
-    return [{"address": reverse(s.page), "label": s.label, "is_here": s.name == here} for s in pages.sections()]
+    return _drawn("parts/frame/navigation.html", get_language(), get_script_prefix(), here)
+
+
+@lru_cache(maxsize=200)
+def _drawn(template: str, language: str | None, script_prefix: str, here: str = "") -> SafeString:
+    """A part of the frame, rendered once a process."""
+    sections = [{"address": reverse(s.page), "label": s.label, "is_here": s.name == here} for s in pages.sections()]
+    return render_to_string(template, {"sections": sections})
 
 
 @register.simple_tag
@@ -54,10 +62,10 @@ def operators_links() -> list[tuple[str, str]]:
 @register.simple_tag
 def stream_position() -> str:
     """Up to which event a page that is made now shows everything; ``""`` where that cannot be read."""
-    cursor = EventCursor.objects.filter(pk=EventCursor.NUMBERED).values_list("position", flat=True)
     try:
-        return str(cursor.first() or 0)
-    except Error:  # a page that says so is made all the same
+        shown = shown_position()
+        return str(last_numbered() if shown is None else shown)
+    except Error:  # the page is still rendered
         return ""
 
 
@@ -80,8 +88,7 @@ class _Slot(template.Node):
 
 @register.tag
 def slot(parser: Parser, token: Token) -> _Slot:
-    """``{% slot "race.side" %}``: what rooms above show here. They see the page's context and the values that are named
-    after the slot: ``{% slot "garage.tabs" here="models" %}``."""
+    """``{% slot "garage.tabs" here="models" %}``: templates of higher rooms, with the context and these values."""
     words = token.split_contents()
     if len(words) < 2 or words[1][0] not in "\"'":
         raise template.TemplateSyntaxError(f"{words[0]} takes the name of a slot, quoted")
@@ -90,3 +97,29 @@ def slot(parser: Parser, token: Token) -> _Slot:
     if rest:
         raise template.TemplateSyntaxError(f"{words[0]} takes values by name, and {rest[0]!r} has none")
     return _Slot(words[1][1:-1], values)
+
+
+class _Mine(template.Node):
+    def __init__(self, racer: FilterExpression, nodelist: NodeList) -> None:
+        self.racer, self.nodelist = racer, nodelist
+
+    def render(self, context: Context) -> SafeString:
+        racer = self.racer.resolve(context)
+        if not racer:
+            return SafeString("")
+        if "is_marked" in context:
+            return SafeString(marked(racer, self.nodelist.render(context)))
+        is_mine = racer == getattr(context.get("user"), "pk", None)
+        return self.nodelist.render(context) if is_mine else SafeString("")
+
+
+@register.tag
+def mine(parser: Parser, token: Token) -> _Mine:
+    """``{% mine racer.pk %} me{% endmine %}``: for this racer alone, also in a piece that all readers share
+    (:func:`core.streams.shared_pieces.marked_piece`)."""
+    words = token.split_contents()
+    if len(words) != 2:
+        raise template.TemplateSyntaxError(f"{words[0]} takes the id of a racer")
+    nodelist = parser.parse(("endmine",))
+    parser.delete_first_token()
+    return _Mine(parser.compile_filter(words[1]), nodelist)

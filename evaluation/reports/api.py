@@ -1,52 +1,34 @@
 """Reports through the API: ask for one, list them, read, stop, repeat, delete."""
 
-from __future__ import annotations
-
 from typing import Any
 
 from django.db.models import QuerySet
 from django.shortcuts import get_object_or_404
 from django.utils import timezone
 from drf_spectacular.utils import OpenApiParameter, extend_schema, extend_schema_field, extend_schema_view
-from rest_framework import generics, serializers, status
+from rest_framework import serializers
 from rest_framework.exceptions import PermissionDenied
 from rest_framework.permissions import IsAuthenticated
 from rest_framework.request import Request
-from rest_framework.response import Response
-from rest_framework.views import APIView
 
+from accounts.request_racer import racer_of
 from accounts.scopes import RACE
-from accounts.who import racer_of
-from core.bodies import Body, read_as, refuse_fields
+from core.api.bodies import Body, read_as
+from core.api.fields import ReasonField
+from core.api.operations import operation
+from core.api.views import APIView, ListAPIView
 from paddock.errors import UserFault
-from paddock.errors.reasons import REASONS
 from paddock.rules.report import KINDS, MOST_SEED, kind_of, percent_of
 from tracks.models import Track
 from tracks.selectors import nearest_names, track_named
 
+from ..garage.api import ModelSummarySerializer
 from ..models import State
+from ..models.reports import CarReport, ReportLap, TrackSet
 from . import services
 from .grading import GRADES
-from .models import CarReport, ReportLap, TrackSet
 from .planning import MOST_TRACKS
 from .selectors import can_stop_report, figures_of, is_report_of, reportable_model, reports_of, reports_visible_to
-
-
-class ReportModelSerializer(serializers.Serializer):
-    """Which model a report is on."""
-
-    public_id = serializers.CharField()
-    name = serializers.CharField()
-    sha256 = serializers.CharField(source="network_id")
-
-
-class ReportReasonSerializer(serializers.Serializer):
-    """Why a report failed."""
-
-    code = serializers.CharField()
-    fault = serializers.ChoiceField(["user", "platform"], help_text="platform: it does not count, try again.")
-    sentence = serializers.CharField()
-    params = serializers.DictField()
 
 
 class ReportSerializer(serializers.Serializer):
@@ -54,7 +36,7 @@ class ReportSerializer(serializers.Serializer):
 
     public_id = serializers.CharField()
     state = serializers.ChoiceField(State.choices)
-    model = ReportModelSerializer()
+    model = ModelSummarySerializer()
     track_set = serializers.ChoiceField(TrackSet.choices)
     variations_on = serializers.CharField(
         source="variations_on.slug", default=None, allow_null=True, help_text="The track whose lap is varied: its slug."
@@ -70,16 +52,9 @@ class ReportSerializer(serializers.Serializer):
         allow_blank=True, help_text="Over all laps: the same for the same model, tracks, seed and engine."
     )
     engine = serializers.CharField(allow_blank=True)
-    reason = serializers.SerializerMethodField(help_text="When it failed.")
+    reason = ReasonField(help_text="When it failed.")
     asked_at = serializers.DateTimeField()
     ended_at = serializers.DateTimeField(allow_null=True)
-
-    @extend_schema_field(ReportReasonSerializer(allow_null=True))
-    def get_reason(self, report: CarReport) -> dict[str, Any] | None:
-        if not report.reason_code:
-            return None
-        told = {"code": report.reason_code, "sentence": report.reason, "params": report.reason_params}
-        return ReportReasonSerializer(told | {"fault": REASONS[report.reason_code].fault}).data
 
 
 class ReportLapSerializer(serializers.Serializer):
@@ -171,6 +146,23 @@ class ReportFilterSerializer(serializers.Serializer):
     model = serializers.CharField(required=False, max_length=12)
 
 
+def _visible(request: Request, public_id: str) -> CarReport:
+    return get_object_or_404(reports_visible_to(request.user), public_id=public_id)
+
+
+def _mine(request: Request, public_id: str) -> CarReport:
+    report = _visible(request, public_id)
+    if not is_report_of(request.user, report):
+        raise PermissionDenied()
+    return report
+
+
+def _with_laps(request: Request, public_id: str) -> CarReport:
+    report = _visible(request, public_id)
+    report.driven_laps = list(report.laps.select_related("track").defer("track__npy").order_by("number"))  # type: ignore[attr-defined]
+    return report
+
+
 @extend_schema_view(
     get=extend_schema(
         operation_id="list_reports",
@@ -180,13 +172,9 @@ class ReportFilterSerializer(serializers.Serializer):
             OpenApiParameter("state", enum=State.values),
             OpenApiParameter("model", str, description="The model's public id."),
         ],
-        responses=ReportSerializer,
-        tags=["reports"],
     )
 )
-class ReportsView(generics.ListAPIView):
-    """Reports: list them, ask for one."""
-
+class ReportsView(ListAPIView):
     token_scope = RACE
     permission_classes = [IsAuthenticated]
     serializer_class = ReportSerializer
@@ -196,107 +184,67 @@ class ReportsView(generics.ListAPIView):
         ways = {"state": "state", "model": "model__public_id"}
         return reports_of(self.request.user).filter(**{ways[name]: value for name, value in asked.items()})
 
-    @extend_schema(
-        operation_id="create_report",
-        summary="Drive a car on many tracks and under a hundred variations of a lap",
+    @operation(
+        "create_report",
+        "Drive a car on many tracks and under a hundred variations of a lap",
         description="Private: only you and admins see it. It waits behind races and runs, and counts in none.",
-        request=NewReportSerializer,
-        responses={201: ReportDetailSerializer},
-        tags=["reports"],
+        body=NewReportSerializer,
+        answer=ReportDetailSerializer,
+        status=201,
     )
-    def post(self, request: Request) -> Response:
-        said, racer = read_as(NewReportSerializer, request.data), racer_of(request)
-        said["model"] = reportable_model(racer, said["model"])
-        said["tracks"] = [_track(slug) for slug in said.get("tracks", ())]
-        if said.get("variations_on") is not None:
-            said["variations_on"] = _track(said["variations_on"])
-        made = services.ask_for_report(owner=racer, now=timezone.now(), **said)
-        return Response(_detail(request, made.public_id), status=status.HTTP_201_CREATED)
+    def post(self, request: Request, values: dict[str, Any]) -> CarReport:
+        racer = racer_of(request)
+        values["model"] = reportable_model(racer, values["model"])
+        values["tracks"] = [_track(slug) for slug in values.get("tracks", ())]
+        if values.get("variations_on") is not None:
+            values["variations_on"] = _track(values["variations_on"])
+        made = services.request_report(owner=racer, now=timezone.now(), **values)
+        return _with_laps(request, made.public_id)
 
 
 class ReportView(APIView):
-    """One report."""
-
     token_scope = RACE
     permission_classes = [IsAuthenticated]
 
-    @extend_schema(
-        operation_id="get_report",
-        summary="A report, with its laps",
-        responses=ReportDetailSerializer,
-        tags=["reports"],
-    )
-    def get(self, request: Request, public_id: str) -> Response:
-        return Response(_detail(request, public_id))
+    @operation("get_report", "A report, with its laps", find=_with_laps, answer=ReportDetailSerializer)
+    def get(self, request: Request, report: CarReport) -> CarReport:
+        return report
 
-    @extend_schema(
-        operation_id="delete_report",
-        summary="Delete a report of yours that is over",
-        request=None,
-        responses={204: None},
-        tags=["reports"],
-    )
-    def delete(self, request: Request, public_id: str) -> Response:
-        report = _mine(request, public_id)
-        refuse_fields(request)
+    @operation("delete_report", "Delete a report of yours that is over", find=_mine, answer="")
+    def delete(self, request: Request, report: CarReport) -> None:
         services.delete_report(report=report, now=timezone.now())
-        return Response(status=status.HTTP_204_NO_CONTENT)
 
 
 class ReportStopView(APIView):
-    """Stopping a report."""
-
     token_scope = RACE
-    permission_classes = [IsAuthenticated]
 
-    @extend_schema(
-        operation_id="stop_report",
-        summary="Stop a report that waits or is driven",
-        description="One that has ended already is left as it is.",
-        request=None,
-        responses=ReportDetailSerializer,
-        tags=["reports"],
+    @operation(
+        "stop_report",
+        "Stop a report that waits or is driven",
+        description="An ended report stays unchanged.",
+        find=_visible,
+        answer=ReportDetailSerializer,
     )
-    def post(self, request: Request, public_id: str) -> Response:
-        report = get_object_or_404(reports_visible_to(request.user), public_id=public_id)
-        refuse_fields(request)
+    def post(self, request: Request, report: CarReport) -> CarReport:
         if can_stop_report(request.user, report):
             services.stop_report(report=report, now=timezone.now())
-        return Response(_detail(request, public_id))
+        return _with_laps(request, report.public_id)
 
 
 class ReportAgainView(APIView):
-    """Driving a report again."""
-
     token_scope = RACE
-    permission_classes = [IsAuthenticated]
 
-    @extend_schema(
-        operation_id="repeat_report",
-        summary="Drive a report of yours again",
+    @operation(
+        "repeat_report",
+        "Drive a report of yours again",
         description="The same car on the same tracks, from the same seed.",
-        request=None,
-        responses={201: ReportDetailSerializer},
-        tags=["reports"],
+        find=_mine,
+        answer=ReportDetailSerializer,
+        status=201,
     )
-    def post(self, request: Request, public_id: str) -> Response:
-        report = _mine(request, public_id)
-        refuse_fields(request)
+    def post(self, request: Request, report: CarReport) -> CarReport:
         made = services.drive_report_again(report=report, now=timezone.now())
-        return Response(_detail(request, made.public_id), status=status.HTTP_201_CREATED)
-
-
-def _mine(request: Request, public_id: str) -> CarReport:
-    report = get_object_or_404(reports_visible_to(request.user), public_id=public_id)
-    if not is_report_of(request.user, report):
-        raise PermissionDenied()
-    return report
-
-
-def _detail(request: Request, public_id: str) -> dict[str, Any]:
-    report = get_object_or_404(reports_visible_to(request.user), public_id=public_id)
-    report.driven_laps = list(report.laps.select_related("track").defer("track__npy").order_by("number"))  # type: ignore[attr-defined]
-    return ReportDetailSerializer(report).data
+        return _with_laps(request, made.public_id)
 
 
 def _track(slug: str) -> Track:

@@ -1,24 +1,20 @@
 """The form that asks for a report."""
 
-from __future__ import annotations
-
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from django import forms
 from django.utils.translation import gettext_lazy as _
 
+from accounts.models import Racer
 from core.forms import add_fault
 from paddock.errors import UserFault
 from paddock.rules.report import MOST_SEED
 from tracks.models import Direction, Track
 from tracks.selectors import all_tracks
 
-from ..choices import cars_of
-from .models import TrackSet
+from ..garage.selectors import cars_of
+from ..models.reports import TrackSet
 from .selectors import reportable_model
-
-if TYPE_CHECKING:
-    from accounts.models import Racer
 
 USUAL_TRACK = "oval"  # whose lap is varied unless another is chosen
 _FIELDS = {
@@ -34,8 +30,6 @@ _FIELDS = {
 
 
 class ReportForm(forms.Form):
-    """Which model drives what. Whether it can be so is decided by the service."""
-
     model = forms.CharField(label=_("Model"), max_length=12, widget=forms.Select)
     track_set = forms.ChoiceField(
         label=_("Tracks"),
@@ -69,12 +63,12 @@ class ReportForm(forms.Form):
         help_text=_("Another number, other variations; the same number, the same for every car."),
     )
 
-    def __init__(self, data: Any = None, *, racer: Racer, initial: dict[str, Any] | None = None) -> None:
+    def __init__(self, data: Any = None, *, racer: Racer | None, initial: dict[str, Any] | None = None) -> None:
         usual = {"track_set": TrackSet.LEAGUE.value, "variations_on": USUAL_TRACK, "seed": 0}
         super().__init__(data, initial=usual | (initial or {}))
         self.fields["model"].widget.choices = [
             ("", _("Choose a model")),
-            *cars_of(racer, self["model"].value()),
+            *(cars_of(racer, self["model"].value()) if racer is not None else ()),
         ]
         shaped = all_tracks().filter(length_m__isnull=False)
         for name, offered in (("tracks", shaped), ("variations_on", shaped.filter(is_open=False))):
@@ -82,25 +76,14 @@ class ReportForm(forms.Form):
             assert isinstance(field, forms.ModelChoiceField), "both choose among tracks"
             field.queryset = offered.order_by("name")
 
-    def clean(self) -> dict[str, Any]:
-        """Tracks that are ticked count for chosen tracks alone, and a direction where there are variations."""
-        cleaned: dict[str, Any] = super().clean() or {}
-        if cleaned.get("track_set") != TrackSet.CHOSEN:
-            cleaned["tracks"] = []
-        return cleaned
+    def clean(self) -> None:
+        """Ticked tracks count for chosen tracks alone."""
+        if self.cleaned_data.get("track_set") != TrackSet.CHOSEN:
+            self.cleaned_data["tracks"] = []
 
-    def said(self, racer: Racer) -> dict[str, Any]:
-        """What was chosen, for the service. Raises UserFault("report_model_gone")."""
+    def values(self, racer: Racer) -> dict[str, Any]:
         chosen = self.cleaned_data
-        return {
-            "model": reportable_model(racer, chosen["model"]),
-            "track_set": chosen["track_set"],
-            "tracks": list(chosen["tracks"]),
-            "variations_on": chosen["variations_on"],
-            "direction": chosen["direction"],
-            "seed": chosen["seed"],
-        }
+        return {**chosen, "model": reportable_model(racer, chosen["model"]), "tracks": list(chosen["tracks"])}
 
     def show(self, fault: UserFault) -> None:
-        """Show a refusal beside its field, where it has one."""
         add_fault(self, fault, _FIELDS.get(fault.code))

@@ -1,13 +1,9 @@
-"""What a report comes to: completion and laps by track, how robust the car is, and a hash over it all.
+"""Grades a report: laps by track, the car's robustness, and a hash over it all.
 
-Robustness is told by a grade, from A to E. Of the hundred variations of a lap, the *share completed* is that of laps
-that were driven to their end without leaving the road; the *spread* is the time between the laps that nine tenths and
-one tenth of the completed ones undercut, as a share of the middle one. A grade asks for both (:data:`GRADES`): a car
-that always comes round, but now in 8 and now in 12 seconds, does not see what it should. All is whole numbers, and so
-the same for the same laps.
+Robustness is a grade from A to E (:data:`GRADES`) from the share of the hundred variations that were completed, and
+from the *spread*: the time between the 90th and the 10th percentile of completed laps, as a share of the median. All
+numbers are whole, and so the same for the same laps.
 """
-
-from __future__ import annotations
 
 import hashlib
 import math
@@ -35,7 +31,7 @@ GRADES = (Grade("A", 95, 200), Grade("B", 85, 300), Grade("C", 65, 500), Grade("
 @dataclass(frozen=True)
 class DrivenLap:
     """A lap as it came out. ``variation``: its number, None for a lap as it is; the rest as in
-    :class:`evaluation.drives.DriveOutcome`. ``track``: its fingerprint."""
+    :class:`evaluation.running.drives.DriveOutcome`. ``track``: its fingerprint."""
 
     number: int
     track: str
@@ -62,21 +58,18 @@ class KindSummary:
 
     @property
     def share(self) -> int:
-        """Per cent completed, rounded down."""
         return 100 * self.completed // self.driven if self.driven else 0
 
 
 @dataclass(frozen=True)
 class Robustness:
-    """What the variations say."""
-
     grade: str
     overall: KindSummary
     kinds: list[KindSummary]
 
 
 def robustness_of(laps: Sequence[DrivenLap]) -> Robustness | None:
-    """Of the laps under variations; None where there are none."""
+    """The robustness of varied laps; None where there are none."""
     varied = sorted((lap for lap in laps if lap.variation is not None), key=lambda lap: lap.variation or 0)
     if not varied:
         return None
@@ -123,9 +116,7 @@ def _rank(times: Sequence[int], percent: int) -> int | None:
 
 def digest_of(*, network: str, seed: int, engine: str, laps: Iterable[DrivenLap]) -> str:
     """The sha-256 over a report: one line on the car, seed and engine, and one for each lap in the order of numbers.
-
-    The same model, tracks, seed and engine give the same, whoever drives them in whatever order.
-    """
+    The same model, tracks, seed and engine give the same on every worker."""
     lines = [f"{HASH_FORM} {network} {seed} {engine}"]
     for lap in sorted(laps, key=lambda lap: lap.number):
         variation = "-" if lap.variation is None else lap.variation

@@ -1,12 +1,9 @@
-"""The queue of chunks of reports (:mod:`core.jobs`), and how one is driven and ended.
-
-Every write of a chunk that also changes its report locks the chunk first and the report after it.
-"""
+"""The queue of chunks of reports (:mod:`core.jobs`). Writes of a chunk that change its report lock the chunk first."""
 
 from __future__ import annotations
 
 import uuid
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from datetime import datetime
 from typing import TYPE_CHECKING, Any
 
@@ -14,7 +11,7 @@ from django.conf import settings
 from django.db import transaction
 from django.db.models import QuerySet
 
-from core.clock import database_now
+from core.database.clock import database_now
 from core.jobs.heartbeat import Heartbeat
 from core.jobs.kinds import register
 from core.jobs.retried import RetriedKind
@@ -22,21 +19,20 @@ from core.jobs.work import never, run_next
 from paddock.rules.race import RaceRules
 
 from ..models import Result, State
-from ..queue_order import BACKGROUND, queued
+from ..models.reports import UNDER_WAY, CarReport, ReportChunk, ReportLap
+from ..running.queue.order import BACKGROUND, queued
 from .grading import DrivenLap, digest_of, robustness_of
-from .models import UNDER_WAY, CarReport, ReportChunk, ReportLap
 
 if TYPE_CHECKING:
-    from paddock.simulator.variations import Variation
+    from paddock.simulator.randomisation import Variation
 
-    from ..drives import DriveJob, DrivesOutcome
+    from ..running.drives import DriveJob, DrivesOutcome
 
 _RESULT = ("complete", "time_ms", "percent", "status", "x", "y", "trace_sha256")
 
 
 class ReportChunks(RetriedKind[ReportChunk]):
-    """Behind every run that somebody waits for. The first chunks of all reports come before the second ones, so that
-    nobody's long report keeps another's waiting; how it ends after faults of ours: as an evaluation."""
+    """Chunks run behind all other runs. The first chunks of all reports come before the second ones."""
 
     name, model, task, queue = "Report", ReportChunk, "evaluation.tasks.drive_reports", "celery"
     order = ("number", "pk")
@@ -56,7 +52,7 @@ class ReportChunks(RetriedKind[ReportChunk]):
         return super().claim(worker=worker, now=now)
 
     def tidy(self, now: datetime) -> None:
-        """What is left of reports that failed is not driven any more."""
+        """Stop the remaining chunks of failed reports."""
         left = ReportChunk.objects.filter(state=State.QUEUED).exclude(report__state__in=UNDER_WAY)
         if left.exists():
             self.end(ReportChunk.objects.filter(pk__in=left, state=State.QUEUED), state=State.STOPPED, now=now)
@@ -65,7 +61,6 @@ class ReportChunks(RetriedKind[ReportChunk]):
         CarReport.objects.filter(pk=job.report_id, state=State.QUEUED).update(state=State.RUNNING, started_at=now)
 
     def others_passed(self, job: ReportChunk) -> bool:
-        """Another car, in a race or in a report."""
         since = job.failed_at or job.report.asked_at
         mine = job.report.model.network_id
         runs = Result.objects.exclude(evaluation__model__network=mine).filter(evaluation__ended_at__gte=since)
@@ -84,14 +79,7 @@ class ReportChunks(RetriedKind[ReportChunk]):
         if not super().begin_anew(rows, **columns):
             return False
         failed = CarReport.objects.filter(pk__in=reports, state=State.FAILED)
-        fresh: dict[str, Any] = {
-            "state": State.QUEUED,
-            "started_at": None,
-            "ended_at": None,
-            "reason_code": "",
-            "reason_params": {},
-        }
-        if failed.update(**fresh):
+        if failed.update(state=State.QUEUED, started_at=None, ended_at=None, reason_code="", reason_params={}):
             left = (State.FAILED, State.STOPPED)
             super().begin_anew(ReportChunk.objects.filter(report__in=reports, state__in=left))
         return True
@@ -101,7 +89,7 @@ CHUNKS = register(ReportChunks())
 
 
 def is_busy() -> bool:
-    """Whether an evaluation could be run that somebody waits for."""
+    """Whether an evaluation waits that is not a background one."""
     return queued().filter(not_before=None, priority__gt=BACKGROUND).exists()
 
 
@@ -112,14 +100,11 @@ def wake_if_due(now: datetime) -> None:
 
 
 def run_next_chunk(*, worker: str, interrupted: Callable[[], bool] = never) -> bool:
-    """Drive the chunk whose turn it is to its end. False: none waits, or evaluations go before it.
-
-    As :func:`evaluation.services.work.run_next_evaluation`.
-    """
+    """Drive the next chunk to its end. False: none waits, or evaluations go before it."""
 
     def run(chunk: ReportChunk, heartbeat: Heartbeat) -> bool:
-        from ..drives import drive_all
-        from ..services.work import note_inexact
+        from ..running.drives import drive_all
+        from ..running.queue.worker import note_inexact
 
         outcome = drive_all(
             job_of_chunk(chunk),
@@ -137,11 +122,11 @@ def run_next_chunk(*, worker: str, interrupted: Callable[[], bool] = never) -> b
 
 def job_of_chunk(chunk: ReportChunk) -> DriveJob:
     """What the worker drives. Raises PlatformFault("storage_failed") or ("file_damaged") for the network's file."""
-    from paddock.simulator.variations import variations
+    from paddock.simulator.randomisation import variations
 
-    from ..drives import DriveJob, LapDrive
-    from ..services.stored import read
-    from ..venue import Venue
+    from ..running.drives import DriveJob, LapDrive
+    from ..running.race_setup import Venue
+    from ..stored_files import read
 
     report = chunk.report
     laps = list(chunk.laps.select_related("track").order_by("number"))
@@ -171,8 +156,7 @@ def job_of_chunk(chunk: ReportChunk) -> DriveJob:
 
 @transaction.atomic
 def finish_chunk(*, pk: int, lease: uuid.UUID, outcome: DrivesOutcome, now: datetime) -> bool:
-    """Write what came of a chunk's laps, once; with the last chunk, what the report comes to. False: the lease is
-    gone."""
+    """Write the laps of a chunk, once, and with the last chunk the report's figures. False: the lease is gone."""
     mine = CHUNKS.held(pk, lease)
     columns = {"engine": outcome.engine, "progress": len(outcome.drives), "reason_code": "", "reason_params": {}}
     if not CHUNKS.end(mine, state=State.FINISHED, now=now, **columns):
@@ -202,7 +186,7 @@ def _end_report(chunk: ReportChunk, now: datetime) -> None:
         for pk in others:
             CHUNKS.begin_anew(ReportChunk.objects.filter(pk=pk), engine="")
         return
-    driven = driven_laps(report)
+    driven = driven_laps(report.laps.select_related("track").defer("track__npy").order_by("number"))
     robustness = robustness_of(driven)
     CarReport.objects.filter(pk=report.pk).update(
         state=State.FINISHED,
@@ -213,19 +197,18 @@ def _end_report(chunk: ReportChunk, now: datetime) -> None:
     )
 
 
-def driven_laps(report: CarReport) -> list[DrivenLap]:
-    """The laps of a report that are driven, in their order."""
-    rows = report.laps.filter(complete__isnull=False).select_related("track").defer("track__npy").order_by("number")
+def driven_laps(laps: Iterable[ReportLap]) -> list[DrivenLap]:
     return [
         DrivenLap(
             number=lap.number,
             track=lap.track.fingerprint,
             direction=lap.direction,
             variation=lap.variation,
-            complete=bool(lap.complete),
+            complete=lap.complete,
             time_ms=lap.time_ms or 0,
             percent=lap.percent or 0.0,
             trace_sha256=lap.trace_sha256,
         )
-        for lap in rows
+        for lap in laps
+        if lap.complete is not None
     ]

@@ -1,15 +1,13 @@
 """The pictures of a report as plain shapes, which a template writes as SVG: no script, and the page's own colours."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 
 from paddock.rules.report import EACH, KINDS, kind_of, percent_of
-from tracks.drawing.svg import MARGIN_M
+from tracks.drawing import MARGIN_M
 from tracks.models import Track
 
-from .models import ReportLap
+from ..models.reports import ReportLap
 
 CELL, LEFT, ROW = 16, 96, 26  # of the strip of variations, in the picture's units
 WIDTH = LEFT + EACH * CELL
@@ -27,8 +25,6 @@ class Cell:
 
 @dataclass(frozen=True)
 class Dot:
-    """A completed lap on the line of times."""
-
     x: float
     time_ms: int
 
@@ -67,7 +63,6 @@ class Cross:
 
 
 def variation_picture(laps: Sequence[ReportLap]) -> VariationPicture:
-    """The strip and the times of the laps under variations."""
     times = [lap.time_ms or 0 for lap in laps if lap.complete]
     least, most = (min(times), max(times)) if times else (0, 0)
     span = max(most - least, 1)
@@ -111,6 +106,5 @@ def crosses(track: Track, laps: Sequence[ReportLap]) -> list[Cross]:
 
 
 def map_box(track: Track) -> tuple[float, float]:
-    """Width and height of the track's map."""
     x_min, y_min, x_max, y_max = track.geometry.bounds
     return round(x_max - x_min + 2 * MARGIN_M, 2), round(y_max - y_min + 2 * MARGIN_M, 2)

@@ -1,7 +1,5 @@
 """Which laps a report drives, and how they are dealt out to workers."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
@@ -13,8 +11,8 @@ from paddock.rules.report import VARIATIONS
 from tracks.models import Track
 
 from ..models import TrainedModel
+from ..models.reports import TrackSet
 from . import MOST_IN_CHUNK
-from .models import TrackSet
 
 LEAGUE = tuple(entry.slug for entry in CATALOGUE[:6])  # the catalogue lists the league's six first
 MOST_TRACKS = 100
@@ -25,8 +23,6 @@ _STEP_S, _MACS_A_S = 0.0005, 4e9  # simulator and pipes, and the network; on a s
 
 @dataclass(frozen=True)
 class PlannedLap:
-    """A lap to come, see :class:`.models.ReportLap`."""
-
     number: int
     track: Track
     direction: str
@@ -34,11 +30,8 @@ class PlannedLap:
 
 
 def tracks_of(track_set: str, chosen: Sequence[Track]) -> list[Track]:
-    """The tracks of a set, in the order in which they are driven.
-
-    Raises UserFault ``report_tracks`` where tracks are chosen for a set that names its own, or none for one that does
-    not; ``report_too_many_tracks``, ``report_track_without_shape``.
-    """
+    """The tracks of a set, in the order in which they are driven. Raises UserFault ``report_tracks`` for chosen tracks
+    with a separate set, or none without; ``report_too_many_tracks``, ``report_track_without_shape``."""
     if (track_set == TrackSet.CHOSEN) != bool(chosen):
         raise UserFault("report_tracks")
     if track_set == TrackSet.CHOSEN:
@@ -65,10 +58,10 @@ def check_sensors(model: TrainedModel) -> None:
 
 
 def check_variations(track: Track, direction: str, seed: int) -> None:
-    """Raises UserFault ``report_track_without_shape``, ``report_no_way_round`` for a track that has no lap to begin
-    anywhere on, ``variation_not_placed``."""
+    """Raises UserFault ``report_track_without_shape``, ``report_no_way_round`` for a track that is not a loop,
+    ``variation_not_placed``."""
     from paddock.simulator.camera.theme import THEMES
-    from paddock.simulator.variations import check_placed, variations
+    from paddock.simulator.randomisation import check_placed, variations
 
     if not track.has_shape:
         raise UserFault("report_track_without_shape", track=track.name)
@@ -95,8 +88,8 @@ def plan(tracks: Sequence[Track], variations_on: Track | None, direction: str) -
 
 
 def chunks_of(laps: Sequence[PlannedLap], macs: int) -> Iterator[list[PlannedLap]]:
-    """The laps in their order, so many at once as one worker drives in some seconds; ``macs``: the network's
-    multiplications a step. How they are cut changes no result."""
+    """The laps in their order, as many at once as one worker drives in some seconds; ``macs``: the network's
+    multiplications a step. The cut changes no result."""
     chunk: list[PlannedLap] = []
     seconds = 0.0
     for lap in laps:

@@ -1,39 +1,37 @@
 """How many reports a racer may ask for and keep."""
 
-from __future__ import annotations
-
-from collections.abc import Collection, Mapping
+from collections.abc import Collection
 from datetime import datetime, timedelta
 
 from django.db.models import Count, Q, QuerySet
 from django.utils.translation import gettext_lazy as _
 
-from accounts.quotas import Quota
+from accounts.quotas import CountedRows, Quota
 from paddock.errors.reasons import platform_codes
 
 from ..models import State
-from .models import UNDER_WAY, CarReport
+from ..models.reports import UNDER_WAY, CarReport
 
 A_DAY = timedelta(days=1)
 
 
-def _at_once(racers: Collection[int] | None, now: datetime) -> Mapping[int, float]:
+def _at_once(racers: Collection[int] | None, now: datetime) -> CountedRows:
     return _counted(_of(racers).filter(state__in=UNDER_WAY))
 
 
-def _a_day(racers: Collection[int] | None, now: datetime) -> Mapping[int, float]:
+def _a_day(racers: Collection[int] | None, now: datetime) -> CountedRows:
     """Those asked for in the 24 hours before ``now``, deleted ones too; not what failed through our fault or was
     stopped before it began."""
     nothing = Q(state=State.FAILED, reason_code__in=platform_codes()) | Q(state=State.STOPPED, started_at=None)
     return _counted(_of(racers).filter(asked_at__gt=now - A_DAY).exclude(nothing))
 
 
-def _kept(racers: Collection[int] | None, now: datetime) -> Mapping[int, float]:
+def _kept(racers: Collection[int] | None, now: datetime) -> CountedRows:
     return _counted(_of(racers).filter(deleted_at=None))
 
 
-def _counted(reports: QuerySet[CarReport]) -> Mapping[int, float]:
-    return dict(reports.values_list("owner").annotate(Count("pk")))
+def _counted(reports: QuerySet[CarReport]) -> CountedRows:
+    return reports.values_list("owner").annotate(Count("pk"))
 
 
 def _of(racers: Collection[int] | None) -> QuerySet[CarReport]:

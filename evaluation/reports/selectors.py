@@ -1,26 +1,21 @@
-"""Who sees which report, and what its page and the API show of it."""
-
-from __future__ import annotations
+"""Access to reports, their data for pages and the API, and the comparison of two."""
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
+from django.contrib.auth.models import AnonymousUser
 from django.db.models import Count, IntegerField, OuterRef, QuerySet, Subquery, Sum
 from django.db.models.functions import Coalesce
 
+from accounts.models import Racer
 from paddock.errors import UserFault
+from paddock.rules.report import KINDS
 from tracks.models import Track
 
 from ..models import State, TrainedModel
+from ..models.reports import CarReport, ReportChunk, ReportLap
 from ..selectors import visible_models
-from .grading import Robustness, robustness_of
+from .grading import KindSummary, Robustness, robustness_of
 from .jobs import driven_laps
-from .models import CarReport, ReportChunk, ReportLap
-
-if TYPE_CHECKING:
-    from django.contrib.auth.models import AnonymousUser
-
-    from accounts.models import Racer
 
 RELATED = ("model__owner", "model__network", "variations_on", "owner")
 
@@ -38,7 +33,6 @@ def reports_visible_to(racer: Racer | AnonymousUser) -> QuerySet[CarReport]:
 
 
 def can_see_report(racer: Racer | AnonymousUser, report: CarReport) -> bool:
-    """Whether the racer may read the report."""
     return racer.pk is not None and report.deleted_at is None and (racer.is_staff or racer.pk == report.owner_id)
 
 
@@ -48,12 +42,12 @@ def reports_of(racer: Racer | AnonymousUser) -> QuerySet[CarReport]:
 
 
 def is_report_of(racer: Racer | AnonymousUser, report: CarReport) -> bool:
-    """Whether the racer may drive the report again and delete it: who asked for it."""
+    """Whether the racer may drive the report again and delete it: only its owner may."""
     return can_see_report(racer, report) and racer.pk == report.owner_id
 
 
 def can_stop_report(racer: Racer | AnonymousUser, report: CarReport) -> bool:
-    """Whether the racer may stop the report while it waits or is driven: who asked for it, or an admin."""
+    """Whether the racer may stop the unfinished report: its owner and admins may."""
     return can_see_report(racer, report) and not report.is_final
 
 
@@ -75,7 +69,6 @@ def _with_progress(reports: QuerySet[CarReport]) -> QuerySet[CarReport]:
 
 
 def workers_at(report: CarReport) -> int:
-    """How many workers drive a report now."""
     return ReportChunk.objects.filter(report=report, state=State.RUNNING).count()
 
 
@@ -89,29 +82,74 @@ class TrackRow:
 
 @dataclass(frozen=True)
 class ReportFigures:
-    """What came of a finished report."""
-
     tracks: list[TrackRow]
     robustness: Robustness | None
     varied: list[ReportLap]
 
     @property
     def complete(self) -> int:
-        """Laps on tracks as they are that were driven to their end."""
         return sum(bool(lap.complete) for row in self.tracks for lap in row.laps)
 
     @property
     def on_tracks(self) -> int:
-        """Laps on tracks as they are."""
         return sum(len(row.laps) for row in self.tracks)
 
 
 def figures_of(report: CarReport) -> ReportFigures:
-    """What came of a report. Two queries."""
     laps = list(report.laps.select_related("track").defer("track__npy").order_by("number"))
     by_track: dict[int, TrackRow] = {}
     for lap in laps:
         if lap.variation is None:
             by_track.setdefault(lap.track_id, TrackRow(lap.track, [])).laps.append(lap)
     varied = [lap for lap in laps if lap.variation is not None]
-    return ReportFigures(list(by_track.values()), robustness_of(driven_laps(report)), varied)
+    return ReportFigures(list(by_track.values()), robustness_of(driven_laps(laps)), varied)
+
+
+@dataclass(frozen=True)
+class KindPair:
+    """A kind of variation in both; ``kind`` is empty for all of them."""
+
+    kind: str
+    mine: KindSummary
+    other: KindSummary
+
+
+@dataclass(frozen=True)
+class LapPair:
+    """A lap that both drove. ``gap_ms``: by how much the other was slower, None where one did not come round."""
+
+    mine: ReportLap
+    other: ReportLap
+
+    @property
+    def gap_ms(self) -> int | None:
+        if not (self.mine.complete and self.other.complete):
+            return None
+        return (self.other.time_ms or 0) - (self.mine.time_ms or 0)
+
+
+@dataclass(frozen=True)
+class Compared:
+    """``same_variations``: whether both drove the very same ones."""
+
+    other: CarReport
+    kinds: list[KindPair]
+    laps: list[LapPair]
+    same_variations: bool
+
+
+def compared(mine: CarReport, figures: ReportFigures, other: CarReport, others: ReportFigures) -> Compared:
+    one, two = figures.robustness, others.robustness
+    kinds = []
+    if one is not None and two is not None:
+        kinds = [KindPair("", one.overall, two.overall)]
+        kinds += [KindPair(kind, a, b) for kind, a, b in zip(KINDS, one.kinds, two.kinds, strict=True)]
+    theirs = {(lap.track_id, lap.direction): lap for row in others.tracks for lap in row.laps}
+    laps = [
+        LapPair(lap, theirs[lap.track_id, lap.direction])
+        for row in figures.tracks
+        for lap in row.laps
+        if (lap.track_id, lap.direction) in theirs
+    ]
+    same = (mine.variations_on_id, mine.direction, mine.seed) == (other.variations_on_id, other.direction, other.seed)
+    return Compared(other, kinds, laps, same)

@@ -1,35 +1,30 @@
 """A car's report: asked for, driven again, stopped, deleted."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from datetime import datetime, timedelta
-from typing import TYPE_CHECKING
 
 from django.db import transaction
 
+from accounts.models import Racer
 from accounts.quotas import Quota, limit_of, used_by
-from core.locks import hold
+from core.database.locks import hold
 from paddock.errors import UserFault
 from paddock.rules.race import DIRECTIONS
 from paddock.rules.report import LAP, MOST_SEED
+from tracks.models import Track
 
 from ..models import State, TrainedModel
+from ..models.reports import UNDER_WAY, CarReport, ReportChunk, ReportLap, TrackSet
 from ..selectors import can_see_model
 from .jobs import CHUNKS
-from .models import UNDER_WAY, CarReport, ReportChunk, ReportLap, TrackSet
 from .planning import check_sensors, check_variations, chunks_of, plan, tracks_of
 from .quotas import AT_ONCE, DAILY, KEPT
-
-if TYPE_CHECKING:
-    from accounts.models import Racer
-    from tracks.models import Track
 
 KEPT_DELETED = timedelta(days=1)
 
 
 @transaction.atomic
-def ask_for_report(
+def request_report(
     *,
     owner: Racer,
     model: TrainedModel,
@@ -43,9 +38,9 @@ def ask_for_report(
     """Queue a report: the model on every track of a set, in both directions, and a hundred variations of a lap of
     ``variations_on`` in ``direction`` (default: the file's own), drawn from ``seed``.
 
-    Raises UserFault ``report_model_gone`` for a model that the racer may not use (any more), ``report_empty``,
-    ``report_seed``, ``report_direction``, ``report_sensors``, ``reports_at_once``, ``reports_a_day``, ``reports_kept``;
-    what :func:`.planning.tracks_of` and :func:`.planning.check_variations` raise. Then nothing has changed.
+    Raises UserFault ``report_model_gone``, ``report_empty``, ``report_seed``, ``report_direction``, ``report_sensors``,
+    ``reports_at_once``, ``reports_a_day``, ``reports_kept``; and those of :func:`.planning.tracks_of` and
+    :func:`.planning.check_variations`.
     """
     if not can_see_model(owner, model):
         raise UserFault("report_model_gone")
@@ -77,14 +72,7 @@ def ask_for_report(
     dealt = list(chunks_of(laps, model.network.macs))
     chunks = ReportChunk.objects.bulk_create(ReportChunk(report=report, number=number) for number in range(len(dealt)))
     ReportLap.objects.bulk_create(
-        ReportLap(
-            report=report,
-            chunk=chunk,
-            number=lap.number,
-            track=lap.track,
-            direction=lap.direction,
-            variation=lap.variation,
-        )
+        ReportLap(report=report, chunk=chunk, **vars(lap))
         for chunk, some in zip(chunks, dealt, strict=True)
         for lap in some
     )
@@ -93,13 +81,12 @@ def ask_for_report(
 
 
 def drive_report_again(*, report: CarReport, now: datetime) -> CarReport:
-    """Queue a report like this one: of the same car on the same tracks, from the same seed. Raises as
-    :func:`ask_for_report`."""
+    """Queue the same report from the same seed. Raises as :func:`request_report`."""
     tracks: list[Track] = []
     if report.track_set == TrackSet.CHOSEN:
         laps = report.laps.filter(variation=None).select_related("track").order_by("number")
         tracks = list(dict.fromkeys(lap.track for lap in laps))
-    return ask_for_report(
+    return request_report(
         owner=report.owner,
         model=report.model,
         track_set=report.track_set,
@@ -113,10 +100,7 @@ def drive_report_again(*, report: CarReport, now: datetime) -> CarReport:
 
 @transaction.atomic
 def stop_report(*, report: CarReport, now: datetime) -> bool:
-    """Stop a report that waits or is driven, for good. False when it had ended already.
-
-    Workers that drive its chunks find their leases gone at the next beat and write nothing.
-    """
+    """Stop an unfinished report for good. False when it had ended. Workers find their leases gone and write nothing."""
     chunks = ReportChunk.objects.filter(report=report, state__in=UNDER_WAY)
     held = list(chunks.select_for_update().order_by("pk").values_list("pk", flat=True))
     CHUNKS.end(chunks.filter(pk__in=held), state=State.STOPPED, now=now)

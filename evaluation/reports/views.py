@@ -1,34 +1,45 @@
 """Reports on pages: the list, the form, one of them, two side by side."""
 
-from __future__ import annotations
-
 from typing import Any
 
 from django.contrib import messages
 from django.contrib.auth.decorators import login_required
-from django.core.paginator import Paginator
 from django.http import Http404, HttpRequest, HttpResponse
 from django.shortcuts import get_object_or_404, redirect, render
+from django.template.loader import render_to_string
 from django.utils import timezone
 from django.utils.html import format_html
+from django.utils.safestring import SafeString
 from django.utils.translation import gettext as _
 from django.views.decorators.http import require_http_methods, require_POST, require_safe
 
 from accounts.models import Racer
-from accounts.quotas import Usage, usage_of
-from accounts.who import racer_of
+from accounts.quotas import Usage
+from accounts.request_racer import racer_of
+from accounts.usage.selectors import usage_of
 from core.forms import explain
+from core.pages.live_parts import live_part
+from core.pages.pager import LeanPaginator
+from core.streams.shared_pieces import shared_piece, shared_value
 from paddock.errors import UserFault
 
 from ..models import State
+from ..models.reports import CarReport
 from ..selectors import can_see_model
 from . import quotas, services
-from .comparing import compared
 from .forms import ReportForm
 from .grading import GRADES
-from .models import CarReport
 from .picture import crosses, map_box, variation_picture
-from .selectors import can_stop_report, figures_of, is_report_of, reports_of, reports_visible_to, workers_at
+from .selectors import (
+    ReportFigures,
+    can_stop_report,
+    compared,
+    figures_of,
+    is_report_of,
+    reports_of,
+    reports_visible_to,
+    workers_at,
+)
 
 PER_PAGE = 30
 COMPARED_WITH = 50  # of my finished reports, the latest are offered
@@ -37,25 +48,31 @@ COMPARED_WITH = 50  # of my finished reports, the latest are offered
 @login_required
 @require_safe
 def reports(request: HttpRequest) -> HttpResponse:
-    """My reports, the latest first."""
     racer = racer_of(request)
-    page = Paginator(reports_of(racer), PER_PAGE).get_page(request.GET.get("page"))
+    page = LeanPaginator(reports_of(racer), PER_PAGE).get_page(request.GET.get("page"))
     return render(request, "evaluation/reports/reports.html", {"page": page, "quotas": _quotas(racer)})
 
 
 @login_required
 @require_http_methods(["GET", "HEAD", "POST"])
 def report_new(request: HttpRequest) -> HttpResponse:
-    """Ask for a report. ``model`` fills in the model."""
     racer = racer_of(request)
     form = ReportForm(request.POST or None, racer=racer, initial={"model": request.GET.get("model", "")[:12]})
     if request.method == "POST" and form.is_valid():
         try:
-            return redirect(services.ask_for_report(owner=racer, now=timezone.now(), **form.said(racer)))
+            return redirect(services.request_report(owner=racer, now=timezone.now(), **form.values(racer)))
         except UserFault as fault:
             form.show(fault)
-    context = {"form": form, "quotas": _quotas(racer)}
+    context = {"form": form, "quotas": _quotas(racer), "drives": _drives(form)}
     return render(request, "evaluation/reports/new.html", context, status=422 if form.errors else 200)
+
+
+def _drives(form: ReportForm) -> SafeString:
+    """The fields of a form that are the same for every reader until it is sent."""
+    template = "evaluation/reports/drives.html"
+    if form.is_bound:
+        return render_to_string(template, {"drives": form})
+    return shared_piece(template, lambda: {"drives": ReportForm(racer=None)}, key="new report")
 
 
 @login_required
@@ -72,25 +89,15 @@ def report(request: HttpRequest, public_id: str) -> HttpResponse:
 @login_required
 @require_safe
 def report_live(request: HttpRequest, public_id: str) -> HttpResponse:
-    """The part that changes while a report is driven; all of it once that is done. ``seen``: what is on screen."""
+    """The part that changes while a report is driven; all of it once that is done."""
     shown = _visible(request, public_id)
-    if _mark(shown) == request.GET.get("seen"):
-        return HttpResponse(status=204)
-    context = _context(request, shown)
-    if shown.is_final:
-        response = render(request, "evaluation/reports/report.html", context)
-        response["HX-Retarget"] = "#report"
-        response["HX-Reswap"] = "outerHTML"
-    else:
-        response = render(request, "evaluation/reports/live.html", context)
-    response["Cache-Control"] = "private, no-store"
-    return response
+    template, whole = ("report.html", "#report") if shown.is_final else ("live.html", "")
+    return live_part(request, _mark(shown), f"evaluation/reports/{template}", lambda: _context(request, shown), whole)
 
 
 @login_required
 @require_POST
 def report_stop(request: HttpRequest, public_id: str) -> HttpResponse:
-    """Stop a report that is under way."""
     shown = _visible(request, public_id)
     if can_stop_report(request.user, shown):
         services.stop_report(report=shown, now=timezone.now())
@@ -100,7 +107,6 @@ def report_stop(request: HttpRequest, public_id: str) -> HttpResponse:
 @login_required
 @require_POST
 def report_again(request: HttpRequest, public_id: str) -> HttpResponse:
-    """Drive a report of mine again."""
     mine = _mine(request, public_id)
     try:
         return redirect(services.drive_report_again(report=mine, now=timezone.now()))
@@ -112,7 +118,6 @@ def report_again(request: HttpRequest, public_id: str) -> HttpResponse:
 @login_required
 @require_http_methods(["GET", "HEAD", "POST"])
 def report_delete(request: HttpRequest, public_id: str) -> HttpResponse:
-    """Ask, then delete a report of mine that is over."""
     mine = _mine(request, public_id)
     if request.method == "POST":
         try:
@@ -149,17 +154,25 @@ def _context(request: HttpRequest, shown: CarReport) -> dict[str, Any]:
         return context | {"workers": workers_at(shown)}
     if shown.state != State.FINISHED:
         return context
-    figures = figures_of(shown)
-    context |= {"figures": figures, "grades": GRADES}
+    key = ("report", shown.pk, shown.runs_sha256)  # a finished report does not change
+    figures = shared_value(key, lambda: figures_of(shown))
+    drawn = shared_piece("evaluation/reports/figures.html", lambda: _drawn(shown, figures), key=key)
+    context |= {"figures": figures, "drawn": drawn}
+    others = reports_of(request.user).filter(state=State.FINISHED).exclude(pk=shown.pk)
+    context["others"] = list(others[:COMPARED_WITH])
+    beside = request.GET.get("with")
+    other = others.filter(public_id=beside).first() if beside else None
+    if other is not None:
+        context["compared"] = compared(shown, figures, other, figures_of(other))
+    return context
+
+
+def _drawn(shown: CarReport, figures: ReportFigures) -> dict[str, Any]:
+    context = {"report": shown, "figures": figures, "grades": GRADES}
     if figures.varied and shown.variations_on is not None:
         context["picture"] = variation_picture(figures.varied)
         context["crosses"] = crosses(shown.variations_on, figures.varied)
         context["map_box"] = map_box(shown.variations_on)
-    others = reports_of(request.user).filter(state=State.FINISHED).exclude(pk=shown.pk)
-    context["others"] = list(others[:COMPARED_WITH])
-    other = others.filter(public_id=request.GET.get("with", "")).first()
-    if other is not None:
-        context["compared"] = compared(shown, figures, other, figures_of(other))
     return context
 
 
@@ -173,5 +186,4 @@ def _tell(request: HttpRequest, fault: UserFault) -> None:
 
 
 def _quotas(racer: Racer) -> list[Usage]:
-    """How much of what limits reports is used."""
     return usage_of(racer, timezone.now(), only=[quota.name for quota in quotas.ALL])

@@ -1,11 +1,4 @@
-"""The bubblewrap command line: empty namespaces, and the few files that a Python process needs, read-only.
-
-Inside there is the interpreter, its standard library, the installed packages, the system's shared libraries, the
-processor's description and the code that is to run. No ``/etc``, ``/dev`` or ``/tmp``, no process list, no network,
-nothing writable.
-"""
-
-from __future__ import annotations
+"""Builds the bubblewrap command line: empty namespaces and the few read-only files that a Python process needs."""
 
 import os
 import shutil
@@ -17,7 +10,7 @@ from pathlib import Path
 
 # onnxruntime chooses its kernels by what it reads here: without them it might compute other last bits than elsewhere.
 _PROCESSOR = ("/proc/cpuinfo", "/sys/devices/system/cpu")
-# What the C library reads before it asks for large pages, see :mod:`.launch`.
+# What the C library reads before it asks for large pages, see :mod:`.start`.
 _LARGE_PAGES = tuple(f"/sys/kernel/mm/transparent_hugepage/{name}" for name in ("enabled", "hpage_pmd_size"))
 _RANDOM = "/dev/urandom"
 _SYSTEM_LIBRARIES = ("/usr/lib", "/usr/lib32", "/usr/lib64", "/lib", "/lib32", "/lib64")
@@ -54,7 +47,7 @@ def python_home() -> PythonHome:
 
 
 def _libpython() -> str | None:
-    """The shared library this interpreter really runs from (build records may be stale); None where it is linked in."""
+    """The shared library of this interpreter (build records may be stale); None where it is linked in."""
     with open("/proc/self/maps", encoding="utf-8", errors="surrogateescape") as lines:
         for line in lines:
             path = line.rstrip("\n").partition("/")[2]
@@ -64,20 +57,18 @@ def _libpython() -> str | None:
 
 
 def find() -> str | None:
-    """The bwrap executable, or None."""
     return shutil.which("bwrap", path=os.environ.get("PATH", "") + os.pathsep + "/usr/local/bin:/usr/bin:/bin")
 
 
 def command(bwrap: str, home: PythonHome, code: Iterable[str], info_fd: int, as_root: bool, random: bool) -> list[str]:
-    """Arguments up to and including ``--``. ``code``: more files and directories to show, at their own paths.
+    """Arguments up to and including ``--``. ``code``: more files and directories to show at their own paths.
     ``random``: show ``/dev/urandom`` too.
 
-    Root starts without a user namespace and keeps CAP_SETUID and CAP_SETGID only until the lock takes the private user
-    id (RLIMIT_NPROC counts nothing for a root that a user namespace merely renames); anybody else needs the namespace.
+    Root starts without a user namespace and keeps CAP_SETUID and CAP_SETGID until the lock takes the private user id
+    (RLIMIT_NPROC does not count for a root that a user namespace renames); others need the namespace.
 
-    bubblewrap's own first process stays in the pid namespace although we need no reaper: when the launcher dies, the
-    watching bubblewrap, which has no CAP_KILL, may not signal our process with its private user id, but it may signal
-    that one, and the kernel then ends the whole namespace.
+    bubblewrap's first process stays in the pid namespace: when the launcher dies, the outer bubblewrap has no CAP_KILL
+    for the private user id, but may signal that process, and the kernel then ends the namespace.
     """
     arguments = [bwrap, "--unshare-ipc", "--unshare-pid", "--unshare-net", "--unshare-uts", "--unshare-cgroup-try"]
     arguments += ["--die-with-parent", "--new-session", "--hostname", "paddock"]

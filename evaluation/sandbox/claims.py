@@ -1,10 +1,7 @@
-"""What processes of one machine claim from each other, such as a core or a user id: locks on files in a private folder.
+"""Claims of resources of one machine, such as a core or a user id: locks on files in a private folder.
 
-The kernel gives a lock back when its holder dies: nothing to clean up after a crash. Whoever else has an account here
-can neither open the files nor put their own in their place, and so keeps no evaluation from what it needs.
+The kernel releases a lock when its holder dies. Other accounts can neither open nor replace the files.
 """
-
-from __future__ import annotations
 
 import contextlib
 import fcntl
@@ -14,7 +11,7 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Self
 
-from core.private_folders import is_private_to, make_private_folder
+from core.files.private_folders import is_private_to, make_private_folder
 
 _CHECKOUT = Path(__file__).resolve().parent.parent.parent
 
@@ -32,15 +29,13 @@ class Claim:
         self.close()
 
     def close(self) -> None:
-        """Give it back. Does nothing the second time."""
         if self._fd is not None:
             os.close(self._fd)
             self._fd = None
 
 
 class Candidate(Claim):
-    """For who tries again and again: its file is opened once, and an attempt takes microseconds. Raises OSError where
-    there is no private folder."""
+    """A name for repeated attempts: its file is opened once. Raises OSError where there is no private folder."""
 
     def __init__(self, name: str, folder: Path | None = None) -> None:
         flags = os.O_RDWR | os.O_CREAT | os.O_NOFOLLOW | os.O_CLOEXEC
@@ -64,10 +59,13 @@ def claim(name: str, folder: Path | None = None) -> Claim | None:
         return candidate.claim()
 
 
-def private_folder() -> Path:
-    """The first place that is, or can be made, this user's alone: all processes of a user find the same one.
+def default_directory() -> Path:
+    """``locks`` in the data directory (``PADDOCK_DATA``, or ``data`` in the checkout)."""
+    return Path(os.environ.get("PADDOCK_DATA") or _CHECKOUT / "data") / "locks"
 
-    Raises OSError when there is none."""
+
+def private_folder() -> Path:
+    """The first folder that is, or can be made, private to this user. Raises OSError when there is none."""
     for folder in _places():
         with contextlib.suppress(OSError):
             make_private_folder(folder)
@@ -83,5 +81,5 @@ def _places() -> Iterator[Path]:
         yield Path("/run") / name
     elif runtime := os.environ.get("XDG_RUNTIME_DIR"):
         yield Path(runtime) / name
-    yield Path(os.environ.get("PADDOCK_DATA") or _CHECKOUT / "data") / "locks" / "sandbox"
+    yield default_directory() / "sandbox"
     yield Path(tempfile.gettempdir()) / f"{name}-{os.geteuid()}"

@@ -1,12 +1,9 @@
 """The first code in every sandboxed process: :func:`run` with ``IN OUT MODULE [ARGUMENT...]`` as ``sys.argv[1:]``.
 
-Imports MODULE, locks the process and only then calls ``MODULE.main(IN, OUT)`` with the descriptors of its two pipes. A
-module can therefore not forget to lock, and whatever it imports at its top is there before the lock. Descriptor 1 is
-the same as 2 (captured stderr), so that no library's stray print lands among the frames. Exit status: what ``main``
-returns (None: 0), or one of the ``EXIT_`` codes.
+Imports MODULE, locks the process and then calls ``MODULE.main(IN, OUT)`` with the descriptors of its two pipes, so that
+no module can forget to lock. Descriptor 1 is the same as 2 (captured stderr). Exit status: what ``main`` returns (None:
+0), or one of the ``EXIT_`` codes.
 """
-
-from __future__ import annotations
 
 import gc
 import importlib
@@ -19,10 +16,7 @@ COMMAND = "from evaluation.sandbox.enter import run; run()"
 
 
 def run() -> None:
-    """Enter the sandbox; does not return.
-
-    No interpreter shutdown at the end: there is nothing to flush, and no extension's exit handler shall meet the lock.
-    """
+    """Enter the sandbox; does not return. No interpreter shutdown: no extension's exit handler shall meet the lock."""
     os._exit(_run(sys.argv[1:]))
 
 

@@ -1,7 +1,4 @@
-"""A question to a model's process and its answer as one call into C (paddock/simulator/exchange.c), where that is
-there; and the account of what the answers took."""
-
-from __future__ import annotations
+"""Sends a question to a model's process and reads its answer in one call into C (paddock/simulator/exchange.c)."""
 
 import ctypes
 from collections.abc import Callable
@@ -43,8 +40,8 @@ class Exchange(ctypes.Structure):
         super().__init__(write_fd, read_fd, ctypes.addressof(self._lent), reply_size)
 
     def call(self, library: ctypes.CDLL | None) -> Callable[[int], int] | None:
-        """What asks, if it is given the address of this: it sends the next step and returns the way in which that was
-        answered, -1 where it is not all that is to be said. None where the library has no such function."""
+        """The C function that takes the address of this, sends the next step and returns the way in which it was
+        answered, or -1 where Python must look at the reply. None where the library has no such function."""
         if library is None or not hasattr(library, "paddock_exchange"):
             return None
         function = library.paddock_exchange

@@ -1,11 +1,9 @@
 """Length-prefixed, bounded frames over pipes, for set-up and control.
 
 A frame is a little-endian ``uint32`` length and that many bytes. A message is a frame of JSON, followed by one frame
-for each binary blob whose size its ``"blobs"`` list names. Every read is bounded in size and, if wanted, in time:
-the sender may be hostile. What an error means (whose fault it is) only the caller knows, so these are plain errors.
+for each binary blob whose size its ``"blobs"`` list names. The sender may be hostile: every read is bounded in size
+and, if wanted, in time.
 """
-
-from __future__ import annotations
 
 import io
 import json
@@ -13,7 +11,7 @@ import os
 import select
 import struct
 import time
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 LENGTH = struct.Struct("<I")
@@ -38,18 +36,15 @@ class FrameTimeout(FrameError):
 
 
 class FrameTooLarge(FrameError):
-    """The announced length is above the limit. Nothing of the frame's body was read."""
+    """The announced length is above the limit; the frame's body was not read."""
 
 
 class FrameMalformed(FrameError):
-    """The bytes arrived but do not say what they should."""
+    """The bytes do not form a message."""
 
 
 def write_frame(fd: int, data: bytes | bytearray | memoryview, deadline: float | None = None) -> None:
-    """Write one frame. ``deadline`` is a ``time.monotonic()`` instant; without one it waits as long as the reader does.
-
-    Raises FrameClosed when nobody reads any more, FrameTimeout after the deadline.
-    """
+    """Write one frame before ``deadline`` (``time.monotonic()``; None: no limit). Raises FrameClosed, FrameTimeout."""
     view = memoryview(data).cast("B")
     length = LENGTH.pack(len(view))
     if len(view) <= _SHORT:  # in one piece: the reader wakes up once
@@ -60,17 +55,16 @@ def write_frame(fd: int, data: bytes | bytearray | memoryview, deadline: float |
 
 
 def read_frame(fd: int, limit: int, deadline: float | None = None) -> bytes:
-    """Read one frame of at most ``limit`` bytes. ``deadline`` is a ``time.monotonic()`` instant.
-
-    Raises FrameClosed at the end of the stream, FrameTooLarge, FrameTimeout.
-    """
+    """Read one frame of at most ``limit`` bytes. Raises FrameClosed, FrameTooLarge, FrameTimeout."""
     (length,) = LENGTH.unpack(_read_exactly(fd, LENGTH.size, deadline))
     if length > limit:
         raise FrameTooLarge(f"a frame of {length} bytes, {limit} allowed")
     return _read_exactly(fd, length, deadline)
 
 
-def write_message(fd: int, header: dict[str, Any], blobs: Sequence[bytes] = (), deadline: float | None = None) -> None:
+def write_message(
+    fd: int, header: Mapping[str, Any], blobs: Sequence[bytes] = (), deadline: float | None = None
+) -> None:
     """Write ``header`` as JSON and the blobs after it. Floats must be finite."""
     announced = {**header, "blobs": [len(blob) for blob in blobs]} if blobs else header
     write_frame(fd, json.dumps(announced, allow_nan=False, separators=(",", ":")).encode(), deadline)
@@ -81,11 +75,8 @@ def write_message(fd: int, header: dict[str, Any], blobs: Sequence[bytes] = (), 
 def read_message(
     fd: int, deadline: float | None = None, *, json_limit: int = MAX_JSON, blob_limit: int = MAX_BLOB
 ) -> tuple[dict[str, Any], list[bytes]]:
-    """Read what :func:`write_message` wrote: ``(header without "blobs", blobs)``.
-
-    ``blob_limit`` bounds the sum of all blobs. Raises FrameMalformed for anything that is not such a message, and what
-    :func:`read_frame` raises.
-    """
+    """Read what :func:`write_message` wrote: ``(header without "blobs", blobs)``. ``blob_limit`` bounds the sum of all
+    blobs. Raises FrameMalformed, and what :func:`read_frame` raises."""
     header = parse_header(read_frame(fd, json_limit, deadline))
     sizes = blob_sizes(header, blob_limit)
     return header, [_blob(fd, size, deadline) for size in sizes]

@@ -1,9 +1,4 @@
-"""Landlock through its system calls: no library, no sysfs (which containers often do not mount).
-
-Numbers and structures: linux/landlock.h; the call numbers are the same on every architecture.
-"""
-
-from __future__ import annotations
+"""Landlock through its system calls (linux/landlock.h); the call numbers are the same on every architecture."""
 
 import ctypes
 import os
@@ -21,16 +16,14 @@ class _RulesetAttr(ctypes.Structure):
 
 
 def abi() -> int:
-    """The kernel's Landlock ABI, 0 where it has none or it is switched off."""
+    """The kernel's Landlock ABI; 0 without Landlock."""
     version = _syscall(ctypes.c_long(_CREATE_RULESET), None, ctypes.c_size_t(0), ctypes.c_uint32(_VERSION_FLAG))
     return max(0, int(version))
 
 
 def restrict_self() -> int:
-    """Take every file, TCP and scope right that this kernel knows from the calling thread, for ever, with no exception.
-
-    Needs no_new_privs. Returns the ABI used. Raises OSError.
-    """
+    """Take every file, TCP and scope right that this kernel knows from the calling thread for ever. Needs no_new_privs.
+    Returns the ABI used. Raises OSError."""
     version = abi()
     if version < 1:
         raise OSError("this kernel has no Landlock")

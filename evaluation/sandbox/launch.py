@@ -1,255 +1,24 @@
-"""Start a module of ours in a process of its own, inside the sandbox, and end it without a trace.
+"""Starts one of our modules in a separate process, inside the sandbox.
 
 ::
 
-    with launch("evaluation.convert_process", limits=CONVERTER) as process:
+    with launch("evaluation.garage.conversion_process", limits=CONVERTER) as process:
         write_frame(process.stdin, question, process.deadline)
         answer = read_frame(process.stdout, limit, process.deadline)
 
 The module is imported, locked, and then its ``main(frames_in, frames_out)`` is called with two descriptors: see
-:mod:`.enter`. At the strongest level the process sits in its own namespaces (:mod:`.bubblewrap`); at every level it
-locks itself (:mod:`.lock`). Below the minimum level nothing is started.
+:mod:`.enter`. Below the minimum level nothing is started.
 """
 
-from __future__ import annotations
-
-import compileall
-import contextlib
-import ctypes
-import fcntl
-import functools
-import json
-import os
-import select
-import signal
-import subprocess
-import time
 from collections.abc import Sequence
-from dataclasses import replace
 from pathlib import Path
 
-from paddock import exact
+from paddock.errors import PlatformFault
 
-from . import bubblewrap, seccomp, uids
-from .enter import COMMAND
-from .frames import FrameError, wait_for
-from .limits import STDERR_LIMIT, Limits
-from .lock import VARIABLE, LockSpec
-from .orphans import end_orphans
-
-LEVEL_NONE, LEVEL_PARTIAL, LEVEL_LOCK, LEVEL_NAMESPACES = 0, 1, 2, 3
-
-CODE_ROOT = Path(__file__).resolve().parent.parent.parent
-# racers who practise have the simulator without the rooms above it
-_CODE = tuple(name for name in ("evaluation", "paddock", "training") if (CODE_ROOT / name).is_dir())
-_PIPE_SIZE = 1024 * 1024
-_GRACE_S = 5.0
-_PR_SET_CHILD_SUBREAPER = 36
-# A locked process can send no signal, not even to itself, and no fault of its own ends in one of these: somebody
-# outside of the sandbox did it, or a host that is short of memory. (SIGKILL also follows on RLIMIT_CPU, a second after
-# SIGXCPU: who sets that limit low looks at the seconds, too.)
-FROM_OUTSIDE = frozenset(
-    -number for number in (signal.SIGKILL, signal.SIGTERM, signal.SIGINT, signal.SIGHUP, signal.SIGQUIT)
-)
-
-
-class SandboxedProcess:
-    """A running sandboxed process. Use it as a context manager: leaving kills it and closes every descriptor.
-
-    Enter, use and leave it in one thread: the kernel ties the process to the life of the thread that started it.
-    ``stdin``/``stdout``: our ends of its two pipes, non-blocking. ``pass_fds`` of another launch may hand them on.
-    ``deadline``: the ``time.monotonic()`` instant at which its limits' ``wall_s`` is over.
-    """
-
-    def __init__(
-        self,
-        popen: subprocess.Popen,
-        *,
-        limits: Limits,
-        stdin: int,
-        stdout: int,
-        stderr: int,
-        info: int | None,
-        uid: uids.PrivateUid | None,
-    ) -> None:
-        self.limits = limits
-        self.pid: int = popen.pid
-        self._stdin: int | None = stdin
-        self._stdout: int | None = stdout
-        self.deadline = time.monotonic() + limits.wall_s
-        self.cpu_s = 0.0  # at its end; the limit if it ran into that; 0.0 if bubblewrap keeps it to itself
-        self._popen = popen
-        self._stderr: int | None = stderr
-        self._stderr_text = b""
-        self._info = info
-        self._is_watched = info is not None
-        self._uid = uid
-        self._inner: int | None = None if info is not None else popen.pid
-        self._first: int | None = None
-        self._first_fd: int | None = None
-        self._peak_kb = 0
-        self._status: int | None = None
-
-    def __enter__(self) -> SandboxedProcess:
-        return self
-
-    def __exit__(self, *_exc: object) -> None:
-        self.close()
-
-    @property
-    def stdin(self) -> int:
-        """Our end of the pipe that it reads. Raises ValueError once that is closed."""
-        return _still_open(self._stdin)
-
-    @property
-    def stdout(self) -> int:
-        """Our end of the pipe that it writes. Raises ValueError once that is closed."""
-        return _still_open(self._stdout)
-
-    def allow(self, wall_s: float) -> None:
-        """Start its wall time now, with this limit: it may have waited for its work since the launch."""
-        self.limits = replace(self.limits, wall_s=wall_s)
-        self.deadline = time.monotonic() + wall_s
-
-    @property
-    def inner_pid(self) -> int | None:
-        """The sandboxed process itself (``pid`` may be bubblewrap, watching it), numbered as this process sees it.
-
-        None while it does not exist yet, or no more.
-        """
-        if self._inner is None and self._first_process() is not None and self._first is not None:
-            self._inner = _child_of(self._first)
-        return self._inner
-
-    def _first_process(self) -> int | None:
-        """The descriptor of the first process in the pid namespace; None without namespaces, or when there is none."""
-        if self._info is not None:
-            self._first = _read_child_pid(self._info)
-            os.close(self._info)
-            self._info = None
-            if self._first is not None:
-                with contextlib.suppress(ProcessLookupError):
-                    self._first_fd = os.pidfd_open(self._first)
-        return self._first_fd
-
-    def poll(self) -> int | None:
-        """The exit status if it is over: >= 0 what it returned, < 0 the signal that killed it, by the kernel's word.
-        Those in :data:`FROM_OUTSIDE` are never its own doing."""
-        return self.wait(0)
-
-    def wait(self, timeout: float | None = None) -> int | None:
-        """Wait for the end, at most ``timeout`` seconds; the exit status as in :meth:`poll`, None if it runs on."""
-        if self._status is not None:
-            return self._status
-        with contextlib.suppress(ChildProcessError):  # somebody else's waitpid(-1) took it: status unknown
-            if timeout != 0:
-                pidfd = os.pidfd_open(self.pid)
-                try:
-                    _wait_readable(pidfd, timeout)
-                finally:
-                    os.close(pidfd)
-            pid, status, usage = os.wait4(self.pid, os.WNOHANG)
-            if pid == 0:
-                return None
-            self.cpu_s = usage.ru_utime + usage.ru_stime
-            self._bury_first_process()
-            self._end(os.waitstatus_to_exitcode(status))
-            return self._status
-        self._end(0)
-        return self._status
-
-    def kill(self) -> None:
-        """Kill the process and everything in its namespace, and wait until the kernel has cleared it away."""
-        if self.poll() is not None:
-            return
-        first = self._first_process()
-        if first is not None:
-            # The first process of a pid namespace takes all others with it before bubblewrap hears of its death.
-            with contextlib.suppress(ProcessLookupError):
-                signal.pidfd_send_signal(first, signal.SIGKILL)
-        else:
-            os.kill(self.pid, signal.SIGKILL)
-        if self.wait(_GRACE_S) is None:
-            os.kill(self.pid, signal.SIGKILL)
-            self.wait()
-
-    def close(self) -> None:
-        """Kill what still runs and give everything back. Does nothing the second time."""
-        self.peak_mb()
-        self.kill()
-        self.stderr_text()
-        self.close_pipes()
-        for fd in (self._stderr, self._info, self._first_fd):
-            if fd is not None:
-                os.close(fd)
-        self._stderr = self._info = self._first_fd = None
-        if self._uid is not None:
-            self._uid.close()
-
-    def close_pipes(self) -> None:
-        """Close our ends of its stdin and stdout (another process has its own)."""
-        for fd in (self._stdin, self._stdout):
-            if fd is not None:
-                os.close(fd)
-        self._stdin = self._stdout = None
-
-    def stderr_text(self) -> str:
-        """What it wrote to stderr so far, at most 64 kB (the first), for operators: a stranger may have written it."""
-        while self._stderr is not None and len(self._stderr_text) < STDERR_LIMIT:
-            try:
-                chunk = os.read(self._stderr, STDERR_LIMIT - len(self._stderr_text))
-            except BlockingIOError:
-                break
-            if not chunk:
-                break
-            self._stderr_text += chunk
-        text = self._stderr_text.decode("utf-8", "replace")
-        return "".join(letter if letter.isprintable() or letter == "\n" else "?" for letter in text)
-
-    def peak_mb(self) -> float:
-        """The largest resident set of the sandboxed process seen so far (VmHWM), in MB of 2**20 bytes."""
-        if self._status is None and self.inner_pid is not None:
-            with contextlib.suppress(OSError), open(f"/proc/{self.inner_pid}/status", encoding="ascii") as lines:
-                for line in lines:
-                    if line.startswith("VmHWM:"):
-                        self._peak_kb = max(self._peak_kb, int(line.split()[1]))
-        return self._peak_kb / 1024
-
-    def cpu_seconds(self) -> float:
-        """CPU time of the sandboxed process so far, to a hundredth of a second, or to a microsecond while it waits; 0.0
-        once it is over."""
-        told = f"/proc/{self.inner_pid}/schedstat"  # of its first thread, which is all that its limits let it have
-        with contextlib.suppress(OSError, ValueError, IndexError), open(told, "rb") as file:
-            if nanoseconds := int(file.read().split()[0]):  # not every kernel tells
-                return nanoseconds / 1e9
-        fields = self._stat()
-        return (int(fields[11]) + int(fields[12])) / os.sysconf("SC_CLK_TCK") if fields else 0.0  # utime, stime
-
-    def wants_processor(self) -> bool:
-        """Whether it computes, or would if the host let it (also while it waits for memory to be paged in)."""
-        fields = self._stat()
-        return bool(fields) and fields[0] in (b"R", b"D")
-
-    def _stat(self) -> list[bytes]:
-        """The fields of proc(5)'s stat from the third on, empty once it is over."""
-        with contextlib.suppress(OSError), open(f"/proc/{self.inner_pid}/stat", "rb") as file:
-            return file.read().rpartition(b")")[2].split()
-        return []
-
-    def _bury_first_process(self) -> None:
-        """bubblewrap does not wait for its first process when that ends by itself: then it was left to us."""
-        first = self._first_process()
-        if first is not None:
-            _wait_readable(first, _GRACE_S)
-            with contextlib.suppress(ChildProcessError):
-                os.waitid(os.P_PIDFD, first, os.WEXITED | os.WNOHANG)
-
-    def _end(self, code: int) -> None:
-        # bubblewrap reports a signal as 128 + number, as shells do; no locked process can end with such a status itself
-        self._status = 128 - code if self._is_watched and code > 128 else code
-        if self._status == -signal.SIGXCPU:
-            self.cpu_s = max(self.cpu_s, self.limits.cpu_s)
-        self._popen.returncode = self._status
+from .limits import Limits
+from .probe import require
+from .process import SandboxedProcess
+from .start import LEVEL_LOCK, start
 
 
 def launch(
@@ -262,19 +31,15 @@ def launch(
     level: int | None = None,
     random: bool = False,
 ) -> SandboxedProcess:
-    """Start ``module`` (of a room, such as ``evaluation.*``, or something below ``python_path``) in the sandbox.
+    """Start ``module`` (such as ``evaluation.*``, or something below ``python_path``) in the sandbox.
 
     ``arguments`` become ``sys.argv[1:]``; ``pass_fds`` keep their numbers inside. ``python_path``: further directories
-    of code to import from. Files can be read until the lock only. ``level``: a level to start at instead of the best
-    that this host offers. ``random``: the kernel's random numbers can be read until the lock (torch's import does).
+    of code. Files can be read until the lock only. ``level``: instead of the best that this host offers. ``random``:
+    the kernel's random numbers can be read until the lock (torch's import does).
 
-    Raises PlatformFault("sandbox_unavailable") below the minimum level and PlatformFault("sandbox_failed") when the
-    process cannot be started. That it then fails to lock shows as an exit status (:data:`.lock.EXIT_NOT_LOCKED`).
+    Raises PlatformFault ``sandbox_unavailable`` below the minimum level and ``sandbox_failed`` when the process cannot
+    be started. A lock that fails later shows as an exit status (:data:`.lock.EXIT_NOT_LOCKED`).
     """
-    from paddock.errors import PlatformFault
-
-    from .probe import require
-
     best = require()
     level = best if level is None else level
     if not LEVEL_LOCK <= level <= best:
@@ -283,149 +48,3 @@ def launch(
         return start(module, limits, level, arguments, pass_fds, python_path, random)
     except (OSError, ValueError, RuntimeError) as error:
         raise PlatformFault("sandbox_failed", detail=str(error)) from error
-
-
-def start(
-    module: str,
-    limits: Limits,
-    level: int,
-    arguments: Sequence[str] = (),
-    pass_fds: Sequence[int] = (),
-    python_path: Sequence[str | Path] = (),
-    random: bool = False,
-) -> SandboxedProcess:
-    """:func:`launch` without asking the probe (which itself starts processes). Raises OSError and the like."""
-    compile_code()
-    _end_orphans()
-    home = _home()
-    code = [str(CODE_ROOT / name) for name in _CODE] + [str(Path(part).resolve()) for part in python_path]
-    as_root = os.geteuid() == 0
-    uid = uids.claim() if as_root else None
-    with contextlib.ExitStack() as ours_on_failure, contextlib.ExitStack() as theirs:
-        if uid is not None:
-            ours_on_failure.callback(uid.close)
-        their_in, our_in = _pipe(theirs, ours_on_failure, reads="theirs")
-        their_out, our_out = _pipe(theirs, ours_on_failure, reads="ours")
-        their_err, our_err = _pipe(theirs, ours_on_failure, reads="ours")
-        os.set_blocking(their_err, False)  # a flood of messages stops at the pipe's size instead of stopping anybody
-        spec = LockSpec(limits, uid.uid if uid else None, seccomp.build())
-        command = [home.executable, "-S", "-P", "-B", "-c", COMMAND]
-        command += [str(their_in), str(their_out), module, *arguments]
-        passed = [their_in, their_out, *pass_fds]
-        our_info = None
-        if level >= LEVEL_NAMESPACES:
-            their_info, our_info = _pipe(theirs, ours_on_failure, reads="ours")
-            bwrap = bubblewrap.find()
-            if bwrap is None:
-                raise OSError("bubblewrap is not installed")
-            _adopt_orphans()
-            command = bubblewrap.command(bwrap, home, code, their_info, as_root, random) + command
-            passed.append(their_info)
-        popen = subprocess.Popen(
-            command,
-            stdin=subprocess.DEVNULL,
-            stdout=subprocess.DEVNULL,
-            stderr=their_err,
-            env=_environment(home, spec, python_path),
-            cwd="/",
-            pass_fds=passed,
-            start_new_session=True,
-        )
-        ours_on_failure.pop_all()
-        return SandboxedProcess(
-            popen, limits=limits, stdin=our_in, stdout=our_out, stderr=our_err, info=our_info, uid=uid
-        )
-
-
-@functools.cache
-def compile_code() -> None:
-    """Byte-compile our own code once: inside, nothing can be written, and every start would compile it again."""
-    for name in _CODE:
-        with contextlib.suppress(OSError):
-            compileall.compile_dir(CODE_ROOT / name, quiet=2)
-
-
-@functools.cache
-def _end_orphans() -> None:
-    """Once in each process that launches: what a worker before it left."""
-    end_orphans(COMMAND)
-
-
-@functools.cache
-def _home() -> bubblewrap.PythonHome:
-    return bubblewrap.python_home()
-
-
-def _environment(home: bubblewrap.PythonHome, spec: LockSpec, python_path: Sequence[str | Path]) -> dict[str, str]:
-    """The whole environment: nothing of ours (keys, addresses) goes in."""
-    path = [str(CODE_ROOT), *(str(Path(part).resolve()) for part in python_path), *home.packages]
-    ours = {
-        "PYTHONPATH": os.pathsep.join(path),
-        "PYTHONHASHSEED": "0",
-        "PYTHONUTF8": "1",
-        "LD_LIBRARY_PATH": home.library_directory,
-        "LC_ALL": "C.UTF-8",
-        "OMP_NUM_THREADS": "1",
-        "OPENBLAS_NUM_THREADS": "1",
-        "MALLOC_ARENA_MAX": "1",
-        # Pages of 2 MB where the host grants them: a large network is read through once for every frame.
-        "GLIBC_TUNABLES": "glibc.malloc.hugetlb=1",
-        "ORT_DISABLE_TELEMETRY": "1",  # onnxruntime's Linux wheel otherwise starts a thread that reports home
-        VARIABLE: spec.to_env(),
-    }
-    return exact.environment(ours)
-
-
-def _pipe(theirs: contextlib.ExitStack, ours: contextlib.ExitStack, reads: str) -> tuple[int, int]:
-    """A pipe as (their end, our end); ours is non-blocking. ``reads``: who reads, "ours" or "theirs"."""
-    read, write = os.pipe()
-    their_end, our_end = (read, write) if reads == "theirs" else (write, read)
-    theirs.callback(os.close, their_end)
-    ours.callback(os.close, our_end)
-    os.set_blocking(our_end, False)
-    return their_end, our_end
-
-
-def widen_pipe(fd: int) -> None:
-    """Let the pipe hold 1 MB (a 20 MB network then needs a hundredth of the wake-ups), if the host permits."""
-    with contextlib.suppress(OSError):
-        fcntl.fcntl(fd, fcntl.F_SETPIPE_SZ, _PIPE_SIZE)
-
-
-def _still_open(fd: int | None) -> int:
-    if fd is None:
-        raise ValueError("its pipes are closed")
-    return fd
-
-
-def _read_child_pid(info: int) -> int | None:
-    """bubblewrap's ``{"child-pid": N, ...}``; None when it died before it had a child."""
-    data = b""
-    with contextlib.suppress(FrameError):
-        while b"}" not in data:
-            wait_for(info, select.POLLIN, time.monotonic() + _GRACE_S)
-            chunk = os.read(info, 4096)
-            if not chunk:
-                return None
-            data += chunk
-        return json.loads(data)["child-pid"]
-    return None
-
-
-def _adopt_orphans() -> None:
-    """Let processes that bubblewrap leaves behind come to this process, which buries them: the first process of a
-    container often does not, and every evaluation would leave it a dead entry."""
-    ctypes.CDLL(None).prctl(_PR_SET_CHILD_SUBREAPER, ctypes.c_ulong(1), 0, 0, 0)
-
-
-def _child_of(pid: int) -> int | None:
-    """The one child of bubblewrap's first process; None before it is born or after it died."""
-    with contextlib.suppress(OSError), open(f"/proc/{pid}/task/{pid}/children", encoding="ascii") as file:
-        return next(map(int, file.read().split()), None)
-    return None
-
-
-def _wait_readable(pidfd: int, timeout: float | None) -> None:
-    poller = select.poll()
-    poller.register(pidfd, select.POLLIN)
-    poller.poll(None if timeout is None else timeout * 1000)

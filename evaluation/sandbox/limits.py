@@ -1,42 +1,29 @@
-"""What one sandboxed process may use. The presets are measured: see ``tests/sandbox/test_limits.py``."""
+"""The resources that one sandboxed process may use, measured in ``tests/sandbox/test_limits.py``."""
 
 from __future__ import annotations
 
 import os
-from dataclasses import asdict, dataclass
-from typing import Any
+from dataclasses import dataclass
 
 STDERR_LIMIT = 64 * 1024
 
 
 def _set(text: str | None, default: int) -> int:
-    """A whole number that an operator may set (the site's settings say what is wrong with another)."""
+    """A whole number that an operator may set; the site's settings report an invalid one."""
     return int(text) if text and text.isascii() and text.isdigit() else default
 
 
 @dataclass(frozen=True)
 class Limits:
-    """Resource limits of one sandboxed process; JSON-able through :meth:`to_dict`.
-
-    ``address_space_mb``: RLIMIT_AS. ``cpu_s``: RLIMIT_CPU, after it SIGXCPU. ``open_files``: RLIMIT_NOFILE.
-    ``wall_s``: the launcher's patience, counted from the launch; whoever waits for the process enforces it
-    (:attr:`SandboxedProcess.deadline`).
-    """
+    """Resource limits of one sandboxed process. ``address_space_mb``: RLIMIT_AS. ``cpu_s``: RLIMIT_CPU, after it
+    SIGXCPU. ``open_files``: RLIMIT_NOFILE. ``wall_s``: counted from the launch; the caller enforces it
+    (:attr:`SandboxedProcess.deadline`)."""
 
     name: str
     address_space_mb: int
     cpu_s: int
     open_files: int
     wall_s: float
-
-    def to_dict(self) -> dict[str, Any]:
-        """Plain JSON values."""
-        return asdict(self)
-
-    @classmethod
-    def from_dict(cls, data: dict[str, Any]) -> Limits:
-        """The inverse of :meth:`to_dict`."""
-        return cls(**data)
 
 
 # what the console's largest network, of 57 million weights, takes of them: docs/operators.md

@@ -1,8 +1,7 @@
-"""What a sandboxed process gives up itself, after its imports and before it reads anything untrusted.
+"""The lock that a sandboxed process closes after its imports and before it reads anything untrusted.
 
 In this order: no_new_privs, the private user id (and with it every capability), death with the parent, Landlock,
-resource limits, seccomp. Then it tries the doors: a lock that did not close ends the process. Nothing here can be
-undone. See :mod:`.enter`, which calls it for every sandboxed module.
+resource limits, seccomp. Then forbidden calls are tried: a lock that did not close ends the process.
 """
 
 from __future__ import annotations
@@ -15,8 +14,7 @@ import os
 import resource
 import socket
 import struct
-from dataclasses import dataclass
-from typing import Any
+from dataclasses import asdict, dataclass
 
 from . import landlock, seccomp
 from .limits import Limits
@@ -30,27 +28,20 @@ _CLONE_VM = 0x100
 
 @dataclass(frozen=True)
 class LockSpec:
-    """What the launcher decided: limits, the private user id (None: keep it) and the seccomp program."""
+    """The launcher's decision: limits, the private user id (None: keep it) and the seccomp program."""
 
     limits: Limits
     uid: int | None
     program: bytes
 
     def to_env(self) -> str:
-        """One line for the ``PADDOCK_SANDBOX`` variable."""
-        data: dict[str, Any] = {
-            "limits": self.limits.to_dict(),
-            "uid": self.uid,
-            "program": base64.b64encode(self.program).decode(),
-        }
-        return json.dumps(data, separators=(",", ":"))
+        program = base64.b64encode(self.program).decode()
+        return json.dumps({"limits": asdict(self.limits), "uid": self.uid, "program": program}, separators=(",", ":"))
 
     @classmethod
     def from_env(cls, text: str) -> LockSpec:
-        """The inverse of :meth:`to_env`."""
         data = json.loads(text)
-        limits = Limits.from_dict(data["limits"])
-        return cls(limits, data["uid"], base64.b64decode(data["program"]))
+        return cls(Limits(**data["limits"]), data["uid"], base64.b64decode(data["program"]))
 
 
 class LockFailed(Exception):
@@ -58,11 +49,8 @@ class LockFailed(Exception):
 
 
 def lock_down() -> None:
-    """Lock this process for ever, as its launcher decided; once in its life.
-
-    Raises LockFailed when the process was not started by :func:`evaluation.sandbox.launch.launch`, or when a layer
-    does not close.
-    """
+    """Lock this process for ever, as its launcher decided; once in its life. Raises LockFailed when the process was not
+    started by :func:`evaluation.sandbox.launch.launch`, or when a layer does not close."""
     text = os.environ.get(VARIABLE)
     if text is None:
         raise LockFailed("this process was not started by evaluation.sandbox.launch")
@@ -139,7 +127,7 @@ def _limit_resources(limits: Limits) -> None:
 
 
 def _try_the_doors(spec: LockSpec) -> None:
-    """Fail closed: what must not work is tried once. (Failed attempts cost microseconds.)"""
+    """Fail closed: try once what must not work. (Failed attempts cost microseconds.)"""
     if 0 in (os.getuid(), os.geteuid(), os.getgid(), os.getegid()) and spec.uid is not None:
         raise LockFailed("still root")
     for name, attempt in (

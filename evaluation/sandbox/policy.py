@@ -1,30 +1,24 @@
-"""One model in its policy process, from the launcher's side: start it, load the model, learn why it ended.
-
-::
-
-    with PolicyProcess() as policy:
-        policy.load(onnx, header)
-        client = policy.client(header)
-        action = client(observation)
-"""
+"""The launcher's side of one model in its policy process: start it, load the model, explain its end."""
 
 from __future__ import annotations
 
 import contextlib
 import signal
 import time
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from typing import Any
 
 from paddock.errors import PaddockError, PlatformFault, UserFault
+from paddock.network.policy_wire import PolicyHeader
 
 from .frames import FrameClosed, FrameError, FrameTimeout, read_message, write_message
-from .given import network_memory
-from .launch import SandboxedProcess, launch, widen_pipe
+from .launch import launch
 from .limits import POLICY, Limits
 from .lock import EXIT_MEMORY
+from .network_memory import create_network_memory
+from .observation_memory import create_observation_memory, map_for_writing
 from .policy_client import OVERAGE_S, STEP_DEADLINE_S, TOTAL_S, PolicyClient
-from .shown import shared_memory, to_write
+from .process import SandboxedProcess, widen_pipe
 
 MODULE = "evaluation.sandbox.policy_process"
 START_S = 30.0
@@ -40,32 +34,36 @@ class PolicyProcess:
     ) -> None:
         """``module``: another one has pipes alone. Raises what :func:`.launch.launch` raises; the memory goes then."""
         own = module == MODULE
-        self._shown, self._given = (shared_memory(), network_memory()) if own else (None, None)
+        self._observation_memory, self._network_memory = (
+            (create_observation_memory(), create_network_memory()) if own else (None, None)
+        )
         with contextlib.ExitStack() as undone:
             undone.callback(self._forget)
             if own:
-                fds = [-1 if memory is None else memory.reading_fd for memory in (self._shown, self._given)]
+                fds = [
+                    -1 if memory is None else memory.reading_fd
+                    for memory in (self._observation_memory, self._network_memory)
+                ]
                 options |= {"arguments": [str(fd) for fd in fds], "pass_fds": [fd for fd in fds if fd >= 0]}
             self.process: SandboxedProcess = launch(module, limits=limits, level=level, **options)
             undone.pop_all()
-        for memory in (self._shown, self._given):
+        for memory in (self._observation_memory, self._network_memory):
             if memory is not None:
-                memory.handed_over()
+                memory.close_reading_end()
         self._cpu_from = 0.0
         widen_pipe(self.process.stdin)
 
     @property
     def memory_fd(self) -> int:
-        """Where the referee shows what the car sees, see :mod:`.shown`; -1 for nowhere."""
-        return -1 if self._shown is None else self._shown.fd
+        """Where the referee shows what the car sees, see :mod:`.observation_memory`; -1 for nowhere."""
+        return -1 if self._observation_memory is None else self._observation_memory.fd
 
     def get_ready(self) -> None:
-        """What can be done for a network that is to come while nobody waits for it."""
-        if self._given is not None:
-            self._given.get_ready()
+        if self._network_memory is not None:
+            self._network_memory.get_ready()
 
     def _forget(self) -> None:
-        for memory in (self._shown, self._given):
+        for memory in (self._observation_memory, self._network_memory):
             if memory is not None:
                 memory.close()
 
@@ -76,35 +74,29 @@ class PolicyProcess:
         self.process.close()
         self._forget()
 
-    def load(self, onnx: bytes, header: dict[str, Any], facts: dict[str, Any] | None = None) -> str:
-        """:meth:`give` and :meth:`agree` in one; the form for a referee in this very process."""
+    def load(self, onnx: bytes, header: PolicyHeader, facts: Mapping[str, Any] | None = None) -> str:
+        """:meth:`give` and :meth:`agree` in one, for a referee in this process."""
         self.give(onnx, facts)
         return self.agree(header)
 
-    def give(self, onnx: bytes, facts: dict[str, Any] | None = None) -> None:
-        """Wait for the lock, then hand over the canonical ONNX bytes and what is known of them
-        (:class:`paddock.network.bound.NetworkFacts`; None: it is found out now).
-
-        Raises UserFault (``policy_died``, ``policy_late``); PlatformFault("sandbox_failed") if the process did not get
-        as far as its lock.
-        """
+    def give(self, onnx: bytes, facts: Mapping[str, Any] | None = None) -> None:
+        """Wait for the lock, then hand over the canonical ONNX bytes and their ``facts``
+        (:class:`paddock.network.bound.NetworkFacts`; None: they are measured now). Raises UserFault (``policy_died``,
+        ``policy_late``), and PlatformFault ``sandbox_failed`` if the process did not reach its lock."""
         self._wait_for_lock()
-        told: dict[str, Any] = {"facts": facts}
+        message: dict[str, object] = {"facts": facts}
         blobs = [onnx]
-        if self._given is not None and self._given.put(onnx):
-            told["size"], blobs = len(onnx), []
+        if self._network_memory is not None and self._network_memory.put(onnx):
+            message["size"], blobs = len(onnx), []
         with self._blaming_the_policy():
-            write_message(self.process.stdin, told, blobs, time.monotonic() + LOAD_S)
-        if self._given is not None:
-            self._given.close()  # from here on it is the process's alone
+            write_message(self.process.stdin, message, blobs, time.monotonic() + LOAD_S)
+        if self._network_memory is not None:
+            self._network_memory.close()  # from here on it is the process's alone
 
-    def agree(self, header: dict[str, Any]) -> str:
-        """Say what goes in and out (a header of :mod:`paddock.network.policy_wire`) and wait until the network is
-        loaded.
-
-        Returns the version of onnxruntime. Raises UserFault (``policy_refused``, ``policy_memory``, ``policy_died``,
-        ``policy_late``, ``policy_protocol``).
-        """
+    def agree(self, header: PolicyHeader) -> str:
+        """Send the header (:mod:`paddock.network.policy_wire`) and wait until the network is loaded. Returns the
+        version of onnxruntime. Raises UserFault (``policy_refused``, ``policy_memory``, ``policy_died``,
+        ``policy_late``, ``policy_protocol``)."""
         deadline = time.monotonic() + LOAD_S
         with self._blaming_the_policy():
             with contextlib.suppress(FrameClosed):  # one that does not load is refused, maybe before the header came
@@ -120,16 +112,16 @@ class PolicyProcess:
         self._cpu_from = self.process.cpu_seconds()
         return version
 
-    def client(self, header: dict[str, Any], **budget: float) -> PolicyClient:
-        """A client on this process's pipes, for a referee in this very process (the smoke run of an upload)."""
-        memory = to_write(self.memory_fd)
+    def client(self, header: PolicyHeader, **budget: float) -> PolicyClient:
+        """A client on this process's pipes, for a referee in this process (the smoke run of an upload)."""
+        memory = map_for_writing(self.memory_fd)
         return PolicyClient(self.process.stdout, self.process.stdin, header, memory=memory, **budget)
 
     def explain(self, fault: PaddockError) -> PaddockError:
-        """Say better why a policy died or was late: the referee sees only that its pipes closed, or that none came.
+        """The better fault for a policy that died or was late: the referee sees closed pipes or no answer.
 
-        One that wants the processor and hardly got it is not slow, and one that got SIGKILL did not die of itself (it
-        may signal nobody; the kernel does so when the host's memory runs out): PlatformFault("host_overloaded").
+        PlatformFault ``host_overloaded`` for one that hardly got the processor, or got SIGKILL: it can signal nobody,
+        so the kernel sent it when the host's memory ran out.
         """
         late = fault.code in ("policy_late", "policy_late_exact")
         if late and self._starved(float(fault.params.get("waited_s", 0.0))):
@@ -147,7 +139,7 @@ class PolicyProcess:
 
     @contextlib.contextmanager
     def _blaming_the_policy(self) -> Iterator[None]:
-        """Past its lock the process has a stranger's bytes: what goes wrong with its pipes is the network's fault."""
+        """Past its lock the process has a stranger's bytes: errors of its pipes are the network's fault."""
         try:
             yield
         except FrameTimeout:
@@ -158,7 +150,7 @@ class PolicyProcess:
             raise UserFault("policy_protocol", step=0) from None
 
     def _starved(self, waited_s: float) -> bool:
-        """Whether it computed for less than a fifth of the time that was waited for it, and would compute now."""
+        """Whether it computed for less than a fifth of the time waited for it, and would compute now."""
         computed_s = self.process.cpu_seconds() - self._cpu_from
         return self.process.wants_processor() and computed_s < waited_s / 5
 
@@ -181,9 +173,9 @@ class PolicyProcess:
         return UserFault("policy_memory", limit_mb=self.process.limits.address_space_mb)
 
 
-def _plain(said: object, limit: int) -> str:
-    """A stranger's words, fit for databases, pages and terminals: neither NUL bytes nor halves of characters."""
-    return "".join(letter if letter.isprintable() else "?" for letter in str(said)[:limit])
+def _plain(text: object, limit: int) -> str:
+    """A stranger's text without NUL bytes, halves of characters and control characters."""
+    return "".join(letter if letter.isprintable() else "?" for letter in str(text)[:limit])
 
 
 def describe(status: int | None) -> str:
@@ -199,7 +191,7 @@ def describe(status: int | None) -> str:
 
 
 def failed_start(process: SandboxedProcess, problem: str) -> PlatformFault:
-    """The fault for a process that did not come up; what it wrote to stderr is attached as a note for operators."""
+    """The fault for a process that did not start, with its stderr as a note for operators."""
     status = process.wait(0.5)
     fault = PlatformFault("sandbox_failed", detail=f"{problem}; {describe(status)}")
     fault.add_note(process.stderr_text())

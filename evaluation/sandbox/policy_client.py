@@ -1,7 +1,5 @@
 """The referee's end of a model's pipes: observations out, one finite action back, within a budget of time."""
 
-from __future__ import annotations
-
 import ctypes
 import math
 import os
@@ -21,6 +19,7 @@ from paddock.network.policy_wire import (
     STEP,
     WAYS,
     Buffer,
+    PolicyHeader,
     observation_bytes,
     observations_in,
     observations_of,
@@ -30,7 +29,7 @@ from paddock.simulator import compiled
 
 from .exchange import Exchange
 from .limits import POLICY_S
-from .shown import fits
+from .observation_memory import fits
 
 STEP_DEADLINE_S = 1.0
 OVERAGE_S = 10.0
@@ -38,21 +37,16 @@ TOTAL_S = float(POLICY_S)
 
 
 class PolicyClient:
-    """Callable as a policy: ``dict`` of sensor arrays in, ``float32[n]`` out (a fresh array each time). :meth:`ask` is
-    the same and answers with the numbers alone.
+    """Callable as a policy: ``dict`` of sensor arrays in, ``float32[n]`` out (a fresh array each time).
 
     A step may take ``step_deadline_s``; what is above comes from a bank of ``overage_s`` for the whole run (Kaggle's
-    rule), and all steps together may take ``total_s``. Slowness within that budget changes nothing but wall time.
+    rule), and all steps together may take ``total_s``. ``before_first``, if set, is called before the first request;
+    its time is not the network's. ``memory``: that of :mod:`.observation_memory`, if the model's process has it;
+    ``places`` are then the arrays in it, one for each sensor. A call with that very dict copies nothing.
 
-    Raises UserFault: ``policy_late``, ``policy_late_exact`` (the same where most steps went the exact way),
-    ``policy_died``, ``policy_protocol`` (anything but one reply to this step), ``non_finite_action``. After any of them
-    the pipes are of no use any more. ``before_first``, if it is set, is called
-    before the first request; what it waits for is not the network's time. ``memory``: that of :mod:`.shown`, if the
-    model's process has it; ``places`` are then the arrays in it that the model sees, one for each sensor. Whoever has
-    filled them asks with that very dict, and nothing is copied.
-
-    An exchange that goes well is one call into C where that is there (:mod:`.exchange`); whatever else happens is
-    looked at here.
+    Raises UserFault: ``policy_late``, ``policy_late_exact`` (most steps went the exact way), ``policy_died``,
+    ``policy_protocol`` (anything but one reply to this step), ``non_finite_action``. After any of them the pipes are
+    useless. A good exchange is one call into C where that is there (:mod:`.exchange`); this class handles the rest.
     """
 
     library: ClassVar[ctypes.CDLL | None] = compiled.load()
@@ -61,7 +55,7 @@ class PolicyClient:
         self,
         read_fd: int,
         write_fd: int,
-        header: dict[str, Any],
+        header: PolicyHeader,
         step_deadline_s: float = STEP_DEADLINE_S,
         overage_s: float = OVERAGE_S,
         total_s: float = TOTAL_S,
@@ -88,12 +82,10 @@ class PolicyClient:
 
     @property
     def step(self) -> int:
-        """The last one that was asked, from 1."""
         return self._account.step
 
     @property
     def seconds(self) -> float:
-        """Spent with the model so far."""
         return self._account.seconds
 
     @property
@@ -102,7 +94,6 @@ class PolicyClient:
         return dict(zip(WAYS, self._account.counts, strict=True))
 
     def __call__(self, observation: Mapping[str, np.ndarray]) -> np.ndarray:
-        """:meth:`ask`, and the answer as an array."""
         return np.array(self.ask(observation), self._reply_dtype)
 
     def ask(self, observation: Mapping[str, np.ndarray]) -> list[float]:
@@ -116,7 +107,7 @@ class PolicyClient:
         return self._account.best if values is None else values.index(max(values))
 
     def _asked(self, observation: Mapping[str, np.ndarray]) -> list[float] | None:
-        """The answer; None where C has it and says all of it."""
+        """The answer; None where the C library holds it."""
         account = self._account
         if not account.step:
             self.before_first()
@@ -137,7 +128,7 @@ class PolicyClient:
         return values
 
     def _by_hand(self, parts: list[Any]) -> list[float]:
-        """The answer, from where the exchange is now."""
+        """The answer by Python, from the current state of the exchange."""
         account = self._account
         if not account.sent:
             self._send(parts)
@@ -145,8 +136,7 @@ class PolicyClient:
         return self._checked(self._receive(bytes(account.room[: account.received])))
 
     def _parts(self, observation: Mapping[str, np.ndarray]) -> list[Any]:
-        """What of an observation goes through the pipe, which the kernel puts together from where the arrays are:
-        nothing where it is shown in memory."""
+        """The parts of an observation for the pipe, which the kernel concatenates; none where memory shows it."""
         places = self.places
         if len(observation) != len(self._sensors):
             raise self._disagreed(observation)
@@ -187,7 +177,6 @@ class PolicyClient:
                 raise self._died() from None
 
     def _read(self) -> bytes:
-        """What there is of a reply; raises UserFault where the pipe is closed."""
         try:
             # One byte more than wanted, to see a second reply that comes with the first.
             chunk = os.read(self._read_fd, self._reply_size + 1)
@@ -198,7 +187,6 @@ class PolicyClient:
         return chunk
 
     def _receive(self, reply: bytes) -> bytes:
-        """All of a reply of which so much has come."""
         while len(reply) < self._reply_size:
             self._wait(self._readable)
             reply += self._read()

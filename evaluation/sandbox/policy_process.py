@@ -1,35 +1,33 @@
-"""A model in the sandbox: ``main`` runs in its own locked process, made by :class:`.policy.PolicyProcess`.
+"""A model in the sandbox: ``main`` runs in its own locked process, started by :class:`.policy.PolicyProcess`.
 
-It says ``{"state": "locked"}``, hears of the canonical ONNX bytes (where they are, or the bytes themselves) and then of
-the header (two messages, so that the network loads while the referee still starts), answers ``{"state": "ready"}`` or
-why not, and then answers the fixed-size requests of :mod:`paddock.network.policy_wire` until its input closes. How it
-answers one is in :mod:`paddock.simulator.deciding`. ``sys.argv[1:]``: the descriptors of the memory in which it is
-shown what its car sees (:mod:`.shown`) and of that in which its network will lie (:mod:`.given`), -1 for none.
+It sends ``{"state": "locked"}``, receives the canonical ONNX bytes (or their place) and then the header, answers
+``{"state": "ready"}`` or why not, and then answers the fixed-size requests of :mod:`paddock.network.policy_wire`
+(:mod:`paddock.simulator.deciding`) until its input closes. ``sys.argv[1:]``: the descriptors of the
+:mod:`.observation_memory` and of the :mod:`.network_memory`, -1 for none.
 """
-
-from __future__ import annotations
 
 import contextlib
 import ctypes
 import os
 import select
 import sys
+from typing import cast
 
 import numpy as np
 import onnxruntime
 
-from paddock.network.blocked import arranger
 from paddock.network.bound import NetworkFacts
 from paddock.network.canonical import CanonicalNetwork, write_model
+from paddock.network.dense import arranger
 from paddock.network.model import FLOAT, Node, Port
-from paddock.network.policy_wire import REPLY, STEP
+from paddock.network.policy_wire import REPLY, STEP, PolicyHeader
 from paddock.network.session import Refused, load
 from paddock.simulator.deciding import Policy
 
 from .frames import MAX_NETWORK, FrameClosed, read_message, write_message
-from .given import taken
 from .lock import EXIT_MEMORY
-from .shown import fits, to_read
+from .network_memory import map_network
+from .observation_memory import fits, map_for_reading
 
 _M_TRIM_THRESHOLD, _M_TOP_PAD, _M_MMAP_MAX = -1, -2, -4  # malloc.h
 _IDLE_MS = 100  # without a request for so long, there is time to prepare for one
@@ -37,18 +35,18 @@ _BLOCK, _BLOCKS = 4 << 20, 32  # bytes; in all what the largest network takes on
 
 
 def main(frames_in: int, frames_out: int) -> int:
-    """Serve one model; see the module. Returns the exit status."""
-    shown_fd, given_fd = map(int, sys.argv[1:]) if len(sys.argv) > 1 else (-1, -1)
-    memory = to_read(shown_fd)
+    """Serve one model. Returns the exit status."""
+    observations_fd, network_fd = map(int, sys.argv[1:]) if len(sys.argv) > 1 else (-1, -1)
+    memory = map_for_reading(observations_fd)
     write_message(frames_out, {"state": "locked"})
     keep_freed_memory()
     get_ready(frames_in)
     given, blobs = read_message(frames_in, blob_limit=MAX_NETWORK)
     try:
-        onnx = taken(given_fd, given["size"]) if "size" in given else blobs[0]
+        onnx = map_network(network_fd, given["size"]) if "size" in given else blobs[0]
         facts = given.get("facts")
         network = load(onnx, None if facts is None else NetworkFacts.from_dict(facts))
-        header, _ = read_message(frames_in)
+        header = cast(PolicyHeader, read_message(frames_in)[0])
         policy = Policy(network, header, memory if fits(header) else None)
     except Refused as refusal:
         write_message(frames_out, {"state": "refused", "detail": str(refusal), "version": onnxruntime.__version__})
@@ -61,8 +59,8 @@ def main(frames_in: int, frames_out: int) -> int:
 
 
 def keep_freed_memory() -> None:
-    """Ask glibc to use freed memory again in place of new pages: on its way into a session a network is copied several
-    times, and to clear new pages for every copy takes longer than the copies. Does nothing with another C library."""
+    """Have glibc reuse freed memory: a network is copied several times on its way into a session, and clearing new
+    pages for every copy takes longer than the copies. Does nothing with another C library."""
     mallopt = getattr(ctypes.CDLL(None), "mallopt", None)
     if mallopt is not None:
         mallopt(_M_MMAP_MAX, 0)
@@ -71,7 +69,7 @@ def keep_freed_memory() -> None:
 
 
 def get_ready(frames_in: int) -> None:
-    """While nobody asks for anything: meet once what every network meets, and get the memory that a large one needs."""
+    """While no request comes: load a network once, and get the memory that a large one needs."""
     poller = select.poll()
     poller.register(frames_in, select.POLLIN)
     if not poller.poll(_IDLE_MS):
@@ -81,9 +79,8 @@ def get_ready(frames_in: int) -> None:
 
 
 def fetch_memory(frames_in: int) -> None:
-    """Touch the memory that a large network will need, and give it back for that: a virtual machine gets it from its
-    host page by page, which took up to half a second of an evaluation. Stops for the first byte of a request, between
-    two blocks."""
+    """Touch the memory that a large network will need and free it again: a virtual machine gets it from its host page
+    by page, which took up to half a second. Stops at the first byte of a request, between two blocks."""
     poller = select.poll()
     poller.register(frames_in, select.POLLIN)
     held: list[bytes] = []
@@ -92,8 +89,7 @@ def fetch_memory(frames_in: int) -> None:
 
 
 def rehearse() -> None:
-    """Load a small network of ours and ask it, both ways: the first session of a process takes three times as long as
-    the next one, some five milliseconds more."""
+    """Load a small network and run it both ways: the first session of a process takes five milliseconds more."""
     weights: dict[str, np.ndarray] = {
         "kernels": np.zeros((4, 1, 5, 5), np.float32),
         "kernels_bias": np.zeros(4, np.float32),
@@ -109,6 +105,7 @@ def rehearse() -> None:
     ]
     camera, actions = Port("camera", FLOAT, [1, 1, 120, 160]), Port("actions", FLOAT, [1, 2])
     network = write_model(CanonicalNetwork(17, [camera], actions, nodes, weights))
+    header: PolicyHeader
     header = {"inputs": [{"name": "camera", "dtype": "uint8", "shape": [120, 160, 1]}], "outputs": 2, "ranges": None}
     for bound in (2.0**-20, None):
         Policy(load(network, NetworkFacts(bound=bound)), header).run()
@@ -116,7 +113,6 @@ def rehearse() -> None:
 
 
 def serve(policy: Policy, frames_in: int, frames_out: int) -> int:
-    """Answer requests until the input closes."""
     request, reply = policy.request, policy.reply
     while _read_into(frames_in, request):
         try:

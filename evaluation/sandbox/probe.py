@@ -1,20 +1,18 @@
-"""Which layers of the sandbox this host offers, found out by building it: nothing is assumed from a version.
+"""Finds out which layers of the sandbox this host offers, by building it.
 
-Level 2 ("lock") is the least that anything runs at: no_new_privs, Landlock, seccomp, rlimits and, under root, a private
-user id. Level 3 ("namespaces") adds bubblewrap. ``PADDOCK_SANDBOX_LEVEL=3`` makes the stronger one the least.
+Level 2 ("lock") is the minimum: no_new_privs, Landlock, seccomp, rlimits and, under root, a private user id. Level 3
+("namespaces") adds bubblewrap. ``PADDOCK_SANDBOX_LEVEL=3`` makes that the minimum.
 """
-
-from __future__ import annotations
 
 import functools
 import os
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from typing import Any
 
 from . import bubblewrap, landlock, seccomp, uids
 from .frames import FrameError, read_message
-from .launch import LEVEL_LOCK, LEVEL_NAMESPACES, LEVEL_NONE, LEVEL_PARTIAL, start
 from .limits import PROBE
+from .start import LEVEL_LOCK, LEVEL_NAMESPACES, LEVEL_NONE, LEVEL_PARTIAL, start
 
 MINIMUM_LEVEL = LEVEL_LOCK
 LEVEL_NAMES = {
@@ -25,6 +23,8 @@ LEVEL_NAMES = {
 }
 _VARIABLE = "PADDOCK_SANDBOX_LEVEL"
 FILTERED = "; a seccomp profile around this process refuses it, see docs/operators.md, In a container"
+CONFINED = "; AppArmor refuses it to ordinary users, see docs/operators.md, On Ubuntu"
+_CONFINING = "/proc/sys/kernel/apparmor_restrict_unprivileged_userns"
 
 
 @dataclass(frozen=True)
@@ -38,7 +38,7 @@ class Layer:
 
 @dataclass(frozen=True)
 class SandboxReport:
-    """What this host offers. ``level`` is one of :data:`LEVEL_NAMES`; ``minimum`` what this installation asks for."""
+    """What this host offers. ``level``: one of :data:`LEVEL_NAMES`; ``minimum``: what this installation requires."""
 
     layers: list[Layer]
     level: int
@@ -46,20 +46,16 @@ class SandboxReport:
 
     @property
     def name(self) -> str:
-        """The level's name."""
         return LEVEL_NAMES[self.level]
 
     @property
     def sufficient(self) -> bool:
-        """Whether untrusted code may run at all."""
         return self.level >= self.minimum
 
     def to_dict(self) -> dict[str, Any]:
-        """Plain JSON values."""
         return {**asdict(self), "name": self.name, "sufficient": self.sufficient}
 
     def table(self) -> str:
-        """Lines for a terminal."""
         width = max(len(layer.name) for layer in self.layers)
         lines = [
             f"  {'ok  ' if layer.available else 'none'}  {layer.name:<{width}}  {layer.detail}" for layer in self.layers
@@ -74,13 +70,15 @@ class SandboxReport:
 
 @functools.cache
 def probe() -> SandboxReport:
-    """Look once per process. Takes about a fifth of a second, starts two short-lived sandboxed processes."""
+    """Probe once per process. Takes about a tenth of a second, starts one short-lived sandboxed process; a second one
+    where there are no namespaces: within them the same lock closes."""
     parts = [_landlock(), _seccomp(), _private_uid()]
-    locked = _attempt(LEVEL_LOCK, "lock", all(part.available for part in parts), "a layer above is missing")
-    outside = _bubblewrap()
-    spaces = _attempt(
-        LEVEL_NAMESPACES, "namespaces", locked.available and outside.available, "needs the lock and bubblewrap"
-    )
+    possible, outside = all(part.available for part in parts), _bubblewrap()
+    spaces = _attempt(LEVEL_NAMESPACES, "namespaces", possible and outside.available, "needs the lock and bubblewrap")
+    if spaces.available:
+        locked = replace(spaces, name="lock")
+    else:
+        locked = _attempt(LEVEL_LOCK, "lock", possible, "a layer above is missing")
     if spaces.available:
         level = LEVEL_NAMESPACES
     elif locked.available:
@@ -94,16 +92,14 @@ _kept = probe
 
 
 def look_again() -> SandboxReport:
-    """Look anew: a sandbox that stood when this process began may be gone, and one that was missing may stand."""
+    """Probe anew: the result may have changed since this process began."""
     _kept.cache_clear()
     return probe()
 
 
 def require(minimum: int | None = None) -> int:
-    """The level of this host, if it is at least ``minimum`` (default: what is configured).
-
-    Raises PlatformFault("sandbox_unavailable") otherwise: fail closed.
-    """
+    """The level of this host, if it is at least ``minimum`` (default: what is configured). Raises PlatformFault
+    ``sandbox_unavailable`` otherwise."""
     from paddock.errors import PlatformFault
 
     report = probe()
@@ -122,6 +118,17 @@ def is_filtered() -> bool:
             return any(line.split() == ["Seccomp:", "2"] for line in lines)
     except OSError:
         return False
+
+
+def _hint() -> str:
+    """What around this process refuses namespaces."""
+    if is_filtered():
+        return FILTERED
+    try:
+        with open(_CONFINING, encoding="ascii") as setting:
+            return CONFINED if setting.read().strip() == "1" and os.geteuid() != 0 else ""
+    except OSError:
+        return ""
 
 
 def minimum_level() -> int:
@@ -174,9 +181,9 @@ def _attempt(level: int, name: str, possible: bool, otherwise: str) -> Layer:
                 found, _ = read_message(process.stdout, process.deadline)
             except FrameError as error:
                 status = process.wait(0.5)
-                said = process.stderr_text().strip().splitlines()[-1:] or [str(error)]
-                hint = FILTERED if level == LEVEL_NAMESPACES and is_filtered() else ""
-                return Layer(name, False, f"did not start (exit status {status}): {said[0]}{hint}")
+                lines = process.stderr_text().strip().splitlines()[-1:] or [str(error)]
+                hint = _hint() if level == LEVEL_NAMESPACES else ""
+                return Layer(name, False, f"did not start (exit status {status}): {lines[0]}{hint}")
     except (OSError, ValueError, RuntimeError) as error:
         return Layer(name, False, str(error))
     if found["open"]:

@@ -1,12 +1,8 @@
-"""The system calls a locked process keeps, as a BPF program.
+"""The system calls that a locked process keeps, as a BPF program.
 
-An allow-list: whatever is not named answers EPERM, also calls that a future kernel invents. The launcher compiles the
-program with libseccomp and hands the bytes over; the sandboxed process installs them with one call and needs no
-library. ``open`` and ``clone`` are not on the list in any form: after its imports a locked process opens no file and
-starts neither process nor thread.
+An allow-list: every other call answers EPERM. The launcher compiles the program with libseccomp; the sandboxed process
+installs it with one call. ``open`` and ``clone`` are not on the list in any form.
 """
-
-from __future__ import annotations
 
 import ctypes
 import errno
@@ -29,7 +25,7 @@ _COMPUTE = (
 _ABSENT = ("clone3",)
 
 _PROT_EXEC = 4
-# Above it a status would be taken for the signal that it imitates: bubblewrap says 128 + the signal's number.
+# Above it a status would be taken for the signal that it imitates: bubblewrap returns 128 + the signal's number.
 _GREATEST_STATUS = 127
 _F_GETFD, _F_GETFL, _F_SETFL = 1, 3, 4
 

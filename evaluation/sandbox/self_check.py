@@ -1,6 +1,4 @@
-"""What the probe starts in the sandbox: it reports from inside what is left. One JSON frame, then it ends."""
-
-from __future__ import annotations
+"""The program that the probe starts in the sandbox: it reports what is still possible inside."""
 
 import os
 import socket
@@ -10,7 +8,7 @@ from .frames import write_message
 
 
 def main(_frames_in: int, frames_out: int) -> None:
-    """Try what must fail and report ``{"open": [doors that are open], "uid", "visible"}``."""
+    """Try what must fail and report ``{"open": [doors that are open], "uid"}``."""
     doors = {
         "reading files": lambda: os.open("/etc/passwd", os.O_RDONLY),
         "writing files": lambda: os.open("/tmp/paddock-self-check", os.O_WRONLY | os.O_CREAT),

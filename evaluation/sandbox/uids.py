@@ -1,7 +1,7 @@
 """One private user id for each sandboxed process, where the launcher is root.
 
-RLIMIT_NPROC, signals and ptrace are per user id, and mean nothing for root: so a root launcher hands every process a
-user id that no account and no other sandbox of this host has. See :mod:`.claims`.
+RLIMIT_NPROC, signals and ptrace are per user id and do not bind root, so every process gets an id that no account and
+no other sandbox of this host has (:mod:`.claims`).
 """
 
 from __future__ import annotations
@@ -30,12 +30,11 @@ class PrivateUid:
         self.close()
 
     def close(self) -> None:
-        """Give the id back."""
         self._claim.close()
 
 
 def configured_range() -> range:
-    """``PADDOCK_SANDBOX_UIDS`` as ``first-last``, or the default. Raises ValueError with what is wrong."""
+    """``PADDOCK_SANDBOX_UIDS`` as ``first-last``, or the default. Raises ValueError with the problem."""
     text = os.environ.get(_VARIABLE, "").strip()
     if not text:
         return DEFAULT_RANGE

@@ -1,35 +1,23 @@
 """How the garage shows a model's metadata."""
 
-from __future__ import annotations
-
 import json
 import math
-from typing import TYPE_CHECKING
 
 from django import template
 from django.utils.html import format_html, format_html_join
 from django.utils.safestring import SafeString
 from django.utils.translation import gettext as _
-from django.utils.translation import gettext_noop, ngettext
+from django.utils.translation import ngettext
 
-from evaluation.garage import algorithm_of
-
-if TYPE_CHECKING:
-    from evaluation.models import TrainedModel
+from evaluation.garage.selectors import algorithm_of
+from evaluation.models import TrainedModel
+from paddock.packages.inputs import SENSORS
 
 register = template.Library()
 
 RADIUS = 100.0  # of the fan, in its own units
 TOP_SPEED_MPS = 4.0
-SENSOR_WORDS = {
-    "FRONT_FACING_CAMERA": gettext_noop("front camera"),
-    "observation": gettext_noop("front camera"),
-    "LEFT_CAMERA": gettext_noop("left camera"),
-    "STEREO_CAMERAS": gettext_noop("stereo cameras"),
-    "LIDAR": gettext_noop("lidar"),
-    "SECTOR_LIDAR": gettext_noop("sector lidar"),
-    "DISCRETIZED_SECTOR_LIDAR": gettext_noop("sector lidar, discretized"),
-}
+SENSOR_WORDS = {name: sensor.label for name, sensor in SENSORS.items()}
 
 
 @register.filter
@@ -40,7 +28,6 @@ def sensor_name(sensor: str) -> str:
 
 @register.filter
 def sensor_list(model: TrainedModel) -> str:
-    """The names of all sensors of a model."""
     return ", ".join(sensor_name(sensor) for sensor in model.sensors)
 
 
@@ -61,13 +48,11 @@ def algorithm(metadata: dict) -> str:
 
 @register.filter
 def is_discrete(metadata: dict) -> bool:
-    """Whether the network chooses from a list of actions."""
     return isinstance(metadata.get("action_space"), list)
 
 
 @register.filter
 def pretty_json(value: object) -> str:
-    """JSON as a person reads it."""
     return json.dumps(value, indent=2, ensure_ascii=False)
 
 

@@ -1,13 +1,11 @@
 """Pictures of cars in their shells and colours."""
 
-from __future__ import annotations
-
 from django import template
 from django.utils.html import format_html
 from django.utils.safestring import SafeString
 
-from evaluation.looks import Shell
-from evaluation.shells import FROM_ABOVE, FROM_THE_SIDE, GROUND
+from evaluation.appearance.looks import Shell
+from evaluation.appearance.shells import FROM_ABOVE, FROM_THE_SIDE, GROUND
 
 register = template.Library()
 

@@ -1,14 +1,12 @@
 """What pages say of a place in the queue."""
 
-from __future__ import annotations
-
 import math
 
 from django import template
 from django.utils.formats import number_format
 from django.utils.translation import gettext as _
 
-from evaluation.queue_order import FRONT
+from evaluation.running.queue.order import FRONT
 
 register = template.Library()
 

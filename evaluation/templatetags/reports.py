@@ -1,7 +1,5 @@
 """What pages say of reports."""
 
-from __future__ import annotations
-
 from django import template
 from django.utils.translation import gettext as _
 from django.utils.translation import gettext_noop
@@ -34,10 +32,9 @@ def spread(summary: KindSummary) -> str:
 
 @register.filter
 def asks_for(grade: Grade) -> str:
-    """What a grade asks for, in words."""
     if grade.most is not None:
-        said = {"least": grade.least, "most": grade.most // 10}
-        return _("at least %(least)s %% completed, a spread of at most %(most)s %%") % said
+        values = {"least": grade.least, "most": grade.most // 10}
+        return _("at least %(least)s %% completed, a spread of at most %(most)s %%") % values
     return _("at least %(least)s %% completed") % {"least": grade.least} if grade.least else _("less")
 
 
@@ -49,5 +46,4 @@ def signed_gap(milliseconds: int) -> str:
 
 @register.filter
 def reached(percent: float | None) -> str:
-    """How much of a lap was driven, rounded down."""
     return "–" if percent is None else f"{int(percent)} %"

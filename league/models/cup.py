@@ -1,6 +1,4 @@
-"""Cups of the day: the qualifying, the knock-outs that came of it, and who won what."""
-
-from __future__ import annotations
+"""Cups of the day: the qualifying, its knock-outs, and the winners."""
 
 from django.db import models
 from django.db.models import F, Q
@@ -13,8 +11,7 @@ from races.models import Race
 
 
 class Cup(models.Model):
-    """One day's cup. ``race``: its qualifying; ``drawn_at``: when the divisions were drawn; ``over_at``: when the last
-    heat of all was decided, or when it was clear that there would be none."""
+    """One day's cup. ``race``: its qualifying; ``over_at``: when the last heat was decided, or could not take place."""
 
     day = models.DateField(_("day"), unique=True)
     race = models.OneToOneField(Race, models.CASCADE, related_name="cup", verbose_name=_("qualifying"))
@@ -86,7 +83,7 @@ class CupPlace(models.Model):
 
 
 class CupStarter(models.Model):
-    """A car that starts in every cup by itself, until its racer says otherwise."""
+    """A car that starts in every cup automatically until its racer turns that off."""
 
     racer = models.OneToOneField(Racer, models.CASCADE, primary_key=True, related_name="cup_starter")
     model = models.ForeignKey(TrainedModel, models.CASCADE, related_name="+", verbose_name=_("model"))

@@ -1,6 +1,4 @@
-"""Invitations to a race by e-mail: each address its own link, once."""
-
-from __future__ import annotations
+"""Invitations to a race by e-mail, each with a link for one use."""
 
 from datetime import datetime
 
@@ -14,11 +12,10 @@ from core.jobs.models import Leased, lease_constraints
 
 
 class MailInvitation(Leased):
-    """An address that was invited to a race. ``state`` is that of its mail: ``due``, ``sending``, ``sent``, ``failed``.
+    """An address invited to a race. ``state``: of its mail (``due``, ``sending``, ``sent``, ``failed``).
 
-    The link carries the row and ``turn`` under the site's signature, so that nothing here lets anybody in, and a mail
-    that is sent again makes the one before worthless. What became of a mail is told to nobody: it would say whether an
-    address is somebody's here, or wants no invitations.
+    The link carries the row and ``turn`` under the site's signature; another mail invalidates it. Organisers do not see
+    what became of a mail: it would reveal whether an address has an account or wants no invitations.
     """
 
     race = models.ForeignKey("races.Race", models.CASCADE, related_name="mail_invitations", verbose_name=_("race"))
@@ -54,7 +51,7 @@ class MailInvitation(Leased):
         return f"{self.race}: {self.email}"
 
     def standing_at(self, now: datetime) -> str:
-        """What its organiser is told: accepted, withdrawn, expired or invited."""
+        """Its state for the organiser: accepted, withdrawn, expired or invited."""
         if self.accepted_at is not None:
             return "accepted"
         if self.withdrawn_at is not None:

@@ -1,6 +1,4 @@
-"""What racers are told, in the site and by e-mail, and what programs of organisers are told."""
-
-from __future__ import annotations
+"""Notices to racers, on the site and by e-mail."""
 
 from django.conf import settings
 from django.db import models
@@ -11,41 +9,12 @@ from accounts.models.racer import Racer
 from core.jobs.models import Leased, lease_constraints
 
 
-class NoticeKind(models.TextChoices):
-    """What a notice tells. Each can be turned off, in the site and by e-mail."""
-
-    OPENS = "opens", _("a race opens")
-    CLOSES = "closes", _("a race closes in a day")
-    RESULT = "result", _("a result is in")
-    LOST_LEAD = "lost_lead", _("the lead is lost")
-    PROMOTED = "promoted", _("promoted")
-    FINALE = "finale", _("in the finale")
-    QUALIFIED = "qualified", _("qualified for the championship")
-    OFFICIAL = "official", _("results are official")
-    MESSAGE = "message", _("an announcement from the organisers")
-    CANCELLED = "cancelled", _("a race is cancelled")
-    DISQUALIFIED = "disqualified", _("disqualified by the stewards")
-    RESTORED = "restored", _("reinstated by the stewards")
-    RETIMED = "retimed", _("your time changed with a new engine")
-    CUP = "cup", _("a cup of the day is over")
-    FOLLOWED = "followed", _("a racer you follow leads or wins")
-    TEAM = "team", _("a team asks you to join")
-    SEASON = "season", _("the next season is drafted (for admins)")
-
-
-# A result comes seconds after sending a car, and others race all day: whoever wants that by mail turns it on.
-NOT_MAILED = (NoticeKind.RESULT, NoticeKind.CUP, NoticeKind.FOLLOWED)
-
-
 class Notice(models.Model):
-    """One thing that a racer is told, once: ``about`` says what makes it the same thing.
-
-    One that goes by mail has a :class:`Mail`. Its sentence is made of ``kind`` and ``params``
-    when it is read, in the reader's language (league.notices).
-    """
+    """A notice, written once for each racer, ``kind`` and ``about``; its sentence is made of ``params`` when it is
+    read."""
 
     racer = models.ForeignKey(Racer, models.CASCADE, related_name="notices", verbose_name=_("racer"), db_index=False)
-    kind = models.CharField(_("kind"), max_length=12, choices=NoticeKind.choices)
+    kind = models.CharField(_("kind"), max_length=12)  # a name of league.notices.kinds
     about = models.CharField(_("about"), max_length=160)
     params = models.JSONField(_("text"), default=dict, blank=True)
     path = models.CharField(_("link"), max_length=200, blank=True)
@@ -63,11 +32,10 @@ class Notice(models.Model):
         ]
         constraints = [
             models.UniqueConstraint(fields=["racer", "kind", "about"], name="notice_once"),
-            models.CheckConstraint(condition=Q(kind__in=NoticeKind.values), name="notice_kind_known"),
         ]
 
     def __str__(self) -> str:
-        return f"{self.racer}: {self.get_kind_display()}"
+        return f"{self.racer}: {self.kind}"
 
 
 class Mail(Leased):
@@ -90,7 +58,7 @@ class Mail(Leased):
 
 
 class NoticeChoice(models.Model):
-    """What a racer wants to be told and how; who has no row is told everything in the usual way."""
+    """A racer's notice settings; racers without a row have the default ones."""
 
     racer = models.OneToOneField(Racer, models.CASCADE, primary_key=True, related_name="notice_choice")
     site_off = models.JSONField(_("off on the site"), default=list, blank=True)
@@ -106,7 +74,7 @@ class NoticeChoice(models.Model):
 
 
 class Lead(models.Model):
-    """Who was last seen leading a race, to tell them when they no longer do."""
+    """The last known leader of a race, for the notice of a lost lead."""
 
     race = models.OneToOneField("races.Race", models.CASCADE, primary_key=True, related_name="lead_seen")
     racer = models.ForeignKey(Racer, models.CASCADE, related_name="+")

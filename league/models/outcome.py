@@ -1,6 +1,4 @@
-"""What came of the rounds of a season: divisions, fields, points, and what stewards decided."""
-
-from __future__ import annotations
+"""Outcomes of the rounds of a season: divisions, fields, points and stewards' decisions."""
 
 from django.db import models
 from django.db.models import Q
@@ -8,17 +6,15 @@ from django.utils import timezone
 from django.utils.translation import gettext_lazy as _
 
 from accounts.models.racer import Racer
+from core.database.columns import OneLineField
 from races.models import Division
 
 from .season import Round, Season
 
 
 class Membership(models.Model):
-    """A racer's division in a season. Who has none is in the open division, where everybody starts.
-
-    ``promoted_in``: the open race that promoted them; None when an admin put them there, and when it is ``carried``
-    over from the season before.
-    """
+    """A racer's division in a season; without one: open. ``promoted_in``: None if set by an admin or ``carried``
+    over."""
 
     season = models.ForeignKey(Season, models.CASCADE, related_name="memberships", verbose_name=_("season"))
     racer = models.ForeignKey(Racer, models.CASCADE, related_name="memberships", verbose_name=_("racer"))
@@ -98,10 +94,8 @@ class ChampionshipPlace(models.Model):
 
 
 class RoundPoints(models.Model):
-    """The points of one racer in one round that is official, with the country and the team that they raced for.
-
-    Only places that the season's table gives points to have a row.
-    """
+    """The points of a racer in an official round, with the country and the team that they raced for; none without
+    points."""
 
     round = models.ForeignKey(Round, models.CASCADE, related_name="points", verbose_name=_("round"))
     racer = models.ForeignKey(Racer, models.CASCADE, related_name="round_points", verbose_name=_("racer"))
@@ -141,7 +135,7 @@ class StewardDecision(models.Model):
         Racer, models.CASCADE, null=True, blank=True, related_name="+", verbose_name=_("racer concerned")
     )
     decision = models.CharField(_("decision"), max_length=12, choices=Decision.choices)
-    reason = models.CharField(_("reason"), max_length=255)
+    reason = OneLineField(_("reason"), max_length=255)
     by = models.ForeignKey(
         Racer, models.SET_NULL, null=True, blank=True, related_name="+", verbose_name=_("decided by")
     )
@@ -164,3 +158,34 @@ class StewardDecision(models.Model):
 
     def __str__(self) -> str:
         return f"{self.round}: {self.get_decision_display()}"
+
+
+class DuelRating(models.Model):
+    """The skill that a season's duels show: openskill's ``mu`` and ``sigma`` (races.duels.ratings), computed from all
+    duels."""
+
+    # no separate index: the unique one over season and racer begins with it
+    season = models.ForeignKey(
+        Season, models.CASCADE, related_name="duel_ratings", verbose_name=_("season"), db_index=False
+    )
+    racer = models.ForeignKey(Racer, models.CASCADE, related_name="duel_ratings", verbose_name=_("racer"))
+    mu = models.FloatField(_("skill"))
+    sigma = models.FloatField(_("uncertainty"))
+    duels = models.PositiveIntegerField(_("duels"))
+
+    class Meta:
+        verbose_name = _("rating")
+        verbose_name_plural = _("ratings")
+        ordering = ["season", "pk"]
+        constraints = [
+            models.UniqueConstraint(fields=["season", "racer"], name="rating_once_a_season"),
+            models.CheckConstraint(condition=Q(sigma__gt=0, duels__gte=1), name="rating_after_a_duel"),
+        ]
+
+    def __str__(self) -> str:
+        return f"{self.racer} · {self.season} · {self.shown:.1f}"
+
+    @property
+    def shown(self) -> float:
+        """The skill that the racer has with near certainty: mu - 3 sigma."""
+        return self.mu - 3 * self.sigma

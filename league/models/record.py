@@ -1,14 +1,10 @@
-"""What an imported season's record says besides what races and entries hold, so that it can be written again.
-
-The record's form is the old service's own export: a row for each race in ``races.csv``, a file of results for each.
-"""
-
-from __future__ import annotations
+"""What an imported record contains besides races and entries, kept for its export in the old service's form."""
 
 from django.db import models
 from django.db.models import Q
 from django.utils.translation import gettext_lazy as _
 
+from core.database.columns import OneLineField
 from races.models import Entry
 
 from .season import Season
@@ -31,7 +27,7 @@ class RecordedSeason(models.Model):
 
 
 class RecordedRace(models.Model):
-    """A race as its row said, column by column, and the heading of its file of results."""
+    """A race as recorded, column by column, and the heading of its file of results."""
 
     race = models.OneToOneField("races.Race", models.CASCADE, related_name="record", verbose_name=_("race"))
     position = models.PositiveIntegerField(_("row in races.csv"))
@@ -48,22 +44,19 @@ class RecordedRace(models.Model):
 
 
 class RecordedResult(models.Model):
-    """One result as its row said. Times and counts that an entry holds are not repeated here.
-
-    ``rank`` and ``score``: as recorded. ``measured``: whether that score is the time that the race is ranked by.
-    """
+    """A result as recorded, without the values of its entry. ``measured``: whether ``score`` is the time ranked by."""
 
     entry = models.OneToOneField(
         Entry, models.CASCADE, primary_key=True, related_name="record", verbose_name=_("entry")
     )
-    alias = models.CharField(_("alias"), max_length=64)
+    alias = OneLineField(_("alias"), max_length=64)
     rank = models.PositiveIntegerField(_("rank"))
     score = models.BigIntegerField(_("score"))
     measured = models.BooleanField(_("the score is the ranking time"), default=True)
     collisions = models.PositiveIntegerField(_("collisions"), default=0)
     average_resets = models.FloatField(_("resets a lap"), default=0.0)
-    status = models.CharField(_("status"), max_length=32)
-    division = models.CharField(_("division"), max_length=32, blank=True)
+    status = OneLineField(_("status"), max_length=32)
+    division = OneLineField(_("division"), max_length=32, blank=True)
     blank = models.JSONField(_("columns left empty"), default=list, blank=True)
 
     class Meta:

@@ -1,6 +1,4 @@
-"""A season: its settings, its rounds, and what each stage of it is driven by."""
-
-from __future__ import annotations
+"""Seasons, their rounds, and the rules of their stages."""
 
 import dataclasses
 from datetime import datetime, timedelta
@@ -14,7 +12,7 @@ from django.db.models import F, Q
 from django.urls import reverse
 from django.utils.translation import gettext_lazy as _
 
-from core.validators import ONE_LINE
+from core.database.columns import MultiLineField, OneLineField
 from paddock.rules.race import RULES, STAGE
 from races.errors import problem
 from races.models import Division, Race, RaceKind
@@ -51,24 +49,30 @@ DIVISION_OF = {
     Stage.CHAMPIONSHIP: Division.PRO,
     Stage.SINGLE: Division.ALL,
 }
+# The word for a stage in addresses and names of races.
+WORD_OF = {
+    Stage.OPEN: "open",
+    Stage.PRO: "pro",
+    Stage.FINALE: "finale",
+    Stage.CHAMPIONSHIP: "championship",
+    Stage.SINGLE: "race",
+}
 WITH_POINTS = (Stage.OPEN, Stage.PRO, Stage.SINGLE)
 WITH_FIELD = (Stage.FINALE, Stage.CHAMPIONSHIP)
 
 
 def usual_stage(race: Race) -> Stage:
-    """What a race of the league is in its round unless somebody says otherwise."""
+    """The default stage of a league race."""
     usual: dict[str, Stage] = {Division.OPEN: Stage.OPEN, Division.PRO: Stage.PRO}
     return usual.get(race.division, Stage.SINGLE)
 
 
 class Season(models.Model):
-    """A year of monthly rounds and the numbers that decide it. ``ends_on`` is its last day.
-
-    The rules that these numbers belong to, and their sentences, are in :mod:`league.rules`.
-    """
+    """A year of monthly rounds and the numbers of its rules (:mod:`league.standings.rules`). ``ends_on``: its last
+    day."""
 
     slug = models.SlugField(_("address"), unique=True)
-    name = models.CharField(_("name"), max_length=64)
+    name = OneLineField(_("name"), max_length=64)
     starts_on = models.DateField(_("starts"))
     ends_on = models.DateField(_("ends"))
     promotion_percent = models.DecimalField(
@@ -98,7 +102,7 @@ class Season(models.Model):
         validators=[MaxValueValidator(24 * 60)],
         help_text=_("Results can be corrected for this long after a round has closed."),
     )
-    prizes = models.TextField(_("prizes"), blank=True, max_length=4000)
+    prizes = MultiLineField(_("prizes"), blank=True, max_length=4000)
     zone = models.CharField(
         _("time zone"),
         max_length=64,
@@ -109,7 +113,7 @@ class Season(models.Model):
         help_text=_("Its races open and close by the clock of this zone; empty: the zone of the site."),
     )
     continues = models.BooleanField(
-        _("continues by itself"),
+        _("continues automatically"),
         default=True,
         db_default=True,
         help_text=_("The season that follows is drafted 60 days ahead: the same races a year later."),
@@ -192,7 +196,7 @@ def _is_table(points: object) -> bool:
 
 
 class StageRules(with_rules(STAGE, inside_a_stage)):  # type: ignore[misc]
-    """How the races of one stage of a season are ranked and limited, unless a race says otherwise when it is made."""
+    """How the races of one stage of a season are ranked and limited, unless a race differs when it is made."""
 
     season = models.ForeignKey(Season, models.CASCADE, related_name="stage_rules", verbose_name=_("season"))
     stage = models.CharField(_("stage"), max_length=16, choices=Stage.choices)
@@ -217,11 +221,8 @@ class StageRules(with_rules(STAGE, inside_a_stage)):  # type: ignore[misc]
 
 
 class Round(models.Model):
-    """One race of one month of a season. The races of a month share ``number`` and differ in ``stage``.
-
-    ``closed_at``: when its results became official, None before. That is done once, by
-    :func:`league.services.close_round`; the race itself closes as a function of the time.
-    """
+    """One race of a month of a season; races of a month share ``number``. ``closed_at``: when its results became
+    official."""
 
     season = models.ForeignKey(Season, models.CASCADE, related_name="rounds", verbose_name=_("season"))
     number = models.PositiveSmallIntegerField(_("number"))
@@ -232,11 +233,10 @@ class Round(models.Model):
         blank=True,
         help_text=_("Empty: the month's open or pro race, by the race's division."),
     )
-    name = models.CharField(
+    name = OneLineField(
         _("name of the month"),
         max_length=64,
         blank=True,
-        validators=[ONE_LINE],
         help_text=_("All races of a month share one name. A finale belongs to the qualifier with the same name."),
     )
     race = models.OneToOneField("races.Race", models.PROTECT, related_name="round", verbose_name=_("race"))
@@ -253,7 +253,7 @@ class Round(models.Model):
         null=True,
         blank=True,
         editable=False,
-        help_text=_("Final from then on, even during the steward window."),
+        help_text=_("Final from this time, even during the steward window."),
     )
 
     class Meta:
@@ -284,10 +284,8 @@ class Round(models.Model):
         super().save(*args, **kwargs)
 
     def clean(self) -> None:
-        """A round is a race of the league, of the division that its stage is for; races of one stage follow each other.
-
-        Raises ValidationError by field.
-        """
+        """Require a league race of the stage's division, one after the other in each stage. Raises ValidationError by
+        field."""
         if self.race_id is None:
             return
         if self.race.kind != RaceKind.LEAGUE:
@@ -304,10 +302,8 @@ class Round(models.Model):
         self.refuse_overlap()
 
     def refuse_overlap(self) -> None:
-        """Refuse a race that is driven while another of its stage is. Raises ValidationError on the race.
-
-        Races of their own and finales may overlap; what a record says was driven has been driven, whenever that was.
-        """
+        """Raise ValidationError on a race that overlaps with another one of its stage; single, finale and recorded
+        races may."""
         if self.stage in (Stage.SINGLE, Stage.FINALE) or self.race.imported_at is not None:
             return
         others = Round.objects.filter(season=self.season, stage=self.stage).exclude(pk=self.pk)

@@ -1,6 +1,4 @@
-"""Programs of racers and organisers that are told what happens to their cars and in their races."""
-
-from __future__ import annotations
+"""Webhooks, their hosts and their deliveries."""
 
 from datetime import datetime
 
@@ -20,11 +18,9 @@ def new_secret() -> str:
 
 
 class Webhook(models.Model):
-    """An address that is told what happens to its owner and in races that they organise, or in one ``race`` only.
+    """A racer's address for messages about their cars and the races that they organise, or about one ``race`` only.
 
-    ``events``: the names (:data:`league.happenings.EVENTS`) that it is told; empty for all. ``host``: of the address,
-    as :class:`WebhookHost` has it. For a day after a new
-    secret was made the ``old_secret`` signs as well.
+    ``events``: names in :data:`league.webhooks.payloads.EVENTS`; empty for all. ``old_secret``: signs too for a day.
     """
 
     owner = models.ForeignKey(Racer, models.CASCADE, related_name="webhooks", verbose_name=_("owner"))
@@ -55,8 +51,8 @@ class Webhook(models.Model):
 
 
 class WebhookHost(models.Model):
-    """A host that webhooks lead to. One delivery at a time goes to it, and none before ``free_at``: while one is on its
-    way, and for a pause that grows with the ``failures`` in a row to reach it."""
+    """A host of webhooks. It receives one delivery at a time, none before ``free_at``, a pause that grows with
+    ``failures``."""
 
     host = models.CharField(_("host"), max_length=255, primary_key=True)
     failures = models.PositiveSmallIntegerField(_("failures in a row"), default=0)
@@ -71,10 +67,8 @@ class WebhookHost(models.Model):
 
 
 class WebhookDelivery(Leased):
-    """One thing that a webhook is told, once.
-
-    ``state``: ``due``, ``sending``, ``sent``, ``failed``; ``status``: the last answer; ``error``: why there was none.
-    """
+    """A message to a webhook, sent once. ``state``: due, sending, sent, failed; ``error``: why there was no
+    ``status``."""
 
     webhook = models.ForeignKey(Webhook, models.CASCADE, related_name="deliveries", db_index=False)
     event = models.CharField(_("event"), max_length=20)

@@ -1,6 +1,4 @@
-"""What race pages show of the season that a race belongs to."""
-
-from __future__ import annotations
+"""The season of a race on the race's pages, and ratings from duels."""
 
 from typing import Any
 
@@ -10,23 +8,24 @@ from django.utils import timezone
 from django.utils.safestring import SafeString, mark_safe
 
 from accounts.models import Racer
+from core.streams.shared_pieces import shared_value
 from league.models import Round, Season
-from league.rules.divisions import entry_rule
-from league.selectors import decisions_of
-from league.selectors.boards import BoardCut, board_cut, round_of
-from league.services.organising import cancelling_says, removal_says
-from league.stewarding import actions_now
-from races.models import Entry, Race
-from races.selectors import BoardRow
-from races.selectors.results import Place
+from league.seasons.selectors import decisions_of
+from league.seasons.services.race_changes import cancelling_consequences, removal_consequences
+from league.standings.rules import entry_rule
+from league.standings.selectors.boards import BoardCut, board_cut, round_of, season_of
+from league.standings.selectors.tables import racer_ratings, season_ratings
+from league.stewarding.selectors import actions_now
+from races.boards.selectors.board import BoardRow
+from races.boards.selectors.results import Place
+from races.models import Entry, Race, RaceKind
 
 register = template.Library()
-DECISIONS = 20
+DECISIONS, TOP_RATINGS = 20, 10
 
 
 @register.simple_tag
 def round_shown(race: Race) -> Round | None:
-    """The round that a race is; none for community races."""
     return round_of(race)
 
 
@@ -41,8 +40,7 @@ def division_words(race: Race) -> str:
 
 @register.simple_tag
 def to_the_line(cut: BoardCut | None, row: BoardRow | Place) -> dict[str, int]:
-    """How many places a racer is ``clear`` of the line through a board, or ``short`` of it, as long as that may change;
-    nothing for who is over it already or has no rank."""
+    """Places that a racer is ``clear`` of the qualifying line or ``short`` of it; nothing once that cannot change."""
     if cut is None or cut.official or not cut.last_rank or row.rank is None or row.entry.racer_id in cut.held:
         return {}
     places = cut.last_rank - row.rank
@@ -59,7 +57,7 @@ def cut_of_place(place: Place) -> BoardCut | None:
     return board_cut(round_, place.totals.classified, ranked)
 
 
-@register.inclusion_tag("league/parts/decisions.html")
+@register.inclusion_tag("league/stewarding/parts/decisions.html")
 def decisions_shown(race: Race) -> dict[str, Any]:
     """Since when results are official, until when they can be corrected, and what stewards decided and why."""
     round_ = round_of(race)
@@ -69,7 +67,7 @@ def decisions_shown(race: Race) -> dict[str, Any]:
     return {"round": round_, "decisions": decisions, "under_review": round_.is_under_review(timezone.now())}
 
 
-@register.inclusion_tag("league/parts/stewards.html", takes_context=True)
+@register.inclusion_tag("league/stewarding/parts/stewards.html", takes_context=True)
 def stewards_do(context: template.Context, race: Race) -> dict[str, Any]:
     """What an admin may do with the round that a race is, each a click away from its board; nothing for others."""
     user = context.get("user")
@@ -83,24 +81,37 @@ def stewards_do(context: template.Context, race: Race) -> dict[str, Any]:
 def removal_follows(context: template.Context, entry: Entry) -> list[str]:
     """What would follow for the season if this entry were removed from its race; nothing for races of no season."""
     round_ = round_of(entry.race)
-    return [] if round_ is None else removal_says(round_, entry, by=context["user"], now=timezone.now())
+    return [] if round_ is None else removal_consequences(round_, entry, by=context["user"], now=timezone.now())
 
 
 @register.simple_tag
 def cancelling_follows(race: Race) -> list[str]:
     """What would follow for the season if this race were cancelled; nothing for races of no season."""
     round_ = round_of(race)
-    return [] if round_ is None else cancelling_says(round_)
+    return [] if round_ is None else cancelling_consequences(round_)
 
 
 @register.simple_tag
 def seasons_of(racer: Racer) -> list[Season]:
-    """The seasons that a racer has raced in, the latest first."""
     entries = Entry.objects.filter(race__round__season=OuterRef("pk"), racer=racer, withdrawn_at=None)
-    return list(Season.objects.filter(Exists(entries)).order_by("-starts_on", "-pk"))
+    seasons = Season.objects.filter(Exists(entries)).order_by("-starts_on", "-pk")
+    return shared_value(("seasons of", racer.pk), lambda: list(seasons))
 
 
 @register.filter
 def drawn(svg: str) -> SafeString:
-    """A drawing of league.drawing, whose texts are escaped where it is made."""
+    """A drawing of league.seasons.progress_chart, whose texts are escaped where it is made."""
     return mark_safe(svg)
+
+
+@register.inclusion_tag("league/standings/parts/race_ratings.html", takes_context=True)
+def ratings_of_race(context: template.Context, race: Race) -> dict[str, Any]:
+    """A small card with the best ratings of the season that a race is a round of."""
+    season = season_of(race) if race.kind == RaceKind.LEAGUE else None
+    ratings = season_ratings(season, TOP_RATINGS) if season else []
+    return {"ratings": ratings, "season": season, "user": context.get("user")}
+
+
+@register.inclusion_tag("league/standings/parts/racer_ratings.html")
+def ratings_of_racer(racer: Racer) -> dict[str, Any]:
+    return {"ratings": shared_value(("ratings of", racer.pk), lambda: racer_ratings(racer))}

@@ -1,8 +1,8 @@
-"""The command ``paddock``: race from home. It talks to a site over its API, and drives with the engine that it lies in.
+"""The command ``paddock``, for racing from home: it calls a site's API and drives with this engine."""
 
-Reading order: :mod:`.main` (what can be asked), :mod:`.settings` (which site, whose token), :mod:`.site` (one request
-and what may come of it), then the commands: :mod:`.looking`, :mod:`.sending`, :mod:`.rehearsing`, :mod:`.proving`,
-:mod:`.starting`.
-"""
+# Reading order: :mod:`.main`, :mod:`.commands` (all commands and options), :mod:`.settings` (site and token),
+# :mod:`.site` (one request and its answer, typed in :mod:`.answers`), then the commands: :mod:`.looking`,
+# :mod:`.sending`, :mod:`.downloads`, :mod:`.rehearsing`, :mod:`.proving`, :mod:`.starting`, :mod:`.models`,
+# :mod:`.runs`, :mod:`.train`. :mod:`.folders` calls a command for each model of a folder.
 
 from . import reasons as reasons  # registers its codes

@@ -1,4 +1,4 @@
-"""``python -m paddock.cli``: the command, where no script of that name was installed."""
+"""Runs the command as ``python -m paddock.cli`` where its script is not installed."""
 
 import sys
 

@@ -1,82 +1,154 @@
-"""What every command is given: where to say things, which site, which race."""
+"""The arguments that every command shares: output, site and race."""
 
-from __future__ import annotations
-
+import argparse
+import json
 import os
-from collections.abc import Mapping
-from dataclasses import dataclass, field
+import re
+import sys
+import time
+from collections.abc import Callable, Collection, Sequence
+from dataclasses import dataclass
+from functools import cached_property, reduce
+from operator import getitem
 from pathlib import Path
+from typing import Any, TypeVar
 
-from paddock.errors import UserFault
+from paddock.errors import PlatformFault, UserFault
 
+from .answers import RunAnswer, TrainingAnswer, VideoAnswer
+from .files import UNWRITABLE, file_faults
 from .settings import SITE, Settings, address, split_page
-from .showing import Speaker
+from .showing import Speaker, lap_time, table
 from .site import Site
 
-_NETWORKS = (".onnx", ".pb")
+ASK_EVERY_S = 1.0
+ID = re.compile(r"[a-z0-9]{12}")
+Command = Callable[["Call", argparse.Namespace], int]
+Answer = TypeVar("Answer", RunAnswer, TrainingAnswer, VideoAnswer)
 
 
 @dataclass
 class Call:
-    """A call of the command. ``given_site``: its option ``--site``, or nothing. ``asked_site``: the site that was asked
-    last."""
+    """A call of the command. ``given_site``: its option ``--site``, or nothing. ``asked_site``: the site of the last
+    request."""
 
     speaker: Speaker
     given_site: str = ""
-    environment: Mapping[str, str] = field(default_factory=lambda: os.environ)
     asked_site: str = ""
-    _settings: Settings | None = None
 
-    @property
+    @cached_property
     def settings(self) -> Settings:
-        """What is kept, read once. Raises UserFault("home_file_unreadable")."""
-        if self._settings is None:
-            self._settings = Settings.read(self.environment)
-        return self._settings
+        """The stored settings. Raises UserFault("home_file_unreadable")."""
+        return Settings.read()
 
     def site_named(self) -> str:
-        """The site that this call names by its option or the environment, or nothing."""
-        return self.given_site or self.environment.get(SITE, "")
+        """The site of this call's option or environment, else of the last login, or nothing."""
+        return self.given_site or os.environ.get(SITE, "") or self.settings.usual
+
+    def address(self, given: str = "") -> str:
+        """The address of the given site, else of :meth:`site_named`. Raises UserFault("site_missing"),
+        ("site_address")."""
+        if not (where := given or self.site_named()):
+            raise UserFault("site_missing")
+        self.asked_site = address(where)
+        return self.asked_site
 
     def site(self, of_page: str = "") -> Site:
-        """The site of a page's address, else the one that is named, else the usual one, with its token.
-
-        Raises UserFault("site_missing"), ("site_address")."""
-        where = of_page or self.site_named() or self.settings.usual
-        if not where:
-            raise UserFault("site_missing")
-        self.asked_site = where = address(where)
-        return Site(where, self.settings.token_for(where, self.environment))
+        """The site of a page's address, else the call's, with its token. Raises as :meth:`address`."""
+        where = self.address(of_page)
+        return Site(where, self.settings.token_for(where))
 
 
 def race_of(asked: Call, given: str) -> tuple[Site, str]:
-    """The site and the slug of a race that is named by its page's address or by its slug. Raises UserFault."""
+    """The site and the slug of a race, given as its slug or its page's address. Raises UserFault("race_wanted")."""
     where, slug = split_page(given, "races")
     if not slug:
         raise UserFault("race_wanted", given=given)
     return asked.site(where), slug
 
 
-def result_of(asked: Call, given: str) -> tuple[Site, str]:
-    """The site and the id of an evaluation, likewise. Raises UserFault."""
-    where, name = split_page(given, "evaluations")
-    if not name:
-        raise UserFault("result_wanted", given=given)
-    return asked.site(where), name
+def named(asked: Call, given: str, *kinds: str) -> tuple[Site, str]:
+    """The site and the id in a page's address, or a bare id; ``kinds``: the words before the id in addresses. Raises
+    UserFault("home_command_line")."""
+    for kind in kinds:
+        where, name = split_page(given, kind)
+        if ID.fullmatch(name):
+            return asked.site(where), name
+    raise UserFault("home_command_line", problem=f"{given} is neither an id nor the address of a page")
 
 
-def parts_of(files: list[Path]) -> dict[str, Path]:
-    """Which of the files of a model is which, as the API's upload names them.
+def pairs(given: list[str]) -> dict[str, Any]:
+    """Options ``NAME=VALUE`` as an object; a value is JSON or a plain word. ``a.b=1`` sets ``b`` within ``a``.
+    Raises UserFault("home_command_line")."""
+    values: dict[str, Any] = {}
+    for text in given:
+        name, equals, value = text.partition("=")
+        *outer, last = name.split(".")
+        if not equals or not all((*outer, last)):
+            raise UserFault("home_command_line", problem=f"{text} is not NAME=VALUE")
+        inside = values
+        for each in outer:
+            inside = inside.setdefault(each, {})
+            if not isinstance(inside, dict):
+                raise UserFault("home_command_line", problem=f"{text} sets a part of what another option sets")
+        try:
+            inside[last] = json.loads(value)
+        except ValueError:
+            inside[last] = value
+    return values
 
-    Raises UserFault("home_command_line") for more than two beside a ``.data`` file."""
-    weights = [path for path in files if path.name.endswith(".data")]
-    loose = [path for path in files if path not in weights]
-    if not loose or len(loose) > 2 or len(weights) > 1:
-        raise UserFault("home_command_line", problem="a model is one archive, or a network and its model_metadata.json")
-    kind = "model" if loose[0].suffix in _NETWORKS and len(loose) == 2 else "package"
-    parts = {kind: loose[0]}
-    if len(loose) == 2:
-        parts["metadata"] = loose[1]
-    if weights:
-        parts["weights"] = weights[0]
-    return parts
+
+def confirmed(options: argparse.Namespace, question: str) -> None:
+    """Ask for confirmation unless ``--yes`` is given. Raises UserFault("home_not_confirmed")."""
+    if options.yes:
+        return
+    if not sys.stdin.isatty() or input(f"{question} [y/N] ").strip().lower() not in ("y", "yes"):
+        raise UserFault("home_not_confirmed")
+
+
+def wait_until(
+    asked: Call,
+    read: Callable[[], Answer],
+    over: Collection[str],
+    progress: Callable[[Answer], tuple[str, float | None]],
+    patience_s: float,
+    url: str,
+) -> Answer:
+    """The answer of ``read`` when its state is one of ``over``; ``progress`` describes the others.
+
+    Raises PlatformFault("wait_over"), and what a request raises."""
+    until = time.monotonic() + patience_s
+    while True:
+        found = read()
+        if found["state"] in over:
+            return found
+        asked.speaker.progress(*progress(found))
+        if time.monotonic() >= until:
+            raise PlatformFault("wait_over", seconds=round(patience_s), url=url)
+        time.sleep(ASK_EVERY_S)
+
+
+def listed(asked: Call, found: Sequence[Any], none: str, *columns: str) -> int:
+    """Show a list; the exit status. ``columns``: ``head:path`` with the path of a value in an answer, such as
+    ``track:track.slug``; the path alone where it is the head, too. ``none``: the text of an empty list."""
+    paths = [column.rpartition(":")[2] for column in columns]
+    rows = [[_shown(path, reduce(getitem, path.split("."), one)) for path in paths] for one in found]
+    asked.speaker.result(found, table([column.partition(":")[0] for column in columns], rows, none))
+    return 0
+
+
+def _shown(path: str, value: Any) -> Any:
+    """A value of the API in the unit that its name ends with."""
+    if path.endswith("_ms"):
+        return lap_time(value)
+    if path.endswith("_m"):
+        return "-" if value is None else f"{value:.2f} m"
+    return f"{value[:16]}Z" if path.endswith("_at") else value
+
+
+def written(asked: Call, to: Path, data: bytes) -> int:
+    """Write a file and report it; the exit status. Raises UserFault("home_file_unwritable")."""
+    with file_faults(UNWRITABLE, to):
+        to.write_bytes(data)
+    asked.speaker.result({"file": str(to), "bytes": len(data)}, f"{to}  {len(data) / 1e6:.2f} MB")
+    return 0

@@ -1,54 +1,96 @@
-"""The process that drives at home: a job in, lines of JSON out. It is started with the pins of :mod:`paddock.exact`.
+"""The process that drives at home: it reads a job and writes lines of JSON."""
 
-``python -m paddock.cli.child JOB FOLDER``. JOB is a file: ``{"track", "look", "rules", "cars"}``, a car being
-``{"files", "checkpoint"}``; or with ``traces`` in place of ``cars`` the sim-traces (CSV) whose commands are driven
-again without a network. It says ``{"progress": {...}}`` now and then and at the end ``{"result": {...}}`` or
-``{"error": {"code", "fault", "params"}}``.
-The trace of car N is written to ``FOLDER/N.csv``.
-"""
+# ``python -m paddock.cli.child JOB FOLDER``, started with the pins of :mod:`paddock.exact`. JOB is a file with a
+# :class:`HomeJob`. The process writes ``{"progress": {...}}`` at times, and at the end ``{"result": HomeResult}`` or
+# ``{"error": {"code", "fault", "params"}}``. The trace of car N is written to ``FOLDER/N.csv``.
 
 from __future__ import annotations
 
 import contextlib
+import gc
 import json
 import os
 import sys
 from collections.abc import Mapping
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, TextIO
+from typing import TYPE_CHECKING, Any, TextIO, TypedDict
 
 from paddock.errors import PaddockError, UserFault
 from paddock.exact import is_pinned
+from paddock.geometry.track import TrackDocument
+
+from .files import UNREADABLE, file_faults
 
 if TYPE_CHECKING:
     from paddock.packages.own import OwnCar
-    from paddock.simulator.race import CompetitorRun, RaceResult
+    from paddock.simulator.results import CompetitorRun, LapDocument
+
+
+class JobCar(TypedDict):
+    """A car by its files; ``checkpoint``: of a training's folder."""
+
+    files: list[str]
+    checkpoint: str
+
+
+class HomeJob(TypedDict, total=False):
+    """A run: its track and rules as their ``to_dict`` writes them, and either its ``cars`` or ``traces``, which are
+    files of sim-traces (CSV) with commands to drive again without a network."""
+
+    track: TrackDocument
+    look: str
+    rules: Mapping[str, Any]
+    cars: list[JobCar]
+    traces: list[str]
+
+
+class HomeCar(TypedDict):
+    """The result of one car. ``sha256``: of its model, empty for a trace."""
+
+    sha256: str
+    laps: list[LapDocument]
+    end_reason: str
+    retired: Mapping[str, Any] | None
+    simulated_ms: int
+    trace_sha256: str
+    metrics: Any
+
+
+class HomeResult(TypedDict):
+    """The result of a run at home. ``exact``: the process was started with the pins."""
+
+    engine: str
+    versions: dict[str, str]
+    exact: bool
+    order: list[int]
+    cars: list[HomeCar]
 
 
 def main(job: str, folder: str) -> int:
-    """Drive; see the module."""
+    gc.set_threshold(100_000)  # what the imports make stays, and searching it takes a tenth of their time
     with os.fdopen(os.dup(1), "w", encoding="utf-8") as out:
         os.dup2(2, 1)  # libraries greet on standard output
+        message: Mapping[str, object]
         try:
-            said = {"result": _driven(json.loads(Path(job).read_text(encoding="utf-8")), Path(folder), out)}
+            message = {"result": _driven(json.loads(Path(job).read_text(encoding="utf-8")), Path(folder), out)}
         except PaddockError as fault:
-            said = {"error": fault.to_dict()}
-        _say(out, said)
+            message = {"error": fault.to_dict()}
+        _write_line(out, message)
     return 0
 
 
-def _say(out: TextIO, said: Mapping[str, Any]) -> None:
-    print(json.dumps(said), file=out, flush=True)
+def _write_line(out: TextIO, message: Mapping[str, object]) -> None:
+    print(json.dumps(message), file=out, flush=True)
 
 
-def _driven(job: dict[str, Any], folder: Path, out: TextIO) -> dict[str, Any]:
+def _driven(job: HomeJob, folder: Path, out: TextIO) -> HomeResult:
     import cv2
 
     from paddock.geometry.track import TrackGeometry
     from paddock.rules.race import RaceRules
     from paddock.simulator import compiled
-    from paddock.simulator.metrics import metrics_json
     from paddock.simulator.own import drive, drive_again
+    from paddock.simulator.results import metrics_json
 
     cv2.setNumThreads(1)
     if compiled.load() is None:
@@ -65,8 +107,10 @@ def _driven(job: dict[str, Any], folder: Path, out: TextIO) -> dict[str, Any]:
     else:
         cars = [_read(one) for one in job["cars"]]
         identities = [car.sha256 for car in cars]
-        result = drive(track, rules, cars, job["look"], lambda told: _say(out, {"progress": told.to_dict()})).result
-    driven: list[RaceResult | CompetitorRun] = [result, *result.rivals]
+        result = drive(
+            track, rules, cars, job["look"], lambda one: _write_line(out, {"progress": one.to_dict()})
+        ).result
+    driven: list[CompetitorRun] = [result, *result.rivals]
     for number, car in enumerate(driven):
         (folder / f"{number}.csv").write_bytes(car.trace.to_csv())
     return {
@@ -89,14 +133,11 @@ def _driven(job: dict[str, Any], folder: Path, out: TextIO) -> dict[str, Any]:
     }
 
 
-def _read(car: dict[str, Any]) -> OwnCar:
+def _read(car: JobCar) -> OwnCar:
     from paddock.packages.own import read_car
 
-    try:
+    with file_faults(UNREADABLE):
         return read_car([Path(name) for name in car["files"]], car["checkpoint"])
-    except OSError as error:
-        problem = error.strerror or str(error)
-        raise UserFault("home_file_unreadable", path=str(error.filename), problem=problem) from error
 
 
 if __name__ == "__main__":

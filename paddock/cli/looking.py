@@ -1,28 +1,20 @@
-"""Commands that look: ``races``, ``tracks``, ``board``; and ``login``, ``logout``."""
-
-from __future__ import annotations
+"""The commands ``races``, ``tracks``, ``board``, ``login`` and ``logout``."""
 
 import argparse
 import getpass
 import sys
-from typing import Any
+from collections.abc import Callable
 
 from paddock.errors import UserFault
 from paddock.geometry.catalogue.names import holding, nearest
 
-from .asking import Call, race_of
-from .settings import address
+from .asking import Call, listed, race_of
 from .showing import lap_time, table
 from .site import Site
 
 
 def login(asked: Call, options: argparse.Namespace) -> int:
-    """Check a token with the site and keep it."""
-    settings = asked.settings
-    where = options.url or asked.site_named() or settings.usual
-    if not where:
-        raise UserFault("site_missing")
-    asked.asked_site = where = address(where)
+    settings, where = asked.settings, asked.address(options.url)
     site = Site(where, _token(where, options.name))
     me = site.get("/me/")
     settings.tokens[where], settings.usual = site.token, where
@@ -35,30 +27,26 @@ def login(asked: Call, options: argparse.Namespace) -> int:
 
 
 def _token(where: str, name: str) -> str:
-    """A token that is asked for; with ``name`` one that the site makes for the password."""
+    """The token that the user enters, or with ``name`` a new one that the site issues for the password."""
     if name:
-        body = {"login": name, "password": _secret("Password: "), "scopes": ["read", "race"]}
-        if code := _line("Code of your second factor (empty without one): "):
+        body = {"login": name, "password": _entered("Password: ", getpass.getpass), "scopes": ["read", "race", "train"]}
+        if code := _entered("Code of your second factor (empty without one): ", input):
             body["code"] = code
         return str(Site(where).post("/auth/token/", body)["token"])
-    token = _secret("Token (made in your settings on the site, with the scopes read and race): ")
+    prompt = "Token (made in your settings on the site, with the scopes read, race and train): "
+    token = _entered(prompt, getpass.getpass)
     if not token or not token.isascii() or not token.isprintable():
         raise UserFault("token_missing", site=where)
     return token
 
 
-def _secret(prompt: str) -> str:
-    return (getpass.getpass(prompt) if sys.stdin.isatty() else sys.stdin.readline()).strip()
-
-
-def _line(prompt: str) -> str:
-    return (input(prompt) if sys.stdin.isatty() else sys.stdin.readline()).strip()
+def _entered(prompt: str, ask: Callable[[str], str]) -> str:
+    return (ask(prompt) if sys.stdin.isatty() else sys.stdin.readline()).strip()
 
 
 def logout(asked: Call, options: argparse.Namespace) -> int:
-    """Forget the token, and give it back to the site where that is asked for."""
-    settings = asked.settings
-    where = address(options.url or asked.site_named() or settings.usual or _no_site())
+    """Forget the token of a site, and with ``--revoke`` revoke it there."""
+    settings, where = asked.settings, asked.address(options.url)
     token = settings.tokens.pop(where, "")
     if not token:
         raise UserFault("token_missing", site=where)
@@ -70,72 +58,32 @@ def logout(asked: Call, options: argparse.Namespace) -> int:
     return 0
 
 
-def _no_site() -> str:
-    raise UserFault("site_missing")
-
-
 def races(asked: Call, options: argparse.Namespace) -> int:
-    """The races of a site."""
     state = "" if options.state == "all" else options.state
     found = asked.site().pages("/races/", state=state, mine="true" if options.mine else "")
-    rows = [
-        (
-            race["slug"],
-            race["state"],
-            race["track"]["slug"],
-            race["race_type"],
-            race["closes_at"][:16] + "Z",
-            race["name"],
-        )
-        for race in found
-    ]
-    asked.speaker.result(
-        found, table(("race", "state", "track", "type", "closes", "name"), rows) if rows else "No races."
-    )
-    return 0
+    columns = ("race:slug", "state", "track:track.slug", "type:race_type", "closes:closes_at", "name")
+    return listed(asked, found, "No races.", *columns)
 
 
 def tracks(asked: Call, options: argparse.Namespace) -> int:
     """The tracks of a site; of this package where no site is known."""
-    if asked.site_named() or asked.settings.usual:
+    if asked.site_named():
         found = asked.site().pages("/tracks/", search=options.search, sort=options.sort)
     else:
-        found = [_own_track(track) for track in holding(options.search)]
-    rows = [
-        (
-            each["slug"],
-            _metres(each["length_m"]),
-            _metres(each["width_m"]),
-            each["corners"],
-            each["difficulty"],
-            each["name"],
-        )
-        for each in found
-    ]
-    head = ("track", "length", "width", "corners", "difficulty", "name")
+        names = ("slug", "name", "length_m", "width_m", "direction", "corners", "difficulty", "fingerprint")
+        found = [{name: getattr(track, name) for name in names} for track in holding(options.search)]
     none = f"No tracks. The closest names are: {', '.join(nearest(options.search))}."
-    asked.speaker.result(found, table(head, rows) if rows else none)
-    return 0
-
-
-def _own_track(track: Any) -> dict[str, Any]:
-    names = ("slug", "name", "length_m", "width_m", "direction", "corners", "difficulty", "fingerprint")
-    return {name: getattr(track, name) for name in names}
-
-
-def _metres(value: float | None) -> str:
-    return "-" if value is None else f"{value:.2f} m"
+    return listed(asked, found, none, "track:slug", "length:length_m", "width:width_m", "corners", "difficulty", "name")
 
 
 def board(asked: Call, options: argparse.Namespace) -> int:
-    """A page of a race's board."""
     site, slug = race_of(asked, options.race)
     found = site.get(f"/races/{slug}/board/", page=options.page)
     rows = [
         (row["rank"] or "-", row["racer"], lap_time(row["score_ms"]), lap_time(row["best_lap_ms"]), row["resets"])
         for row in found["results"]
     ]
-    text = table(("rank", "racer", found["ranking_method"], "best lap", "resets"), rows) if rows else "Nobody yet."
+    text = table(("rank", "racer", found["ranking_method"], "best lap", "resets"), rows, "Nobody yet.")
     if found["pages"] > 1:
         text += f"\npage {found['page']} of {found['pages']}; {found['classified_count']} classified"
     asked.speaker.result(found, text)

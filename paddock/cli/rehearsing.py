@@ -1,11 +1,9 @@
-"""``paddock evaluate``: drive a car at home, under a race's rules or any others."""
-
-from __future__ import annotations
+"""``paddock evaluate``: drives a car at home under the rules of a race or any others."""
 
 import argparse
 import json
 from pathlib import Path
-from typing import Any
+from typing import Any, TypedDict
 
 from paddock.errors import UserFault
 from paddock.geometry.catalogue.names import direction_in
@@ -14,8 +12,10 @@ from paddock.rules.speed import SpeedCommand
 from paddock.simulator.camera.theme import OFFICIAL
 from paddock.simulator.engine import ENGINE_ID
 
-from .asking import Call, parts_of, race_of
+from .asking import Call, race_of
+from .child import HomeResult, JobCar
 from .driving import Where, driven, figures, is_exact, laps_table, track_here, where_of
+from .files import UNWRITABLE, file_faults, parts_of
 from .showing import lap_time
 from .site import Site, SiteRefusal
 
@@ -23,7 +23,7 @@ DIFFERENT = 1
 
 
 def evaluate(asked: Call, options: argparse.Namespace) -> int:
-    """Drive, say what came of it, and compare with the site where it has driven this very car in this race."""
+    """Drive a car, show the result, and compare it with the site's result of the same car in the race."""
     if options.race:
         if options.rule or options.look:
             raise UserFault("home_command_line", problem="--rule and --look belong to --track: a race has its own")
@@ -33,19 +33,21 @@ def evaluate(asked: Call, options: argparse.Namespace) -> int:
         direction = direction_in(options.track)
         rules = _rules([*([f"direction={direction}"] if direction else []), *options.rule])
         where = Where(track_here(options.track).in_direction(rules.direction), options.look or OFFICIAL.name, rules)
-    own = list(parts_of([Path(name) for name in options.model]).values())
-    cars = [{"files": list(map(str, own)), "checkpoint": options.checkpoint}]
+    own = [str(path) for path in parts_of(options.model).values()]
+    cars: list[JobCar] = [{"files": own, "checkpoint": options.checkpoint}]
     cars += [{"files": [rival], "checkpoint": ""} for rival in options.rival]
     with driven(where, asked.speaker, cars=cars) as (came, folder):
         if options.trace:
-            _copy(folder / "0.csv", Path(options.trace))
-    lines, value = _told(where, came)
+            trace = (folder / "0.csv").read_bytes()
+            with file_faults(UNWRITABLE, options.trace):
+                Path(options.trace).write_bytes(trace)
+    lines, value = _summary(where, came)
     status = 0
     if options.race:
         compared = _of_the_site(site, slug, came) if site.token else None
         value["site"] = {"address": site.address, "race": slug, "engine": where.engine, "run": compared}
-        said, same = _compared(site, where, came, compared)
-        lines.append(said)
+        comparison, same = _compared(site, where, came, compared)
+        lines.append(comparison)
         value["same_as_the_site"] = same
         status = DIFFERENT if same is False else 0
     asked.speaker.result(value, "\n".join(lines))
@@ -53,7 +55,7 @@ def evaluate(asked: Call, options: argparse.Namespace) -> int:
 
 
 def _rules(given: list[str]) -> RaceRules:
-    """Rules as ``name=value``, by the names of docs/rules.md; a value is JSON, or a word as it is."""
+    """Rules from ``name=value``, by the names of docs/reference.md; a value is JSON or a plain word."""
     values: dict[str, Any] = {}
     try:
         for text in given:
@@ -73,14 +75,7 @@ def _rules(given: list[str]) -> RaceRules:
         raise UserFault("rule_senseless", problem=" ".join(str(error).split())) from error
 
 
-def _copy(trace: Path, to: Path) -> None:
-    try:
-        to.write_bytes(trace.read_bytes())
-    except OSError as error:
-        raise UserFault("home_file_unwritable", path=str(to), problem=error.strerror or str(error)) from error
-
-
-def _told(where: Where, came: dict[str, Any]) -> tuple[list[str], dict[str, Any]]:
+def _summary(where: Where, came: HomeResult) -> tuple[list[str], dict[str, Any]]:
     lines = [f"{where.track.name}, {where.track.length:.2f} m, {where.track.direction}"]
     for number, car in enumerate(came["cars"]):
         if len(came["cars"]) > 1:
@@ -92,21 +87,30 @@ def _told(where: Where, came: dict[str, Any]) -> tuple[list[str], dict[str, Any]
             lines.append(f"retired: {car['retired']['code']}")
         lines += [f"model {car['sha256']}", f"engine {came['engine']}, trace {car['trace_sha256']}"]
     cars = [{**car, **figures(car["laps"])} for car in came["cars"]]
-    return lines, {**cars[0], "rivals": cars[1:], **{name: came[name] for name in ("engine", "versions", "order")}}
+    about = {"engine": came["engine"], "versions": came["versions"], "order": came["order"]}
+    return lines, {**cars[0], "rivals": cars[1:], **about}
 
 
-def _of_the_site(site: Site, slug: str, came: dict[str, Any]) -> dict[str, Any] | None:
-    """The finished run of this very car in this race, of the token's racer; None where there is none."""
+class _SiteRun(TypedDict):
+    """The site's result of the same car."""
+
+    evaluation: str
+    engine: str
+    trace_sha256: str
+    laps: list[int]
+
+
+def _of_the_site(site: Site, slug: str, came: HomeResult) -> _SiteRun | None:
+    """The finished run of the same car in the race, of the token's racer; None without one."""
     try:
         submissions = site.pages(f"/races/{slug}/submissions/")
     except SiteRefusal as refusal:
-        if refusal.said["code"] != "entry_missing":
+        if refusal.answer["code"] != "entry_missing":
             raise
         submissions = []
     for sent in submissions:
         if sent["model"]["sha256"] == came["cars"][0]["sha256"] and sent["state"] == "finished":
-            run = site.get(f"/evaluations/{sent['evaluation']}/")
-            result = run["result"]
+            result = site.get(f"/evaluations/{sent['evaluation']}/")["result"]
             return {
                 "evaluation": sent["evaluation"],
                 "engine": result["engine"],
@@ -116,8 +120,8 @@ def _of_the_site(site: Site, slug: str, came: dict[str, Any]) -> dict[str, Any] 
     return None
 
 
-def _compared(site: Site, where: Where, came: dict[str, Any], run: dict[str, Any] | None) -> tuple[str, bool | None]:
-    """What is to be said of the site's run, and whether the hashes are equal; None where there are no two."""
+def _compared(site: Site, where: Where, came: HomeResult, run: _SiteRun | None) -> tuple[str, bool | None]:
+    """The line about the site's run, and whether the hashes are equal (None without two hashes)."""
     if where.engine != ENGINE_ID:
         return (
             f"{site.address} drives with the engine {where.engine} and this package with {ENGINE_ID}: "

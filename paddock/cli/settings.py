@@ -1,10 +1,7 @@
-"""Which site, and whose token: what the command keeps between two calls.
+"""Stores the site and the token between two calls of the command."""
 
-A file of JSON in the user's own folder of settings, readable by nobody else (mode 0600). A token goes to the site that
-it was given for and to no other. ``PADDOCK_SITE`` and ``PADDOCK_TOKEN`` come before the file: they belong together.
-"""
-
-from __future__ import annotations
+# The settings are a JSON file in the user's own configuration folder, with mode 0600. A token is sent only to the site
+# for which it was issued. ``PADDOCK_SITE`` and ``PADDOCK_TOKEN`` belong together and take precedence over the file.
 
 import json
 import os
@@ -17,54 +14,49 @@ from urllib.parse import urlsplit
 
 from paddock.errors import UserFault
 
+from .files import UNREADABLE, UNWRITABLE, file_faults
+
 SITE, TOKEN, FOLDER = "PADDOCK_SITE", "PADDOCK_TOKEN", "PADDOCK_CONFIG"
 
 
 @dataclass
 class Settings:
-    """``usual``: the address of the site that was logged in to last; ``tokens``: by address."""
+    """``usual``: the address of the last login's site; ``tokens``: by address."""
 
     path: Path
     usual: str = ""
     tokens: dict[str, str] = field(default_factory=dict)
 
     @classmethod
-    def read(cls, environment: Mapping[str, str] = os.environ) -> Settings:
-        """What is kept; nothing where there is no file. Raises UserFault("home_file_unreadable")."""
+    def read(cls, environment: Mapping[str, str] = os.environ) -> "Settings":
+        """The stored settings; empty without a file. Raises UserFault("home_file_unreadable")."""
         path = folder(environment) / "sites.json"
         try:
-            kept = json.loads(path.read_text(encoding="utf-8"))
+            with file_faults(UNREADABLE, path):
+                kept = json.loads(path.read_text(encoding="utf-8") if path.exists() else '{"usual": "", "tokens": {}}')
             return cls(path, str(kept["usual"]), {str(site): str(token) for site, token in kept["tokens"].items()})
-        except FileNotFoundError:
-            return cls(path)
-        except OSError as error:
-            raise UserFault("home_file_unreadable", path=str(path), problem=error.strerror or str(error)) from error
         except (ValueError, KeyError, TypeError, AttributeError) as error:
             raise UserFault("home_file_unreadable", path=str(path), problem="it is not of this command") from error
 
     def write(self) -> None:
-        """Keep it: whole or not at all. Raises UserFault("home_file_unwritable")."""
-        try:
+        """Replace the stored settings as a whole. Raises UserFault("home_file_unwritable")."""
+        with file_faults(UNWRITABLE, self.path):
             self.path.parent.mkdir(mode=0o700, parents=True, exist_ok=True)
-            # made for the owner alone (mkstemp: 0600), and put in its place when it is whole
+            # mkstemp: mode 0600
             number, name = tempfile.mkstemp(dir=self.path.parent, prefix=".sites-")
             with os.fdopen(number, "w", encoding="utf-8") as file:
                 json.dump({"usual": self.usual, "tokens": self.tokens}, file, indent=2)
             os.replace(name, self.path)
-        except OSError as error:
-            raise UserFault(
-                "home_file_unwritable", path=str(self.path), problem=error.strerror or str(error)
-            ) from error
 
     def token_for(self, site: str, environment: Mapping[str, str] = os.environ) -> str:
-        """The token of a site, or nothing. The environment's is for the site that the environment names."""
+        """The token of a site, or nothing. The environment's token is for the environment's site."""
         if environment.get(TOKEN) and environment.get(SITE) and address(environment[SITE]) == site:
             return environment[TOKEN]
         return self.tokens.get(site, "")
 
 
 def folder(environment: Mapping[str, str]) -> Path:
-    """Where the user's settings lie on this system."""
+    """The folder of the user's settings on this system."""
     if named := environment.get(FOLDER):
         return Path(named)
     if sys.platform == "win32" and (roaming := environment.get("APPDATA")):
@@ -87,9 +79,8 @@ def address(text: str) -> str:
 
 
 def split_page(given: str, kind: str) -> tuple[str, str]:
-    """The site and the name in the address of a page, or of the API: (site, name); the site is empty for a bare name.
-    ``kind``: ``"races"`` or ``"evaluations"``. The name is empty where it names none. Raises UserFault("site_address").
-    """
+    """The site and the name in the address of a page or of the API; the site is empty for a bare name, the name for
+    another page. ``kind``: the word before the name, such as ``"races"``. Raises UserFault("site_address")."""
     if "://" not in given:
         return "", given.strip("/") if "/" not in given.strip("/") else ""
     head, found, tail = given.partition(f"/{kind}/")

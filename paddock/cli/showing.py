@@ -1,6 +1,4 @@
-"""What the command prints: tables, lap times, how far something is. Figures as on the site."""
-
-from __future__ import annotations
+"""Prints tables, lap times and progress with the number formats of the site."""
 
 import json
 import sys
@@ -9,7 +7,7 @@ from collections.abc import Sequence
 from typing import Any
 
 _BAR = 24
-_EVERY_S = 5.0  # between two lines about the same thing, where nobody watches
+_EVERY_S = 5.0  # between two lines about the same thing, without a terminal
 
 
 def lap_time(ms: int | None) -> str:
@@ -18,35 +16,32 @@ def lap_time(ms: int | None) -> str:
 
 
 def one_line(value: object) -> str:
-    """As text without a line's end: what a stranger calls their car begins no line of ours."""
+    """The text in one line: a stranger's name for a car must not begin a line of the output."""
     return " ".join(str(value).splitlines())
 
 
-def table(head: Sequence[str], rows: Sequence[Sequence[object]]) -> str:
-    """Columns side by side; those of numbers and times to the right."""
+def table(head: Sequence[str], rows: Sequence[Sequence[object]], none: str = "") -> str:
+    """Columns side by side, numbers and times aligned to the right; without rows the text ``none``, if there is one."""
+    if none and not rows:
+        return none
     cells = [[one_line(cell) for cell in row] for row in rows]
     widths = [max(map(len, column)) for column in zip(head, *cells, strict=True)]
     columns = list(zip(*cells, strict=True)) or [()] * len(head)
     right = [bool(column) and all(cell[:1].isdigit() or cell == "-" for cell in column) for column in columns]
-    lines = [head, *cells]
-    return "\n".join(
-        "  ".join(
-            cell.rjust(width) if to_right else cell.ljust(width)
-            for cell, width, to_right in zip(line, widths, right, strict=True)
-        ).rstrip()
-        for line in lines
+    formats = "  ".join(
+        f"{{:{'>' if to_right else '<'}{width}}}" for width, to_right in zip(widths, right, strict=True)
     )
+    return "\n".join(formats.format(*line).rstrip() for line in (head, *cells))
 
 
 def _plain(text: str) -> str:
-    """Without what moves a terminal's cursor or colours: names and sentences come from strangers."""
+    """The text without control characters: names and sentences come from strangers."""
     return "".join(letter if letter.isprintable() or letter == "\n" else "?" for letter in text)
 
 
 class Speaker:
-    """Where a command says things: its result on standard output, as text or as one JSON value; how far it is on
-    standard error, as a line that changes where that is a terminal and now and then as a new one elsewhere. With JSON
-    the result alone."""
+    """The output of a command: its result on standard output, as text or as one JSON value; without JSON its progress
+    on standard error, as a changing line of a terminal, elsewhere as a new line now and then."""
 
     def __init__(self, as_json: bool) -> None:
         self.as_json = as_json
@@ -54,12 +49,11 @@ class Speaker:
         self._subject, self._next = "", 0.0
 
     def result(self, value: Any, text: str) -> None:
-        """What came of it, in both forms."""
         self._end()
         print(json.dumps(value, indent=2) if self.as_json else _plain(text))
 
     def progress(self, text: str, share: float | None = None) -> None:
-        """How far it is; the same twice is said once."""
+        """Show the progress; equal messages in a row are shown once."""
         text = _plain(text)
         if self.as_json or text == self._shown:
             return
@@ -78,7 +72,7 @@ class Speaker:
         self._open = True
 
     def note(self, text: str) -> None:
-        """Something to know besides."""
+        """Print a remark on standard error."""
         self._end()
         print(_plain(text), file=sys.stderr)
 

@@ -1,15 +1,15 @@
-"""Commands that begin something: ``new``, a starter project; ``completion``, the names of commands for a shell."""
-
-from __future__ import annotations
+"""The commands ``new`` (a starter project) and ``completion`` (for shells)."""
 
 import argparse
 from collections.abc import Iterator
+from dataclasses import dataclass
 from importlib.resources import files
 from pathlib import Path
 
 from paddock.errors import PlatformFault, UserFault
 
 from .asking import Call
+from .files import UNWRITABLE, file_faults
 
 EXAMPLE = "train_a_car.py"
 # in the package, and in the project
@@ -17,25 +17,22 @@ FILES = {EXAMPLE: EXAMPLE, "README.md": "README.md", "submit.yml": ".github/work
 
 
 def new(asked: Call, options: argparse.Namespace) -> int:
-    """Write a starter project into a folder that is empty or not there."""
     folder = Path(options.folder)
-    try:
+    with file_faults(UNWRITABLE, folder):
         if folder.exists() and any(folder.iterdir()):
             raise UserFault("home_exists", path=str(folder))
         for name, to in FILES.items():
             target = folder / to
             target.parent.mkdir(parents=True, exist_ok=True)
             target.write_text(_starter(name), encoding="utf-8")
-    except OSError as error:
-        raise UserFault("home_file_unwritable", path=str(folder), problem=error.strerror or str(error)) from error
     made = [str(folder / to) for to in FILES.values()]
     asked.speaker.result({"files": made}, "\n".join([*made, f"Begin with {folder / 'README.md'}."]))
     return 0
 
 
 def _starter(name: str) -> str:
-    """A file of the starter. The example is put beside the others when the package is built; in a checkout it is
-    where the site has it."""
+    """A file of the starter project. In a checkout the example lies in the site's folder, in the package beside the
+    other files."""
     inside = files(__package__) / "starter" / name
     if inside.is_file():
         return inside.read_text(encoding="utf-8")
@@ -46,60 +43,85 @@ def _starter(name: str) -> str:
 
 
 def completion(asked: Call, options: argparse.Namespace) -> int:
-    """Print what a shell is to read so that it completes commands and options."""
     named = dict(_words(options.parser))
     text = {"bash": _bash, "zsh": _zsh, "fish": _fish}[options.shell](named)
     asked.speaker.result({"shell": options.shell, "script": text}, text)
     return 0
 
 
-def _words(parser: argparse.ArgumentParser) -> Iterator[tuple[str, tuple[str, list[str]]]]:
-    """Of each command its help and its options."""
-    (commands,) = (action for action in parser._actions if isinstance(action, argparse._SubParsersAction))
-    helps = {choice.dest: choice.help or "" for choice in commands._choices_actions}
-    for name, one in commands.choices.items():
-        known = [option for each in one._actions for option in each.option_strings if option.startswith("--")]
-        yield name, (helps.get(name, ""), known)
+@dataclass(frozen=True)
+class _Words:
+    """Of a command: its help, its options (with those of its verbs), and its verbs."""
+
+    help: str
+    options: list[str]
+    verbs: list[str]
 
 
-def _bash(named: dict[str, tuple[str, list[str]]]) -> str:
-    cases = "\n".join(f'    {name}) words="{" ".join(options)}" ;;' for name, (_, options) in named.items())
+def _words(parser: argparse.ArgumentParser) -> Iterator[tuple[str, _Words]]:
+    for action in parser._actions:
+        if isinstance(action, argparse._SubParsersAction):
+            helps = {choice.dest: choice.help or "" for choice in action._choices_actions}
+            for name, one in action.choices.items():
+                known = [option for each in one._actions for option in each.option_strings if option.startswith("--")]
+                verbs = dict(_words(one))
+                known += [option for each in verbs.values() for option in each.options]
+                yield name, _Words(helps.get(name, ""), list(dict.fromkeys(known)), list(verbs))
+
+
+def _lines(named: dict[str, _Words], form: str, with_verbs: bool = False) -> str:
+    """A line for each command, or for each with verbs."""
+    return "\n".join(
+        form.format(name=name, help=one.help.replace("'", ""), options=" ".join(one.options), verbs=" ".join(one.verbs))
+        for name, one in named.items()
+        if one.verbs or not with_verbs
+    )
+
+
+def _bash(named: dict[str, _Words]) -> str:
+    verbs = '    {name}) COMPREPLY=($(compgen -W "{verbs}" -- "$word")); return ;;'
     return f"""# bash: eval "$(paddock completion bash)"
 _paddock() {{
   local words="" word="${{COMP_WORDS[COMP_CWORD]}}"
   if [ "$COMP_CWORD" -eq 1 ]; then
     COMPREPLY=($(compgen -W "{" ".join(named)}" -- "$word")); return
   fi
+  if [ "$COMP_CWORD" -eq 2 ]; then case "${{COMP_WORDS[1]}}" in
+{_lines(named, verbs, with_verbs=True)}
+  esac; fi
   case "${{COMP_WORDS[1]}}" in
-{cases}
+{_lines(named, '    {name}) words="{options}" ;;')}
   esac
   case "$word" in -*) COMPREPLY=($(compgen -W "$words" -- "$word")) ;; *) COMPREPLY=($(compgen -f -- "$word")) ;; esac
 }}
 complete -o filenames -F _paddock paddock"""
 
 
-def _zsh(named: dict[str, tuple[str, list[str]]]) -> str:
-    commands = "\n".join(f"    '{name}:{help_of.replace(chr(39), '')}'" for name, (help_of, _) in named.items())
-    cases = "\n".join(f"    {name}) compadd -- {' '.join(options)} ;;" for name, (_, options) in named.items())
+def _zsh(named: dict[str, _Words]) -> str:
     return f"""#compdef paddock
 # zsh: eval "$(paddock completion zsh)"
 _paddock() {{
   local -a commands=(
-{commands}
+{_lines(named, "    '{name}:{help}'")}
   )
   if (( CURRENT == 2 )); then _describe command commands; return; fi
+  if (( CURRENT == 3 )); then case $words[2] in
+{_lines(named, "    {name}) compadd -- {verbs}; return ;;", with_verbs=True)}
+  esac; fi
   if [[ $words[CURRENT] != -* ]]; then _files; return; fi
   case $words[2] in
-{cases}
+{_lines(named, "    {name}) compadd -- {options} ;;")}
   esac
 }}
 compdef _paddock paddock"""
 
 
-def _fish(named: dict[str, tuple[str, list[str]]]) -> str:
+def _fish(named: dict[str, _Words]) -> str:
     lines = ["# fish: paddock completion fish | source"]
-    for name, (help_of, options) in named.items():
-        quoted = help_of.replace("'", "")
+    for name, one in named.items():
+        quoted = one.help.replace("'", "")
         lines.append(f"complete -c paddock -n __fish_use_subcommand -f -a {name} -d '{quoted}'")
-        lines += [f"complete -c paddock -n '__fish_seen_subcommand_from {name}' -l {one[2:]}" for one in options]
+        if one.verbs:
+            lines.append(f"complete -c paddock -n '__fish_seen_subcommand_from {name}' -f -a '{' '.join(one.verbs)}'")
+        lines += [f"complete -c paddock -n '__fish_seen_subcommand_from {name}' -l {each[2:]}" for each in one.options]
     return "\n".join(lines)

@@ -1,6 +1,9 @@
-"""The two kinds of failure: the racer's fault and ours. No Django here: sandboxed processes raise these too."""
+"""The two kinds of failure: faults of the user and faults of the platform."""
 
-from __future__ import annotations
+# No Django here: sandboxed processes raise these too.
+
+from collections.abc import Mapping
+from typing import Any
 
 from .reasons import REASONS, Reason
 
@@ -8,11 +11,8 @@ Param = str | int | float
 
 
 class PaddockError(Exception):
-    """A failure with a stable code.
-
-    ``code`` must be listed in :data:`paddock.errors.reasons.REASONS` (KeyError otherwise, so that a typo fails
-    in tests); ``params`` fill the sentence's placeholders and must be plain JSON values.
-    """
+    """A failure with a stable ``code`` of :data:`paddock.errors.reasons.REASONS` (KeyError otherwise). ``params`` fill
+    the sentence's placeholders and must be plain JSON values."""
 
     fault: str = ""
 
@@ -29,7 +29,7 @@ class PaddockError(Exception):
         return self.reason.render(self.params)
 
     def __reduce__(self) -> tuple:
-        return _rebuild, (type(self), self.code, self.params)
+        return fault_from_dict, (self.to_dict(),)
 
     def to_dict(self) -> dict:
         """The form that crosses a pipe: ``{"code", "fault", "params"}``."""
@@ -37,22 +37,18 @@ class PaddockError(Exception):
 
 
 class UserFault(PaddockError):
-    """What the racer sent or their model did is wrong. Shown to them; it counts."""
+    """A fault of the racer's request or model, which the racer sees."""
 
     fault = "user"
 
 
 class PlatformFault(PaddockError):
-    """Paddock failed. Retried, refunded, and an operator should know."""
+    """A failure of Paddock, which is retried and refunded."""
 
     fault = "platform"
 
 
-def fault_from_dict(data: dict) -> PaddockError:
+def fault_from_dict(data: Mapping[str, Any]) -> PaddockError:
     """Rebuild the error that :meth:`PaddockError.to_dict` wrote. Raises KeyError for an unknown code."""
     kind = UserFault if REASONS[data["code"]].fault == "user" else PlatformFault
     return kind(data["code"], **data.get("params", {}))
-
-
-def _rebuild(kind: type[PaddockError], code: str, params: dict) -> PaddockError:
-    return kind(code, **params)

@@ -1,10 +1,4 @@
-"""What a track asks of a car: how many corners it has and how difficult it is. Our own measures; no Django.
-
-The published difficulty of the old console's tracks follows from no shape (its rank correlation with length, width,
-turning and time lost in bends is below 0.4 each), so Paddock defines one that can be reckoned.
-"""
-
-from __future__ import annotations
+"""Counts the corners of a track and rates its difficulty."""
 
 import math
 from typing import NamedTuple
@@ -14,23 +8,21 @@ import numpy as np
 from .track import TrackGeometry
 
 STEP_M = 0.1
-SMOOTH_M = 0.6  # headings are compared so far apart: waypoints of the old files lie up to 0.7 m from each other
-BENT = 0.2  # 1/m: a bend of a greater radius than 5 m is driven as a straight
-CORNER_DEGREES = 30.0  # less turning than this is no corner
-TOP_SPEED = 4.0  # m/s, the fastest that the old console's cars drive
-SIDEWAYS = 4.0  # m/s2 that the reference car takes in a bend
+SMOOTH_M = 0.6  # between compared headings: waypoints of the old files lie up to 0.7 m apart
+BENT = 0.2  # 1/m: a bend of a greater radius than 5 m is a straight
+CORNER_DEGREES = 30.0  # the least turning of a corner
+TOP_SPEED = 4.0  # m/s, of the old console's cars
+SIDEWAYS = 4.0  # m/s2 of the reference car in a bend
 ROAD_M = 1.07  # the usual width of the league's roads
 
 
 class Character(NamedTuple):
-    """``corners``: how many. ``difficulty``: 0 to 100, see :func:`character_of`."""
-
     corners: int
     difficulty: int
 
 
 def median_width(track: TrackGeometry) -> float:
-    """Metres between the borders, square to the track: the median over the waypoints."""
+    """The median over the waypoints of the metres between the borders."""
     left, right = track.half_widths_along(track.cumulative)
     return float(np.median(left + right))
 
@@ -38,9 +30,9 @@ def median_width(track: TrackGeometry) -> float:
 def character_of(track: TrackGeometry) -> Character:
     """The character of a track; the same in both directions.
 
-    A corner is a stretch that turns one way, tighter than a radius of 5 m, by at least 30 degrees in all. The
-    difficulty is the share of a lap, in per cent, that a car in the middle of the road gives away to bends (at most
-    4 m/s, and 4 m/s2 sideways, against 4 m/s all the way), times 1.07 m over the road's median width; at most 100.
+    A corner turns one way, tighter than a radius of 5 m, by at least 30 degrees. The difficulty is the share of a lap,
+    in per cent, that a car in the middle of the road loses in bends (at most 4 m/s and 4 m/s2 sideways), times 1.07 m
+    over the road's median width; at most 100.
     """
     count = max(round(track.length / STEP_M), 16)
     distances = np.arange(count) * (track.length / count)
@@ -61,10 +53,10 @@ def character_of(track: TrackGeometry) -> Character:
 
 
 def _corners(curvature: np.ndarray, step: float) -> int:
-    """How many stretches of one sign turn far enough, counted round the loop."""
+    """The number of stretches of one sign that turn far enough, counted round the loop."""
     sign = np.where(np.abs(curvature) < BENT, 0.0, np.sign(curvature))
     changes = np.flatnonzero(sign != np.roll(sign, 1))
-    if not len(changes):  # a circle is one corner that never ends; a straight has none
+    if not len(changes):  # a circle is one corner, a straight none
         return int(sign[0] != 0.0)
     stretches = np.split(np.roll(curvature, -changes[0]), (changes - changes[0])[1:])
     signs = np.roll(sign, -changes[0])[changes - changes[0]]

@@ -1,11 +1,7 @@
-"""What makes three lines of points a road that can be raced on. Every refusal is a ``UserFault``. No Django.
+"""Checks that three lines of points form a track on which cars can race."""
 
-The bounds are wide enough for every community file (lengths 16-90 m, widths 0.6-2 m, spacing 0.06-0.97 m, see the
-track table of the field) and for circuits at a tenth of their size (up to 710 m), and narrow enough that a file in
-centimetres or with swapped columns is caught.
-"""
-
-from __future__ import annotations
+# The bounds accept every community file (lengths 16-90 m, widths 0.6-2 m, spacing 0.06-0.97 m) and circuits at a tenth
+# of their size (up to 710 m), and reject files in centimetres or with swapped columns.
 
 import math
 from typing import Any
@@ -33,12 +29,8 @@ _BLOCK = 256
 
 
 def clean_rows(centre: Any, inner: Any, outer: Any, is_open: bool | None = False) -> tuple[Points, Points, Points]:
-    """Three equal (N, 2) float64 arrays: finite, duplicate points dropped, first row not repeated.
-
-    Row 0 is always kept (it is the finish line of a loop, the start of an open track). ``is_open``: what the rows are
-    meant to be, None for either. Raises UserFault ``track_shape``, ``track_not_finite``, ``track_far_away``,
-    ``track_too_few_points``, ``track_too_large``, ``track_open`` or ``track_not_open``.
-    """
+    """Three equal (N, 2) float64 arrays: finite, without duplicate points, the first row kept and not repeated.
+    ``is_open``: whether the rows must be an open track, None for either. Raises UserFault."""
     try:
         rows = [np.array(part, dtype=np.float64) for part in (centre, inner, outer)]
     except (TypeError, ValueError):
@@ -67,18 +59,14 @@ def clean_rows(centre: Any, inner: Any, outer: Any, is_open: bool | None = False
 
 
 def ends_apart(centre: Points) -> bool:
-    """Whether a line of clean rows is open: its ends lie farther apart than one and a half of its longest step."""
+    """Whether the ends of a line lie farther apart than one and a half of its longest step."""
     steps = np.linalg.norm(np.diff(centre, axis=0), axis=1)
     return math.dist(centre[-1], centre[0]) > OPEN_GAP_FACTOR * float(steps.max())
 
 
 def check_road(centre: Points, inner: Points, outer: Points) -> None:
-    """Refuse a loop that is not a road: wrong length or width, a line that turns back or crosses, borders not around
-    it.
-
-    Not one of the community's closed files has a crossing, so none is tolerated, not even a tiny loop of the inner
-    border at a tight corner. Raises UserFault.
-    """
+    """Refuse a loop of wrong length or width, with a line that turns back or crosses, or without borders around it.
+    Raises UserFault."""
     check_way(centre, np.roll(centre, -1, axis=0) - centre)
     check_widths(inner, outer)
     for first, second, line, other in (
@@ -98,24 +86,16 @@ def check_road(centre: Points, inner: Points, outer: Points) -> None:
 
 def check_way(centre: Points, steps: Points) -> None:
     """Refuse a centre line that is too long or too short, turns back or crosses itself. ``steps``: from each point to
-    the next; an open line has one fewer than points, and none of its ends is a turn."""
+    the next, one fewer than points of an open line."""
     is_open = len(steps) < len(centre)
     lengths = np.linalg.norm(steps, axis=1)
     length = float(lengths.sum())
-    if length < MIN_LENGTH_M:
-        raise UserFault(
-            "track_too_short",
-            length_m=round(length, 2),
-            limit_m=MIN_LENGTH_M,
-            scale=_scale(1.05 * MIN_LENGTH_M, length),
-        )
-    if length > MAX_LENGTH_M:
-        raise UserFault(
-            "track_too_long",
-            length_m=round(length, 2),
-            limit_m=MAX_LENGTH_M,
-            scale=_scale(0.95 * MAX_LENGTH_M, length),
-        )
+    if not MIN_LENGTH_M <= length <= MAX_LENGTH_M:
+        code, limit_m, wanted_m = ("track_too_long", MAX_LENGTH_M, 0.95 * MAX_LENGTH_M)
+        if length < MIN_LENGTH_M:
+            code, limit_m, wanted_m = ("track_too_short", MIN_LENGTH_M, 1.05 * MIN_LENGTH_M)
+        scale = f"{wanted_m / max(length, 1e-9):.2g}"
+        raise UserFault(code, length_m=round(length, 2), limit_m=limit_m, scale=scale)
     unit = steps / lengths[:, None]
     before = np.roll(unit, 1, axis=0)
     turn = np.degrees(np.arctan2(np.abs(cross(before, unit)), (before * unit).sum(axis=1)))
@@ -128,12 +108,7 @@ def check_way(centre: Points, steps: Points) -> None:
         raise UserFault("track_self_crossing", row=found[0], other_row=found[1])
 
 
-def _scale(wanted_m: float, length_m: float) -> str:
-    return f"{wanted_m / max(length_m, 1e-9):.2g}"
-
-
 def check_widths(inner: Points, outer: Points) -> None:
-    """Refuse a road that is too wide or too narrow."""
     widths = np.linalg.norm(inner - outer, axis=1)
     worst = int(widths.argmin())
     if widths[worst] < MIN_WIDTH_M:
@@ -144,7 +119,7 @@ def check_widths(inner: Points, outer: Points) -> None:
 
 
 def cross(a: Points, b: Points) -> Points:
-    """z of the cross product of 2-D vectors, row by row (broadcasts over leading axes)."""
+    """z of the cross product of 2-D vectors, row by row."""
     return a[..., 0] * b[..., 1] - a[..., 1] * b[..., 0]
 
 
@@ -163,11 +138,8 @@ def inside(loop: Points, point: Points) -> bool:
 
 
 def find_crossing(line: Points, other: Points | None = None, is_open: bool = False) -> tuple[int, int] | None:
-    """First pair of row numbers whose segments touch or cross, of two closed polylines or of one with itself.
-
-    ``is_open``: ``line`` ends at its last point. Points that repeat the one before are left out first: borders stand
-    still at the inside of a tight corner.
-    """
+    """First pair of row numbers whose segments touch or cross, of two closed polylines or of one with itself; repeated
+    points are left out. ``is_open``: ``line`` ends at its last point."""
     rows_a = _moving(line)
     rows_b = rows_a if other is None else _moving(other)
     a = line[rows_a]

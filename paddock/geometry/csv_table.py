@@ -1,8 +1,7 @@
-"""Centre lines as CSV, as F1TENTH and the TUM racetrack database have them. No Django.
+"""Reads centre lines from CSV, as F1TENTH and the TUM racetrack database write them."""
 
-Columns ``x_m, y_m, w_tr_right_m, w_tr_left_m``, with a heading (also as a comment) or without; separated by commas,
-semicolons, tabs or spaces. Six columns without such a heading are those of the community's ``.npy``.
-"""
+# Columns ``x_m, y_m, w_tr_right_m, w_tr_left_m``, with a heading (also as a comment) or without. Six columns without
+# such a heading are those of the community's ``.npy``.
 
 from __future__ import annotations
 
@@ -21,7 +20,7 @@ _Y = ("y_m", "y", "y_ref_m", "center_y", "centre_y")
 _RIGHT = ("w_tr_right_m", "w_right", "width_right_m", "width_right", "w_right_m", "w_tr_right")
 _LEFT = ("w_tr_left_m", "w_left", "width_left_m", "width_left", "w_left_m", "w_tr_left")
 _SHOWN = 60
-_WIDE = 0.9  # share of the radius of a bend that the inside of the road may take
+_WIDE = 0.9  # the greatest share of a bend's radius for the inside of the road
 
 
 @dataclass(frozen=True)
@@ -35,11 +34,9 @@ class CentreLine:
 
     @property
     def has_widths(self) -> bool:
-        """Whether the borders are computed from widths."""
         return self.borders is None
 
     def exchanged(self) -> CentreLine:
-        """The same with left and right exchanged."""
         return replace(self, right=self.left, left=self.right)
 
     def rows(self) -> Points:
@@ -112,10 +109,11 @@ def _centre_line(table: Points, heading: list[str], scale: float, least_width_m:
             raise UserFault("track_csv_columns", columns=", ".join(heading)[:_SHOWN] or columns)
         x, y = 0, 1
         right, left = (2, 3) if columns == 4 else (None, None)
-    table = _thinned(table)
+    if len(table) > MAX_WAYPOINTS:
+        table = table[np.unique(np.linspace(0, len(table) - 1, MAX_WAYPOINTS).astype(int))]
     centre = table[:, [x, y]] * scale
     if len(centre) and float(np.abs(centre).max()) > MAX_COORDINATE_M:
-        centre = centre - (centre.min(axis=0) + centre.max(axis=0)) / 2.0  # maps are often far from their origin
+        centre = centre - (centre.min(axis=0) + centre.max(axis=0)) / 2.0  # many maps are far from their origin
     if columns == 6 and right is None and left is None and x == 0 and y == 1:
         return CentreLine(centre, borders=table[:, 2:6] * scale - np.tile(table[:, :2] * scale - centre, 2))
     if right is None or left is None:
@@ -126,20 +124,8 @@ def _centre_line(table: Points, heading: list[str], scale: float, least_width_m:
     widths = table[:, [right, left]] * scale
     if float(widths.min()) < 0.0:
         raise UserFault("track_csv_negative", row=int(widths.min(axis=1).argmin()))
-    return CentreLine(centre, *_widened(widths, least_width_m))
-
-
-def _widened(widths: Points, least_m: float) -> tuple[Points, Points]:
-    """The widths to the right and to the left, both greater by the same where their sum is below ``least_m``."""
-    more = np.maximum(0.0, least_m - widths.sum(axis=1)) / 2.0
-    return widths[:, 0] + more, widths[:, 1] + more
-
-
-def _thinned(table: Points) -> Points:
-    """At most as many rows as a track may have points, evenly taken."""
-    if len(table) <= MAX_WAYPOINTS:
-        return table
-    return table[np.unique(np.linspace(0, len(table) - 1, MAX_WAYPOINTS).astype(int))]
+    more = np.maximum(0.0, least_width_m - widths.sum(axis=1)) / 2.0  # on both sides of a narrow road
+    return CentreLine(centre, widths[:, 0] + more, widths[:, 1] + more)
 
 
 def _curvature(before: Points, at: Points, after: Points) -> Points:
@@ -168,7 +154,7 @@ def _cells(line: str) -> list[str]:
 
 
 def _numbers(line: str) -> list[float]:
-    """The numbers of a line; empty where a cell is none. Between semicolons a comma is a decimal point."""
+    """The numbers of a line, or none. Between semicolons a comma is a decimal point."""
     cells, has_semicolons = _cells(line), ";" in line
     try:
         return [float(cell.replace(",", ".") if has_semicolons else cell) for cell in cells]

@@ -1,9 +1,4 @@
-"""What is painted on a road: border lines inside of it, the dashes of its middle, lines across it. No Django.
-
-The simulator's camera sees these very shapes, and tracks are printed and taped by them.
-"""
-
-from __future__ import annotations
+"""The painted markings of a road: border lines, the dashed centre line and lines across it."""
 
 from dataclasses import dataclass
 from typing import Protocol
@@ -13,7 +8,7 @@ import numpy as np
 from .checks import Points
 from .track import TrackGeometry
 
-_SHARPEST = 4.0  # at a corner of a line its inner edge is at most so many widths away
+_SHARPEST = 4.0  # the greatest distance of a line's inner edge at a corner, in widths
 
 
 class Style(Protocol):
@@ -31,9 +26,9 @@ class Style(Protocol):
 
 @dataclass(frozen=True)
 class Markings:
-    """The shapes of one track, metres. ``road``: closed outlines, of which what lies inside one only is road.
-    ``bands``: border lines, each as its edge on the road's outline and the one within, closed both, and ``tapes`` the
-    lines midway between them. ``dashes`` and ``across``: corners ``(n, 4, 2)``."""
+    """The shapes of one track, metres. ``road``: closed outlines (even-odd). ``bands``: border lines, each as its outer
+    and its inner edge, both closed; ``tapes``: the lines midway between them. ``dashes`` and ``across``: corners
+    ``(n, 4, 2)``."""
 
     road: tuple[Points, ...]
     bands: tuple[tuple[Points, Points], ...]
@@ -51,7 +46,6 @@ class Markings:
 
 
 def markings_of(track: TrackGeometry, style: Style) -> Markings:
-    """All that is painted on a track in this style."""
     pairs = list(zip(track.outlines, track.middles, strict=True))
     ends = (0.0, track.finish_m) if track.is_open else ()
     lines = [line_across(track, metres, style.line_width) for metres in ends]
@@ -66,13 +60,12 @@ def markings_of(track: TrackGeometry, style: Style) -> Markings:
 
 
 def within(border: Points, middle: Points, metres: float) -> Points:
-    """A closed line moved square to itself towards the middle of the road, from which ``middle`` has a point for each
-    of its own."""
+    """A closed line moved square to itself towards the middle of the road; ``middle``: a point for each of its own."""
     before, after = border - np.roll(border, 1, axis=0), np.roll(border, -1, axis=0) - border
     before, after = (step / np.maximum(np.linalg.norm(step, axis=1, keepdims=True), 1e-12) for step in (before, after))
     normals = [np.column_stack((-step[:, 1], step[:, 0])) for step in (before, after)]
     both = normals[0] + normals[1]
-    # along the bisector, as far as both neighbouring pieces need to be ``metres`` away
+    # along the bisector, until both neighbouring pieces are ``metres`` away
     square = np.maximum((both * both).sum(axis=1, keepdims=True) / 2, 2 / _SHARPEST**2)
     towards = middle - border
     side = np.sign((both * towards).sum())  # the road lies on one side all the way round
@@ -87,8 +80,8 @@ def line_across(track: TrackGeometry, metres: float, width: float, less_m: float
 
 
 def dashes_of(track: TrackGeometry, style: Style, less_m: float = 0.0) -> Points:
-    """Corners (n, 4, 2) of each dash of the centre line, smaller by ``less_m`` on each side; the first starts at the
-    finish (where the road begins), the pitch fits the length."""
+    """Corners (n, 4, 2) of each dash of the centre line, smaller by ``less_m`` on each side; the first begins with the
+    road, the pitch fits the length."""
     first, last = track.paved
     count = max(1, round((last - first) / style.dash_pitch))
     pitch, half = (last - first) / count, max(style.dash_width / 2 - less_m, less_m / 2)

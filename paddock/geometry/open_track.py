@@ -1,6 +1,4 @@
-"""Tracks that end: driven from the first waypoint to the last. No Django."""
-
-from __future__ import annotations
+"""The geometry of open tracks, which cars drive from the first waypoint to the last."""
 
 import math
 
@@ -12,22 +10,19 @@ from .checks import Floats, Points, check_way, check_widths, cross, find_crossin
 from .track import CCW, CW, Projection, TrackGeometry, frozen
 
 RUN_OFF_M = 0.5  # of road before the start and beyond the finish
-_EARLY_M = 0.05  # so near to the end nobody is put: such metres are the next lap's start
+_EARLY_M = 0.05  # so near to the end, metres are the next lap's start
 
 
 class OpenTrack(TrackGeometry):
-    """A road that ends: driven from its first waypoint to its last, and every lap anew from the first.
-
-    Beyond both ends it goes straight on for ``RUN_OFF_M``, so that a car stands on the road at the start and sees some
-    beyond the finish; ``outlines`` holds the one line round all of it. ``direction``: ``"ccw"`` with the inner border
-    on the left, as on a loop.
-    """
+    """A road that every lap drives from its first waypoint to its last. It goes straight on for ``RUN_OFF_M`` beyond
+    both ends; ``outlines`` holds the one line round all of it. ``direction``: ``"ccw"`` with the inner border on the
+    left."""
 
     is_open = True
 
     @staticmethod
     def check(centre: Points, inner: Points, outer: Points) -> None:
-        """Refuse open lines that are no road, for the reasons of :func:`.checks.check_road`. Raises UserFault."""
+        """Refuse open lines that are no road, as :func:`.checks.check_road`. Raises UserFault."""
         check_way(centre, np.diff(centre, axis=0))
         check_widths(inner, outer)
         around = outline(centre, inner, outer)
@@ -79,8 +74,7 @@ class OpenTrack(TrackGeometry):
         return line[::-1]
 
     def along(self, metres: float) -> float:
-        """Metres from the start for those of a run of many laps: each begins at the start again, up to ``_EARLY_M``
-        before its length is full."""
+        """Metres from the start for those of a run of many laps."""
         return metres - math.floor((metres + _EARLY_M) / self.length) * self.length
 
     def project(self, x: float, y: float, hint: int | None = None) -> Projection:
@@ -102,7 +96,6 @@ class OpenTrack(TrackGeometry):
         return points + before[:, None] * first + after[:, None] * last
 
     def _ends(self) -> tuple[float, float]:
-        """The headings at start and end."""
         return super().point_at(0.0)[2], super().point_at(self.length)[2]
 
     def _place(self, distance: float) -> tuple[int, float]:
@@ -128,7 +121,7 @@ TrackGeometry._open = OpenTrack
 
 
 def go_on(centre: Points, line: Points) -> Points:
-    """(N + 2, 2): a line beside the centre line, or that itself, gone straight on by ``RUN_OFF_M`` at both ends."""
+    """(N + 2, 2): the centre line, or a line beside it, extended by ``RUN_OFF_M`` at both ends."""
     first, last = centre[1] - centre[0], centre[-1] - centre[-2]
     before = line[0] - first * (RUN_OFF_M / np.linalg.norm(first))
     after = line[-1] + last * (RUN_OFF_M / np.linalg.norm(last))
@@ -141,12 +134,12 @@ def outline(centre: Points, inner: Points, outer: Points) -> Points:
 
 
 def runs_left(centre: Points, border: Points) -> bool:
-    """Whether a border lies to the left of the way that the rows run, seen from the first point."""
+    """Whether a border lies to the left of the first point, in the order of the rows."""
     return bool(cross(centre[1] - centre[0], border[0] - centre[0]) > 0)
 
 
 def _border_at(row: int, count: int) -> tuple[str, int]:
-    """A row of the outline as a border's name and the waypoint that it lies across from."""
+    """The border and the waypoint of a row of the outline."""
     if row < count + 2:
         return "inner border", min(max(row - 1, 0), count - 1)
     return "outer border", min(max(2 * count + 2 - row, 0), count - 1)

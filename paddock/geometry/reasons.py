@@ -1,12 +1,11 @@
-"""Why a track is refused."""
+"""The reasons for which a track is refused."""
 
 from paddock.errors.reasons import gettext_noop as _
 from paddock.errors.reasons import register
 
 register(
     "Track files",
-    "user",
-    {
+    invalid={
         "track_not_npy": _(
             "Not a track file, or incomplete. Save a NumPy array (.npy) with numpy.save, or a CSV table with the "
             "columns x_m, y_m, w_tr_right_m, w_tr_left_m."
@@ -15,7 +14,6 @@ register(
             "The file contains pickled Python objects, which are not accepted. Save a plain float64 "
             "array with numpy.save."
         ),
-        "track_file_too_large": _("The track file is larger than %(limit_mb)s MB. Send fewer points."),
         "track_shape": _(
             "The track must be a table of six number columns (centre x, y, inner x, y, outer x, y); this is %(shape)s."
         ),
@@ -27,7 +25,6 @@ register(
         "track_too_few_points": _(
             "The track has only %(points)s distinct points; it needs at least %(limit)s. Sample it more finely."
         ),
-        "track_too_large": _("The track has %(points)s points, more than %(limit)s. Sample it less finely."),
         "track_open": _(
             "The track is open: its last point is %(gap_m)s m from its first. For a loop, repeat the "
             "first point at the end. For a point-to-point track, mark it as open."
@@ -78,5 +75,9 @@ register(
         "track_borders_apart": _(
             "The borders do not enclose the centre line. One border must lie inside the loop and one outside it."
         ),
+    },
+    too_large={
+        "track_file_too_large": _("The track file is larger than %(limit_mb)s MB. Send fewer points."),
+        "track_too_large": _("The track has %(points)s points, more than %(limit)s. Sample it less finely."),
     },
 )

@@ -1,6 +1,4 @@
-"""Is a point on the road? The road is what its outlines enclose, border lines included. No Django."""
-
-from __future__ import annotations
+"""Tests whether a point is on the road, border lines included."""
 
 import math
 from functools import cached_property
@@ -16,8 +14,7 @@ _Edge = tuple[float, float, float, float, float]
 
 
 class Road:
-    """What closed outlines (N, 2) enclose, cut into horizontal bands so that one test looks at few segments. A loop has
-    two, one inside the other: the road is the ring between them."""
+    """The area of closed outlines (N, 2), even-odd, cut into horizontal bands so that one test needs few segments."""
 
     def __init__(self, *outlines: Points) -> None:
         edges: list[_Edge] = []
@@ -37,8 +34,8 @@ class Road:
 
     @cached_property
     def rows(self) -> tuple[Points, np.ndarray]:
-        """(M, 5): start, step and squared length of the edges in each band, band by band from the lowest at ``low_m``;
-        and (bands + 1,) where each band begins. For those who ask in C."""
+        """(M, 5): start, step and squared length of the edges, band by band from the lowest at ``low_m``, and
+        (bands + 1,): where each band begins; for C."""
         ends = np.cumsum([0, *map(len, self._bands)])
         return np.array([edge for band in self._bands for edge in band], np.float64).reshape(-1, 5), ends
 
@@ -49,7 +46,7 @@ class Road:
         """True on the road and on its border lines. NaN and infinity are not on the road."""
         if not (math.isfinite(x) and math.isfinite(y)):
             return False
-        # A point within rounding of the lowest or highest line belongs to the outermost band.
+        # a point within rounding of the lowest or highest line belongs to the outermost band
         number = self._band(y)
         if number < 0 or number >= len(self._bands):
             if y < self.low_m - ON_LINE_M or number > len(self._bands):
@@ -66,7 +63,6 @@ class Road:
                     return True
                 if px * px + py * py <= ON_LINE_M * ON_LINE_M:
                     return True
-            # Even-odd rule over all outlines at once: inside the outer and not inside the inner is one crossing.
             if (py >= 0.0) != (py >= dy) and (turn < 0.0) == (dy < 0.0):
                 odd = not odd
         return odd

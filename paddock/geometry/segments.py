@@ -1,26 +1,39 @@
-"""The pieces of a centre line between two waypoints, and where points lie along them. No Django."""
-
-from __future__ import annotations
+"""The segments of a centre line between waypoints, and the position of points along them."""
 
 import math
 from collections.abc import Iterator, Sequence
+from typing import NamedTuple
 
 import numpy as np
 
 from .checks import Points, cross
 
-_ROWS = 64  # of a track at a time, where each is held against each: memory stays small for 2000
+_ROWS = 64  # compared with all others at a time
 
-ROUNDING_M = 1e-9  # a point so little behind a waypoint is abreast of it, or rounding would put it in no segment at all
+ROUNDING_M = 1e-9  # a point so little behind a waypoint is abreast of it
 
 Segment = tuple[float, float, float, float, float, float, float, float, float, float, float, float, float]
+
+
+class Projection(NamedTuple):
+    """The place of a point along the track, metres and radians.
+
+    ``distance`` in [0, length) from the finish in driving direction (on an open track from the start: below 0 before
+    it, above the length beyond the end); ``offset`` from the centre line, positive to the left; ``heading`` of the
+    centre line, from -pi to pi; ``index`` of the segment, which begins at waypoint ``index``.
+    """
+
+    distance: float
+    offset: float
+    heading: float
+    index: int  # type: ignore[assignment]  # hides the method of tuples
 
 
 def segments(
     centre: Points, tangents: Points, starts: Sequence[float], length: float, wide: Points, count: int
 ) -> Iterator[Segment]:
     """One tuple for each of ``count`` segments: start, step, tangent, change of tangent, step . tangent, step . change,
-    distance, length, and how far to the side a point may be for the quick answer (the road's edge, ``wide`` (N,))."""
+    distance, length, and the greatest offset for the quick answer (the road's edge, ``wide`` (N,))."""
     for index in range(count):
         after = (index + 1) % len(centre)
         (ax, ay), (bx, by) = centre[index].tolist(), centre[after].tolist()
@@ -32,7 +45,7 @@ def segments(
 
 
 def root(segment: Segment, x: float, y: float) -> float | None:
-    """Share of the segment in [0, 1) whose line across the track meets the point, None where none does."""
+    """Share of the segment in [0, 1) whose line across the track meets the point, or None."""
     ax, ay, _, _, tx, ty, ux, uy, along, bend, *_ = segment
     behind = (x - ax) * tx + (y - ay) * ty
     slope = (x - ax) * ux + (y - ay) * uy - along
@@ -55,11 +68,10 @@ def foot(segment: Segment, x: float, y: float) -> tuple[float, float]:
 
 def reaches(centre: Points, across: Points, border: Points, line: Points, step: Points) -> Points:
     """Metres from each centre point along ``across`` (unit vectors) to the border; (N,). ``border``: its row of each
-    centre point; ``line``, ``step``: where the border's segments begin, and what leads to their ends.
+    centre point; ``line``, ``step``: the starts of the border's segments, and the steps to their ends.
 
-    The rows of some files are not square to the track (AWS_track: border points 2 m apart on a road of 0.6 m), so the
-    true width is measured. Where the line across misses the border at a tight corner (and meets it much farther away
-    or never) the row's own border point counts.
+    The rows of some files are not square to the track (AWS_track: border points 2 m apart on a road of 0.6 m). Where
+    the line across misses the border at a tight corner the row's border point counts.
     """
     result = np.linalg.norm(border - centre, axis=1)
     for first in range(0, len(centre), _ROWS):

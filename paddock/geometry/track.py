@@ -1,26 +1,22 @@
-"""The one immutable description of a track: centre line, borders, distances, projection. No Django.
+"""The one immutable description of a track: centre line, borders, distances and projection."""
 
-Rows of the three lines belong together: ``inner[i]`` and ``outer[i]`` lie across the road from ``centre[i]``
-(deepracer-simapp, track_geom/track_data.py). The finish line of a loop is waypoint 0; an open track is driven from its
-first waypoint to its last.
-
-Between waypoints the direction of the track turns evenly: each waypoint has a tangent (the bisector of its two
-segments), a segment blends the tangents of its ends, and "across the track" is square to the blend. So distance, offset
-and heading are continuous, and ``project`` is the inverse of ``point_at`` wherever the road is not folded.
-"""
+# ``inner[i]`` and ``outer[i]`` lie across the road from ``centre[i]`` (deepracer-simapp, track_geom/track_data.py).
+# Each waypoint has a tangent (the bisector of its two segments), a segment blends the tangents of its ends, and "across
+# the track" is square to the blend. So distance, offset and heading are continuous, and ``project`` is the inverse of
+# ``point_at`` wherever the road is not folded.
 
 from __future__ import annotations
 
 import hashlib
 import math
 from bisect import bisect_right
-from typing import Any, ClassVar, NamedTuple
+from typing import Any, ClassVar, TypedDict
 
 import numpy as np
 
 from .checks import Floats, Points, check_road, clean_rows, ends_apart, inside, signed_area
 from .road import Road
-from .segments import ROUNDING_M, Segment, foot, reaches, root, segments
+from .segments import ROUNDING_M, Projection, Segment, foot, reaches, root, segments
 
 CCW = "ccw"
 CW = "cw"
@@ -32,32 +28,24 @@ WINDOW_M = 2.0  # how far from the hint a projection may land, along the centre 
 _made = tuple.__new__  # of a class and its values, without a call through Python
 
 
-class Projection(NamedTuple):
-    """Where a point is, seen from the track. Distances in metres, angles in radians.
+class TrackDocument(TypedDict):
+    """A track in JSON, from which the same track is made to the last bit."""
 
-    A named tuple because building a frozen dataclass would take a third of the time of a projection.
-
-    ``distance`` in [0, length) from the finish in driving direction (on an open track from the start: below 0 before
-    it, above the length beyond the end); ``offset`` from the centre line, positive to the left of the driving
-    direction; ``heading`` of the centre line there, from -pi to pi; ``index`` of the segment from waypoint ``index`` to
-    the next.
-    """
-
-    distance: float
-    offset: float
-    heading: float
-    index: int  # type: ignore[assignment]  # a tuple's own `index` finds values; of a projection nobody asks that
+    name: str
+    centre: list[list[float]]
+    inner: list[list[float]]
+    outer: list[list[float]]
 
 
 class TrackGeometry:
-    """A road, driven in the order of its rows. Build it with :meth:`from_arrays`; nothing changes afterwards. Lines
-    whose ends lie apart make an :class:`.open_track.OpenTrack`, all others a loop.
+    """An immutable road, driven in the order of its rows. Build it with :meth:`from_arrays`; lines whose ends lie apart
+    make an :class:`.open_track.OpenTrack`, all others a loop.
 
     ``centre``, ``inner``, ``outer``, ``left``, ``right``: float64 (N, 2), read-only; row 0 is the finish and is not
-    repeated at the end. ``inner`` and ``outer`` are the physical borders (the inner one lies inside the loop),
-    ``left`` and ``right`` the same two by driving direction. ``cumulative``: (N,) metres from the finish.
-    ``outlines``: what encloses the road, closed lines each, and ``middles`` for each of their rows the centre point
-    that it lies across from. ``paved``: from where to where the road goes, metres.
+    repeated at the end. ``inner`` lies inside the loop; ``left`` and ``right`` are the same borders by driving
+    direction. ``cumulative``: (N,) metres from the finish. ``outlines``: the closed lines around the road, and
+    ``middles``: the centre point of each of their rows. ``paved``: the first and the last metre of the road.
+    ``segment_rows``: (N, 13) the numbers of :class:`.segments.Segment` for each segment.
     """
 
     name: str
@@ -74,21 +62,21 @@ class TrackGeometry:
     middles: tuple[Points, ...]
     paved: tuple[float, float]
     is_open = False
-    _open: ClassVar[Any]  # :class:`.open_track.OpenTrack`, which tells of itself
-    _turn: float  # at this distance it begins again at 0
+    _open: ClassVar[Any]  # :class:`.open_track.OpenTrack`, set by its module
+    _turn: float  # the distance at which it begins again at 0
     _left_m: list[float]
     _right_m: list[float]
     _starts: list[float]
     _segments: list[Segment]
-    _table: Points
+    segment_rows: Points
     _steps: Points
-    _road: Road
+    road: Road
 
     def __new__(cls, name: str, centre: Points, inner: Points, outer: Points) -> TrackGeometry:
         return super().__new__(cls._open if ends_apart(centre) else cls)
 
     def __init__(self, name: str, centre: Points, inner: Points, outer: Points) -> None:
-        """Take rows that are already clean and checked; callers outside this module use :meth:`from_arrays`."""
+        """Take clean and checked rows; use :meth:`from_arrays` for all others."""
         put = self.__dict__
         put["name"] = name
         for line, rows in (("centre", centre), ("inner", inner), ("outer", outer)):
@@ -114,9 +102,9 @@ class TrackGeometry:
         put["_starts"] = self.cumulative.tolist()
         wide = np.maximum(left_m, right_m)
         put["_segments"] = list(segments(self.centre, tangents, self._starts, self.length, wide, len(steps)))
-        put["_table"] = frozen(np.array(self._segments))
+        put["segment_rows"] = frozen(np.array(self._segments))
         put["_steps"] = frozen(steps)
-        put["_road"] = Road(*self.outlines)
+        put["road"] = Road(*self.outlines)
 
     def _direction(self) -> str:
         return CCW if signed_area(self.centre) > 0 else CW
@@ -138,7 +126,7 @@ class TrackGeometry:
         return tangents / np.linalg.norm(tangents, axis=1)[:, None]
 
     def _border(self, border: Points) -> tuple[Points, Points]:
-        """Where the segments of a border begin, and what leads to their ends."""
+        """The starts of a border's segments, and the steps to their ends."""
         return border, self._leads(border)
 
     def __setattr__(self, name: str, value: object) -> None:
@@ -151,12 +139,9 @@ class TrackGeometry:
     def from_arrays(
         cls, name: str, centre: Any, inner: Any, outer: Any, *, is_open: bool | None = False
     ) -> TrackGeometry:
-        """Check three tables of points, each (N, 2) in metres, and build the track. ``is_open``: whether they are meant
-        to be an open track; None for whatever they are.
-
-        The rows may or may not repeat the first point at the end; points that repeat the one before are dropped. Where
-        the columns of the borders are exchanged (the "inner" one outside the loop) they are put right. Raises
-        UserFault with a ``track_...`` code, see :mod:`paddock.geometry.checks`.
+        """Check three tables of points, each (N, 2) in metres, and build the track; repeated points are dropped, and
+        exchanged borders are swapped. ``is_open``: whether it must be an open track, None for either. Raises UserFault
+        with a ``track_...`` code, see :mod:`paddock.geometry.checks`.
         """
         centre, inner, outer = clean_rows(centre, inner, outer, is_open)
         if ends_apart(centre):
@@ -168,8 +153,8 @@ class TrackGeometry:
         return cls(name, centre, inner, outer)
 
     def in_direction(self, direction: str) -> TrackGeometry:
-        """The same road driven ``"ccw"`` or ``"cw"`` from the same finish; an open one from its other end. Raises
-        ValueError for another word."""
+        """The same road driven ``"ccw"`` or ``"cw"`` from the same finish, an open one from its other end. Raises
+        ValueError."""
         if direction not in DIRECTIONS:
             raise ValueError(f"direction must be one of {DIRECTIONS}, not {direction!r}")
         if direction == self.direction:
@@ -181,16 +166,13 @@ class TrackGeometry:
         return np.concatenate((line[:1], line[:0:-1]))
 
     def along(self, metres: float) -> float:
-        """Metres from the line of this track for those of a run of many laps, counted on: a loop goes on round."""
+        """Metres along this track for the unwrapped metres of a run."""
         return metres
 
     def project(self, x: float, y: float, hint: int | None = None) -> Projection:
-        """The track's view of the point (x, y).
-
-        With ``hint``, the index of the point's last projection, only the track within ``WINDOW_M`` of it is looked at:
-        fast, and right where parts of the track run side by side. Without, the nearest part of the whole track counts.
-        Raises ValueError when the point is not finite.
-        """
+        """The projection of the point (x, y). With ``hint``, the index of its last projection, only the track within
+        ``WINDOW_M`` of it counts: fast, and right where parts of the track run side by side. Raises ValueError for a
+        point that is not finite."""
         if hint is not None:
             segments = self._segments
             count = len(segments)
@@ -218,7 +200,7 @@ class TrackGeometry:
                         index = 0
                     walked += size
                     continue
-                # One root in [0, 1) of behind + slope t - bend t^2: where the line across the track meets the point.
+                # the root in [0, 1) of behind + slope t - bend t^2: the line across the track meets the point
                 below = math.sqrt(slope * slope + 4.0 * behind * bend) - slope
                 t = 2.0 * behind / below if below > 0.0 else 0.0
                 tx += t * ux
@@ -246,7 +228,7 @@ class TrackGeometry:
     def points_at(self, distances: Floats, offsets: Floats | float = 0.0) -> Points:
         """(N, 2): the points of :meth:`point_at` for many distances at once, to the last bit."""
         index, t = self._places(distances)
-        ax, ay, ex, ey, tx, ty, ux, uy = self._table[index, :8].T
+        ax, ay, ex, ey, tx, ty, ux, uy = self.segment_rows[index, :8].T
         tx = tx + t * ux
         ty = ty + t * uy
         scale = offsets / np.sqrt(tx * tx + ty * ty)
@@ -284,12 +266,7 @@ class TrackGeometry:
 
     def on_road(self, x: float, y: float) -> bool:
         """True where (x, y) lies between the borders or on a border line; exact, no hint needed."""
-        return self._road.contains(x, y)
-
-    @property
-    def segment_rows(self) -> Points:
-        """(N, 13), read-only: the numbers of :class:`.segments.Segment` for each segment, in the order of driving."""
-        return self._table
+        return self.road.contains(x, y)
 
     @property
     def half_widths(self) -> Points:
@@ -297,42 +274,36 @@ class TrackGeometry:
         return np.column_stack((self._left_m, self._right_m))
 
     @property
-    def road(self) -> Road:
-        """What :meth:`on_road` asks."""
-        return self._road
-
-    @property
     def finish_m(self) -> float:
-        """How far from row 0 a lap ends, for whoever draws it."""
+        """The distance from row 0 to the end of a lap, for drawings."""
         return 0.0
 
     @property
     def lines(self) -> tuple[Points, Points, Points]:
-        """Centre, inner and outer border as far as there is road."""
+        """Centre, inner and outer border over the whole road."""
         return self.centre, self.inner, self.outer
 
     @property
     def fingerprint(self) -> str:
-        """sha-256 (hex) of the little-endian float64 bytes of centre, inner and outer: same number, same road."""
+        """sha-256 (hex) of the little-endian float64 bytes of centre, inner and outer."""
         digest = hashlib.sha256()
         for line in (self.centre, self.inner, self.outer):
             digest.update(line.astype("<f8").tobytes())
         return digest.hexdigest()
 
-    def to_dict(self) -> dict[str, Any]:
-        """Plain JSON values from which :meth:`from_dict` makes the same track to the last bit."""
-        return {"name": self.name, **{line: getattr(self, line).tolist() for line in ("centre", "inner", "outer")}}
+    def to_dict(self) -> TrackDocument:
+        centre, inner, outer = (line.tolist() for line in (self.centre, self.inner, self.outer))
+        return {"name": self.name, "centre": centre, "inner": inner, "outer": outer}
 
     @classmethod
-    def from_dict(cls, data: dict[str, Any]) -> TrackGeometry:
-        """The track that :meth:`to_dict` wrote, checked again like any other: it comes from another process."""
+    def from_dict(cls, data: TrackDocument) -> TrackGeometry:
+        """The track that :meth:`to_dict` wrote, checked again."""
         return cls.from_arrays(data["name"], data["centre"], data["inner"], data["outer"], is_open=None)
 
     @classmethod
-    def from_trusted_dict(cls, data: dict[str, Any]) -> TrackGeometry:
-        """As :meth:`from_dict`, without the checks (30 ms): for what :meth:`to_dict` of a checked track wrote and
-        nobody else could touch on its way."""
-        return cls(data["name"], *(np.array(data[line], dtype=np.float64) for line in ("centre", "inner", "outer")))
+    def from_trusted_dict(cls, data: TrackDocument) -> TrackGeometry:
+        """As :meth:`from_dict` without the checks, which take 30 ms: for a document of our own processes."""
+        return cls(data["name"], *(np.array(data[line], np.float64) for line in ("centre", "inner", "outer")))
 
     def __len__(self) -> int:
         return len(self._starts)
@@ -352,7 +323,7 @@ class TrackGeometry:
         return TrackGeometry, (self.name, np.array(self.centre), np.array(self.inner), np.array(self.outer))
 
     def _place(self, distance: float) -> tuple[int, float]:
-        """(segment, share of it) at a distance from the finish, which may be negative or more than a lap."""
+        """(segment, share of it) at any distance from the finish."""
         if not math.isfinite(distance):
             raise ValueError(f"distance must be finite, not {distance}")
         distance %= self._turn
@@ -361,14 +332,13 @@ class TrackGeometry:
         return index, min((distance - start) / size, 1.0)
 
     def _places(self, distances: Floats) -> tuple[np.ndarray, Points]:
-        """:meth:`_place` for many distances."""
         distances = np.asarray(distances, np.float64) % self._turn
         index = np.minimum(np.searchsorted(self.cumulative, distances, side="right"), len(self._segments)) - 1
-        start, size = self._table[index, 10:12].T
+        start, size = self.segment_rows[index, 10:12].T
         return index, np.minimum((distances - start) / size, 1.0)
 
     def _nearest(self, x: float, y: float) -> int:
-        """Segment of the whole track nearest to the point; the first of equals."""
+        """The segment nearest to the point; the first of equals."""
         steps = self._steps
         apart = np.array((x, y)) - self.centre[: len(steps)]
         t = np.clip((apart * steps).sum(axis=1) / (steps * steps).sum(axis=1), 0.0, 1.0)
@@ -376,7 +346,7 @@ class TrackGeometry:
         return int((apart * apart).sum(axis=1).argmin())
 
     def _nearest_about(self, x: float, y: float, hint: int) -> int:
-        """Segment within WINDOW_M of ``hint`` that is nearest to the point; of equals the one nearest to the hint."""
+        """The nearest segment within WINDOW_M of ``hint``; of equals the one nearest to the hint."""
         count = len(self._segments)
         best = index = hint % count
         least, _ = foot(self._segments[index], x, y)
@@ -395,8 +365,8 @@ class TrackGeometry:
         return best
 
     def _settle(self, x: float, y: float, nearest: int) -> Projection:
-        """Projection of a point whose nearest segment is known: across the blended direction where that is near the
-        nearest point, else (inside a corner tighter than the point is far) the nearest point itself."""
+        """The projection of a point whose nearest segment is known: across the blended direction if that is near the
+        nearest point, else (inside a tight corner) the nearest point itself."""
         square, share = foot(self._segments[nearest], x, y)
         limit = 1.2 * math.sqrt(square) + 0.02
         count = len(self._segments)
@@ -419,7 +389,6 @@ class TrackGeometry:
 
 
 def frozen(rows: Points) -> Points:
-    """A copy that nobody changes."""
     rows = np.array(rows, dtype=np.float64, order="C")
     rows.flags.writeable = False
     return rows

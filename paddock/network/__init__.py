@@ -1,7 +1,6 @@
-"""A model's network as numbers: read and written without a library, brought into one form, computed exactly.
+"""Reads, normalises, writes and exactly computes the network of a model."""
 
-No Django, no runtime: the policy process, the admission and whoever compares with them use it. What a network may be is
-decided in :mod:`paddock.packages.gate`.
-"""
+# No Django and no runtime: the policy process and the admission use it. :mod:`paddock.packages.gate` decides what a
+# network may contain.
 
 from . import reasons as reasons  # registers its codes

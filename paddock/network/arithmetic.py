@@ -1,12 +1,11 @@
-"""Operators of one element at a time, and over rows of them, in float64. Meaning: onnx/docs/Operators.md.
+"""The ONNX operators on single elements and on rows of them, in float64."""
 
-A function takes the node and its inputs (None for one that is left out) and returns the value, or a tuple of several.
-"""
-
-from __future__ import annotations
+# Meaning: onnx/docs/Operators.md. A function takes the node and its inputs (None for an omitted one) and returns the
+# value, or a tuple of several.
 
 import math
 from collections.abc import Callable
+from functools import reduce
 
 import numpy as np
 
@@ -58,50 +57,25 @@ def _clip(_node: Node, x: np.ndarray, low: np.ndarray | None = None, high: np.nd
     return x if high is None else np.minimum(x, high)
 
 
-def _div(_node: Node, one: np.ndarray, other: np.ndarray) -> np.ndarray:
-    return one / other  # of floats only, the gate sees to it
-
-
-def _pow(_node: Node, base: np.ndarray, exponent: np.ndarray) -> np.ndarray:
-    return np.power(base, exponent.astype(np.float64))
-
-
 def cast(node: Node, x: np.ndarray) -> np.ndarray:
-    """Floats stay float64, rounded to what the type can hold. Whole numbers out of a type's range become its ends: what
-    a processor makes of them is its own affair."""
+    """Floats stay float64, rounded to the precision of the type. Whole numbers out of a type's range become its
+    ends."""
     target = node.whole("to")
     if target == BOOL:
         return x != 0
     if target in (FLOAT, FLOAT16):
-        # a number that is a float already stays exact: rounding to float32 is the approximation that is judged
+        # floats stay exact as float32: its rounding is the approximation that is judged
         return x if x.dtype.kind == "f" and target == FLOAT else x.astype(DTYPES[target]).astype(np.float64)
     dtype = DTYPES[target]
     if x.dtype.kind != "f":
         return x.astype(dtype)
     ends = np.iinfo(dtype)
     whole = np.nan_to_num(np.trunc(x), nan=0.0)
-    # the greatest float64 within, as the end itself may not be one
+    # the greatest float64 within, as the end itself may have none
     return np.clip(whole, float(ends.min), np.nextafter(float(ends.max) + 1.0, 0.0)).astype(dtype)
 
 
-def _fold(function: Callable[[np.ndarray, np.ndarray], np.ndarray]) -> Function:
-    def over(_node: Node, first: np.ndarray, *others: np.ndarray) -> np.ndarray:
-        for other in others:
-            first = function(first, other)
-        return first
-
-    return over
-
-
-def _mean(_node: Node, *values: np.ndarray) -> np.ndarray:
-    total = values[0]
-    for value in values[1:]:
-        total = total + value
-    return total / len(values)
-
-
 def _axes(node: Node, x: np.ndarray, given: np.ndarray | None) -> tuple[int, ...] | None:
-    """Over which axes to reduce; None for none at all."""
     axes = node.wholes("axes") if given is None else [int(axis) for axis in given.reshape(-1)]
     if axes:
         return tuple(axes)
@@ -135,7 +109,7 @@ ARITHMETIC: dict[str, Function] = {
     "Erf": lambda _, x: _erf(x),
     "Floor": lambda _, x: np.floor(x),
     "Ceil": lambda _, x: np.ceil(x),
-    "Round": lambda _, x: np.rint(x),  # halves to the even one, as the standard says
+    "Round": lambda _, x: np.rint(x),  # halves to the even one, by the standard
     "Sign": lambda _, x: np.sign(x),
     "Sigmoid": lambda _, x: _sigmoid(x),
     "Tanh": lambda _, x: np.tanh(x),
@@ -157,12 +131,12 @@ ARITHMETIC: dict[str, Function] = {
     "Add": lambda _, one, other: one + other,
     "Sub": lambda _, one, other: one - other,
     "Mul": lambda _, one, other: one * other,
-    "Div": _div,
-    "Pow": _pow,
-    "Min": _fold(np.minimum),
-    "Max": _fold(np.maximum),
-    "Sum": _fold(np.add),
-    "Mean": _mean,
+    "Div": lambda _, one, other: one / other,  # of floats alone, see the gate
+    "Pow": lambda _, base, exponent: np.power(base, exponent.astype(np.float64)),
+    "Min": lambda _, *values: reduce(np.minimum, values),
+    "Max": lambda _, *values: reduce(np.maximum, values),
+    "Sum": lambda _, *values: reduce(np.add, values),
+    "Mean": lambda _, *values: reduce(np.add, values) / len(values),
     "Where": lambda _, is_so, one, other: np.where(is_so, one, other),
     "Equal": lambda _, one, other: one == other,
     "Less": lambda _, one, other: one < other,

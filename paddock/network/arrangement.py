@@ -1,6 +1,6 @@
-"""Operators that only put numbers elsewhere: shapes, parts and pictures resized. Meaning: onnx/docs/Operators.md."""
+"""The ONNX operators that only rearrange numbers: shapes, slices and resized pictures."""
 
-from __future__ import annotations
+# Meaning: onnx/docs/Operators.md.
 
 import math
 from typing import Literal

@@ -1,10 +1,6 @@
-"""Layers with weights, windows and norms, in float64. Meaning: onnx/docs/Operators.md.
+"""The ONNX layers with weights, windows and norms, in float64."""
 
-Weights arrive in the float32 that they are stored in, and become float64 where they are multiplied: a large layer a
-part at a time, so that a network of 57 million weights is not held twice more.
-"""
-
-from __future__ import annotations
+# Meaning: onnx/docs/Operators.md. Weights become float64 where they are multiplied, those of a large layer in parts.
 
 import math
 from collections.abc import Callable
@@ -13,7 +9,7 @@ import numpy as np
 
 from .model import Node
 
-_PART = 1 << 17  # weights that are float64 at a time: 1 MB, what a processor has near by
+_PART = 1 << 17  # weights that are float64 at a time: 1 MB, the size of a cache
 
 
 def _wide(x: np.ndarray) -> np.ndarray:
@@ -21,7 +17,6 @@ def _wide(x: np.ndarray) -> np.ndarray:
 
 
 def _product(left: np.ndarray, right: np.ndarray) -> np.ndarray:
-    """``left @ right`` of two matrices."""
     if all(one.size <= _PART or one.dtype == np.float64 for one in (left, right)):
         return _wide(left) @ _wide(right)
     if right.size > left.size:  # a row times many columns
@@ -34,7 +29,7 @@ def _product(left: np.ndarray, right: np.ndarray) -> np.ndarray:
 
 def _gemm(node: Node, a: np.ndarray, b: np.ndarray, c: np.ndarray | None = None) -> np.ndarray:
     a, b = (a.T if node.whole("transA", 0) else a), (b.T if node.whole("transB", 0) else b)
-    # of one row in the weights' own order, in which a part of them lies together
+    # one row: in the order of the weights, in which each part is contiguous
     result = _product(b.T, a.T).T if a.shape[0] == 1 else _product(a, b)
     alpha, beta = node.real("alpha", 1.0), node.real("beta", 1.0)
     result = result if alpha == 1.0 else alpha * result
@@ -48,7 +43,7 @@ def _matmul(_node: Node, a: np.ndarray, b: np.ndarray) -> np.ndarray:
 
 
 class Windows:
-    """How a window goes over a picture: sizes, steps and edges along each axis of space."""
+    """The windows over a picture: sizes, steps and edges along each axis of space."""
 
     def __init__(self, node: Node, space: tuple[int, ...], kernel: list[int]) -> None:
         rank = len(space)
@@ -72,11 +67,11 @@ class Windows:
             left = size + self.before[axis] + self.after[axis] - reach[axis]
             stride = self.strides[axis]
             count = left // stride + 1
-            # with ceil_mode one more may begin, but within the picture or its edge before it
+            # with ceil_mode one more may begin within the picture or its first edge
             if node.whole("ceil_mode", 0) and left % stride and count * stride < size + self.before[axis]:
                 count += 1
             self.counts.append(count)
-        # what the last windows reach beyond the picture and its edges
+        # the reach of the last windows beyond the picture and its edges
         ends = [(n - 1) * stride + r for n, stride, r in zip(self.counts, self.strides, reach, strict=True)]
         self.beyond = [
             max(0, end - size - low - high)
@@ -85,7 +80,7 @@ class Windows:
         self._reach = reach
 
     def of(self, x: np.ndarray, edge: float, beyond: float | None = None) -> np.ndarray:
-        """A view ``[N, C, *counts, *kernel]`` of ``x`` with ``edge`` around it (``beyond`` where windows reach on)."""
+        """A view ``[N, C, *counts, *kernel]`` of ``x`` with ``edge`` around it and ``beyond`` outside."""
         if any(self.before) or any(self.after):
             x = np.pad(x, [(0, 0), (0, 0), *zip(self.before, self.after, strict=True)], constant_values=edge)
         if any(self.beyond):
@@ -99,7 +94,7 @@ class Windows:
 
 
 def _conv(node: Node, x: np.ndarray, kernel: np.ndarray, bias: np.ndarray | None = None) -> np.ndarray:
-    """As one matrix product over what the windows see (im2col)."""
+    """One matrix product over the windows (im2col)."""
     groups = node.whole("group", 1)
     windows = Windows(node, x.shape[2:], list(kernel.shape[2:]))
     seen = windows.of(x, 0.0)

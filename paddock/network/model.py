@@ -1,22 +1,19 @@
-"""An ONNX file, read by our own bounded reader into the few things a policy network may consist of.
+"""Reads an ONNX file, within bounds, into the few elements that a policy network may contain."""
 
-A protobuf library would merge a second graph into the first, keep unknown fields and build millions of objects; this
-reader refuses all of that. Message layouts: onnx/onnx.proto (IR version 13).
-"""
-
-from __future__ import annotations
+# Unlike a protobuf library it refuses a second graph, unknown fields and millions of objects. Message layouts:
+# onnx/onnx.proto (IR version 13).
 
 import math
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field
-from typing import Protocol, TypeVar
+from typing import TypeVar
 
 import numpy as np
 
 from paddock.errors import UserFault
 
 from . import wire
-from .outside import OutsideWeights
+from .outside import FileBounds, OutsideWeights
 from .wire import Budget, TooManyFields, WireError, printable
 
 OPSET_LOW, OPSET_HIGH = 11, 21
@@ -39,21 +36,8 @@ _MAX_NAME = 1000
 _MAX_RANK = 8
 
 
-class FileBounds(Protocol):
-    """What a file may hold; :class:`paddock.packages.limits.PackageLimits` says it for an upload."""
-
-    @property
-    def wire_fields(self) -> int: ...
-    @property
-    def nodes(self) -> int: ...
-    @property
-    def tensor_elements(self) -> int: ...
-    @property
-    def model_bytes(self) -> int: ...
-
-
 class Rejected:
-    """An attribute of a kind that no allowed operator has: a graph, a reference, a sparse tensor."""
+    """An attribute of a forbidden kind: a graph, a reference, a sparse tensor."""
 
 
 REJECTED = Rejected()
@@ -63,8 +47,8 @@ Attribute = int | float | str | list[int] | list[float] | np.ndarray | Rejected
 
 @dataclass
 class Node:
-    """One operation; an empty input name is an optional input left out. ``name``: the exporter's, for messages only.
-    ``domain``: of the operator; none that is read has one, what is written for the runtime alone may."""
+    """One operation; an empty input name is an omitted input. ``name``: the exporter's, for messages. ``domain``: of
+    an operator that is written for the runtime alone."""
 
     op: str
     inputs: list[str]
@@ -74,23 +58,20 @@ class Node:
     domain: str = ""
 
     def whole(self, name: str, default: int | None = None) -> int:
-        """A whole number. Raises KeyError for one that is missing without a default, TypeError for another type."""
+        """A whole number. As the others, raises KeyError without value and default, TypeError for another type."""
         return self._single(name, int, default)
 
     def real(self, name: str, default: float) -> float:
-        """A float. Raises TypeError for another type."""
         return self._single(name, float, default)
 
     def text(self, name: str, default: str) -> str:
-        """A text. Raises TypeError for another type."""
         return self._single(name, str, default)
 
     def array(self, name: str, default: np.ndarray) -> np.ndarray:
-        """A tensor. Raises TypeError for another type."""
         return self._single(name, np.ndarray, default)
 
     def wholes(self, name: str) -> list[int] | None:
-        """A list of whole numbers, None without the attribute. Raises TypeError for another type."""
+        """A list of whole numbers, None without the attribute."""
         value = self.attributes.get(name)
         if value is not None and not isinstance(value, list):
             raise TypeError(name)
@@ -115,7 +96,7 @@ class Port:
 
     @property
     def sizes(self) -> tuple[int, ...]:
-        """The dims of a port whose sizes are all fixed. Raises ValueError for another."""
+        """The dims of a port of fixed sizes. Raises ValueError."""
         fixed = tuple(size for size in self.dims if size is not None)
         if len(fixed) < len(self.dims):
             raise ValueError(f"{self.name} has a size that is not fixed")
@@ -132,10 +113,7 @@ class Model:
 
 
 def read_model(data: bytes | memoryview, limits: FileBounds, weights: Mapping[str, bytes] | None = None) -> Model:
-    """Parse a serialised ModelProto. ``weights``: the files beside it, by name.
-
-    Raises UserFault with a code of the gate section.
-    """
+    """Parse a serialised ModelProto. ``weights``: the files beside it, by name. Raises UserFault."""
     reader = _Reader(limits, OutsideWeights(weights or {}, limits))
     try:
         return reader.model(memoryview(data))
@@ -153,8 +131,6 @@ class _Reader:
         self._limits = limits
         self._outside = outside
         self._budget = Budget(limits.wire_fields)
-
-    # --- helpers
 
     def _fields(self, data: Field, once: set[int], many: set[int]) -> Iterator[tuple[int, int, Field]]:
         """The message's fields, all of which must be in ``once`` (at most one each) or ``many``."""
@@ -192,8 +168,6 @@ class _Reader:
         if count > limit:
             raise UserFault("onnx_too_big", part=part, limit=limit)
 
-    # --- messages
-
     def model(self, data: memoryview) -> Model:
         model = Model()
         graph: Field | None = None
@@ -215,7 +189,7 @@ class _Reader:
             raise WireError("no graph, or an unknown version of the format")
         opsets = {"" if domain == "ai.onnx" else domain: opset for domain, opset in opsets.items()}
         model.opset = opsets.pop("", 0)
-        # torch names operator sets that it does not use; the nodes are what counts, and they are checked one by one.
+        # torch names operator sets that it does not use; the nodes are checked one by one
         if not OPSET_LOW <= model.opset <= OPSET_HIGH:
             raise UserFault("onnx_opset", low=OPSET_LOW, high=OPSET_HIGH)
         self._graph(graph, model)
@@ -294,14 +268,8 @@ class _Reader:
             elif number in forbidden:
                 rejected = True
         # AttributeProto.AttributeType: which field counts, and its value when the writer left out a zero
-        places: dict[int, tuple[int, list]] = {
-            1: (2, [0.0]),
-            2: (3, [0]),
-            3: (4, [""]),
-            4: (5, []),
-            6: (7, []),
-            7: (8, []),
-        }
+        places: dict[int, tuple[int, list]]
+        places = {1: (2, [0.0]), 2: (3, [0]), 3: (4, [""]), 4: (5, []), 6: (7, []), 7: (8, [])}
         if rejected or kind not in places or not set(found) <= {places[kind][0]}:
             return name, REJECTED
         field_number, missing = places[kind]
@@ -377,10 +345,10 @@ class _Reader:
             elif number == 9:
                 raw = wire.message(value)
             elif number == 13:
-                key, said = self._entry(value)
+                key, value_text = self._entry(value)
                 if key in place:
                     raise WireError("one entry twice")
-                place[key] = said
+                place[key] = value_text
             elif number == 14:
                 is_outside = wire.number(value) != 0
             elif number in (3, 6, 10, 11):
@@ -401,17 +369,14 @@ class _Reader:
 
     def _entry(self, data: Field) -> tuple[str, str]:
         """A StringStringEntryProto."""
-        key = said = ""
+        texts = {1: "", 2: ""}
         for number, _, value in self._fields(data, {1, 2}, set()):
-            if number == 1:
-                key = self._name(value)
-            else:
-                said = self._name(value)
-        return key, said
+            texts[number] = self._name(value)
+        return texts[1], texts[2]
 
     @staticmethod
     def _values(dtype: np.dtype, raw: memoryview | None, floats: list[memoryview], whole: list[int]) -> np.ndarray:
-        """A tensor's values out of the one field that carries them."""
+        """The values of a tensor from the one field that carries them."""
         if sum((raw is not None, bool(floats), bool(whole))) > 1:
             raise UserFault("onnx_tensor")
         if floats or raw is not None:

@@ -1,14 +1,11 @@
-"""Weights that an ONNX file keeps in files beside it, as ``torch.onnx.export(..., external_data=True)`` writes them.
+"""Reads weights that an ONNX file keeps in separate files, as ``torch.onnx.export`` writes them."""
 
-Only files that came with the upload are looked at, as bytes that are in memory already; no path is ever followed.
-Format: onnx/onnx.proto, TensorProto.external_data.
-"""
-
-from __future__ import annotations
+# Only files of the upload are read, as bytes in memory; no path is ever followed. Format: onnx/onnx.proto,
+# TensorProto.external_data.
 
 import math
 from collections.abc import Mapping
-from typing import TYPE_CHECKING
+from typing import Protocol
 
 import numpy as np
 
@@ -16,36 +13,40 @@ from paddock.errors import UserFault
 
 from .wire import printable
 
-if TYPE_CHECKING:
-    from .model import FileBounds
-
 _DIGITS = 15  # of an offset or a length: no file is larger
 _NAME_LIMIT = 255
 
 
+class FileBounds(Protocol):
+    """The limits of a file; those of an upload are in :class:`paddock.packages.limits.PackageLimits`."""
+
+    @property
+    def wire_fields(self) -> int: ...
+    @property
+    def nodes(self) -> int: ...
+    @property
+    def tensor_elements(self) -> int: ...
+    @property
+    def model_bytes(self) -> int: ...
+
+
 class OutsideWeights:
-    """The files of weights, by name, and how much was read out of them: two tensors may share a place, but not so
-    many that a small upload becomes a large network."""
+    """The files of weights by name. Tensors may share a place, within the limit of all bytes read."""
 
     def __init__(self, files: Mapping[str, bytes], limits: FileBounds) -> None:
         self._files = files
         self._limit = limits.model_bytes
         self._left = limits.model_bytes
 
-    def read(self, said: Mapping[str, str], dtype: np.dtype, dims: list[int]) -> np.ndarray:
-        """The values of a tensor. ``said``: its entries ``location``, ``offset``, ``length``.
+    def read(self, entries: Mapping[str, str], dtype: np.dtype, dims: list[int]) -> np.ndarray:
+        """The values of a tensor. ``entries``: its entries ``location``, ``offset``, ``length``.
 
         Raises UserFault ``onnx_external_data``, ``onnx_external_missing`` or ``model_too_large``."""
-        name = said.get("location", "")
-        if (
-            not name
-            or len(name) > _NAME_LIMIT
-            or name in (".", "..")
-            or not name.isprintable()
-            or set(name) & set("/\\")
-        ):
+        name = entries.get("location", "")
+        allowed = name.isprintable() and name not in ("", ".", "..") and not set(name) & set("/\\")
+        if not allowed or len(name) > _NAME_LIMIT:
             raise UserFault("onnx_external_data", problem=f"in {printable(name, 60) or 'no file'}")
-        offset, length = (_number(said.get(key)) for key in ("offset", "length"))
+        offset, length = (_number(entries.get(key)) for key in ("offset", "length"))
         content = self._files.get(name)
         if content is None:
             raise UserFault("onnx_external_missing", file=printable(name, 120))

@@ -1,21 +1,15 @@
-"""The fixed-size messages between a referee and a model, shared by both ends (no onnxruntime here).
+"""The fixed-size messages between a referee and a model."""
 
-    request  uint32 step, then the observation of each sensor in sorted name order, in the sensor's dtype and shape;
-             where both ends share memory that holds them, the observations lie there, and the request is the step
-    reply    uint32 step, uint32 way (one of :data:`WAYS`), then float32[n]
-
-Everything is little-endian. The header that both ends know: ``{"inputs": [{"name", "dtype", "shape"}], "outputs": n,
-"ranges": [[low, high], [low, high]] or null}``; ``ranges`` as in :class:`paddock.simulator.action.ActionSpace`. A
-header without ``ranges`` asks for the runtime's answer as it is. ``"frames": n``, where it is there: the network reads
-the last n observations at once, and the model's end keeps them. A run begins with step :data:`FIRST`.
-"""
-
-from __future__ import annotations
+# request  uint32 step, then the observation of each sensor in sorted name order, in the sensor's dtype and shape;
+#          where both ends share memory for the observations, the request is the step alone
+# reply    uint32 step, uint32 way (one of :data:`WAYS`), then float32[n]
+#
+# Everything is little-endian. A run begins with step :data:`FIRST`.
 
 import ctypes
 import math
 import struct
-from typing import Any
+from typing import NotRequired, TypedDict
 
 import numpy as np
 
@@ -24,29 +18,45 @@ Buffer = bytearray | ctypes.Array[ctypes.c_ubyte]
 STEP = struct.Struct("<I")
 FIRST = 1
 REPLY = struct.Struct("<II")
-# how a step was answered: by float32; by float64, as float32 was too near a boundary; by float32, and float64 confirmed
-# its bound; by float64, as that showed the bound to be wrong
+# The ways of an answer: float32; float64, as float32 was too near a boundary; float32, whose bound float64 confirmed;
+# float64, which showed that the bound is wrong.
 WAYS = FAST, EXACT, CHECKED, EXCEEDED = range(4)
 
 
-def observations_of(header: dict[str, Any]) -> list[tuple[str, np.dtype, tuple[int, ...]]]:
+class PolicyInput(TypedDict):
+    name: str
+    dtype: str
+    shape: list[int]
+
+
+class PolicyHeader(TypedDict):
+    """The header that both ends know. ``outputs``: the number of values; ``ranges``: as in
+    :class:`paddock.simulator.action.ActionSpace`, left out for the runtime's unchecked answer; ``frames``: the number
+    of last observations that the network reads at once, which the model's end keeps."""
+
+    inputs: list[PolicyInput]
+    outputs: int
+    ranges: NotRequired[list[list[float]] | None]
+    frames: NotRequired[int]
+
+
+def observations_of(header: PolicyHeader) -> list[tuple[str, np.dtype, tuple[int, ...]]]:
     """Name, dtype and shape of each sensor, in the order of a request."""
     sensors = sorted(header["inputs"], key=lambda sensor: sensor["name"])
     return [(sensor["name"], np.dtype(sensor["dtype"]).newbyteorder("<"), tuple(sensor["shape"])) for sensor in sensors]
 
 
-def request_buffer(header: dict[str, Any]) -> tuple[bytearray, dict[str, np.ndarray]]:
+def request_buffer(header: PolicyHeader) -> tuple[bytearray, dict[str, np.ndarray]]:
     """A request of the right size, and for each sensor an array of its dtype and shape that lies in it."""
     buffer = bytearray(STEP.size + observation_bytes(header))
     return buffer, observations_in(header, buffer, STEP.size)
 
 
-def observation_bytes(header: dict[str, Any]) -> int:
-    """Bytes that the observations of a step take."""
+def observation_bytes(header: PolicyHeader) -> int:
     return sum(math.prod(shape) * dtype.itemsize for _, dtype, shape in observations_of(header))
 
 
-def observations_in(header: dict[str, Any], memory: Buffer, offset: int = 0) -> dict[str, np.ndarray]:
+def observations_in(header: PolicyHeader, memory: Buffer, offset: int = 0) -> dict[str, np.ndarray]:
     """For each sensor an array of its dtype and shape that lies in ``memory`` from ``offset`` on."""
     observations = {}
     for name, dtype, shape in observations_of(header):
@@ -56,7 +66,7 @@ def observations_in(header: dict[str, Any], memory: Buffer, offset: int = 0) -> 
     return observations
 
 
-def reply_buffer(header: dict[str, Any]) -> tuple[bytearray, np.ndarray]:
+def reply_buffer(header: PolicyHeader) -> tuple[bytearray, np.ndarray]:
     """A reply of the right size and the float32[n] action that lies in it."""
     count = int(header["outputs"])
     buffer = bytearray(REPLY.size + 4 * count)

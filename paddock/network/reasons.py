@@ -1,12 +1,11 @@
-"""Why a network cannot be read."""
+"""The reasons for which a network cannot be read."""
 
 from paddock.errors.reasons import gettext_noop as _
 from paddock.errors.reasons import register
 
 register(
     "Upload",
-    "user",
-    {
+    too_large={
         "model_too_large": _(
             "The network is larger than %(limit_mb)s MB, this site's limit. Store its weights once, "
             "as 32-bit floats, train a smaller network, or ask an operator for more."
@@ -16,13 +15,9 @@ register(
 
 register(
     "The network",
-    "user",
-    {
+    invalid={
         "onnx_corrupt": _(
             "The ONNX file is damaged, incomplete or has unknown parts. Export it again, without appended data."
-        ),
-        "onnx_too_big": _(
-            "The ONNX file has too many parts (%(part)s, limit %(limit)s). Export the policy network alone."
         ),
         "onnx_opset": _(
             "The ONNX file must use the standard operator set, version %(low)s to %(high)s. Export it with another "
@@ -55,6 +50,11 @@ register(
         "onnx_dynamic": _(
             "Every size in the network must be fixed for a batch of one. Export it with an example input of that size "
             "and without dynamic_axes (or dynamic_shapes)."
+        ),
+    },
+    too_large={
+        "onnx_too_big": _(
+            "The ONNX file has too many parts (%(part)s, limit %(limit)s). Export the policy network alone."
         ),
     },
 )

@@ -1,11 +1,7 @@
-"""A network computed in float64, by plain numpy: the answer that is the same on every processor.
+"""Computes a network in float64 with numpy, with the same result on every processor."""
 
-The runtime's kernels choose the order of their sums by the processor, and so do its answers' last bits. This evaluator
-has one order. Its error is some 2^-29 of float32's, and in a process with the pins of :mod:`paddock.exact` it is the
-same number to the last bit wherever it runs.
-"""
-
-from __future__ import annotations
+# The order of sums of the runtime's kernels depends on the processor. This evaluator has one order, and an error of
+# about 2^-29 of float32's; with the pins of :mod:`paddock.exact` its results are the same to the bit on every machine.
 
 from collections.abc import Mapping
 
@@ -19,21 +15,15 @@ from .model import FLOAT, Node
 from .resize import resize
 
 _SMALL = 1 << 17
-_KEPT = 8_000_000  # weights in all that are kept as float64 once they were needed: 64 MB
+_KEPT = 8_000_000  # the most weights that are cached as float64: 64 MB
 _IN_PARTS = ("Conv", "Gemm", "MatMul")  # they widen large weights themselves, a part at a time
 
 
-def _softmax_axes(opset: int, node: Node, x: np.ndarray) -> tuple[int, ...]:
-    if opset >= 13:
-        return (node.whole("axis", -1),)
-    return tuple(range(node.whole("axis", 1) % x.ndim, x.ndim))  # all behind it, as one row
-
-
 class Reference:
-    """One network, computed in float64. Keep it for its further runs: they are faster."""
+    """One network, computed in float64. Later runs are faster."""
 
     def __init__(self, network: CanonicalNetwork) -> None:
-        """Raises KeyError for an operator that it does not know."""
+        """Raises KeyError for an unknown operator."""
         self._network = network
         self._wide: dict[str, np.ndarray] = {}
         self._left, self._runs = _KEPT, 0
@@ -46,8 +36,9 @@ class Reference:
             exponential = ARITHMETIC["ReduceLogSumExp"]
 
             def soft(node: Node, x: np.ndarray) -> np.ndarray:
-                axes = _softmax_axes(opset, node, x)
-                row = Node("ReduceLogSumExp", [], [], {"axes": list(axes), "keepdims": 1})
+                # before opset 13 all axes from the given one on, as one row
+                axes = [node.whole("axis", -1)] if opset >= 13 else [*range(node.whole("axis", 1) % x.ndim, x.ndim)]
+                row = Node("ReduceLogSumExp", [], [], {"axes": axes, "keepdims": 1})
                 logs = x - exponential(row, x)
                 return np.exp(logs) if op == "Softmax" else logs
 
@@ -61,9 +52,8 @@ class Reference:
         return self._run(feeds, None)
 
     def steps(self, feeds: Mapping[str, np.ndarray]) -> bool:
-        """Whether an operator of it makes a step out of a slope: rounds, compares or casts what is not a whole number.
-
-        There the smallest error may become a large one, and no bound for it can be found by trying."""
+        """Whether an operator makes a step out of a slope (rounds, compares or casts floats): there the smallest error
+        may become a large one."""
         found: list[str] = []
         self._run(feeds, found)
         return bool(found)
@@ -88,7 +78,7 @@ class Reference:
         return np.asarray(values[self._network.output.name], np.float64)
 
     def _value(self, values: dict[str, np.ndarray], name: str, in_parts: bool) -> np.ndarray:
-        """A value, or a weight as float64; a large weight as it is where it is widened ``in_parts``."""
+        """A value, or a weight as float64; a large weight unchanged for operators that widen it ``in_parts``."""
         if name in values:
             return values[name]
         if name in self._wide:
@@ -96,7 +86,6 @@ class Reference:
         array = self._network.weights[name]
         if array.dtype.kind != "f":
             return array
-        # for a single check of a large layer it would not pay
         if array.size <= self._left and (array.size <= _SMALL or self._runs > 1):
             self._left -= array.size
             self._wide[name] = array.astype(np.float64)

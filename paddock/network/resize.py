@@ -1,16 +1,13 @@
-"""Resize, of pictures of fixed sizes: along one axis after the other. Meaning: onnx/docs/Operators.md, Resize.
+"""The ONNX operator Resize for pictures of fixed sizes, one axis after the other."""
 
-Places in the picture are computed in float32, as the runtime does: which of two neighbours is nearer may hang on it.
-"""
-
-from __future__ import annotations
+# Meaning: onnx/docs/Operators.md, Resize. Places in the picture are computed in float32, as the runtime does.
 
 import numpy as np
 
 from .model import Node
 
 _F = np.float32
-NEAREST, LINEAR, CUBIC = "nearest", "linear", "cubic"
+NEAREST, LINEAR = "nearest", "linear"
 
 
 def resize(
@@ -20,7 +17,6 @@ def resize(
     scales: np.ndarray | None = None,
     sizes: np.ndarray | None = None,
 ) -> np.ndarray:
-    """The picture ``x`` in its new size."""
     result = x
     missed: dict[int, np.ndarray] = {}
     for axis, places in _turns(node, x.shape, roi, scales, sizes).items():
@@ -42,8 +38,8 @@ def matrices(
     scales: np.ndarray | None = None,
     sizes: np.ndarray | None = None,
 ) -> dict[int, np.ndarray] | None:
-    """For each axis that changes, how much of each old line is in each new one: float64 ``[new, old]``. None for a
-    picture with something else around it."""
+    """For each axis that changes, the share of each old line in each new one: float64 ``[new, old]``. None where the
+    new picture reaches beyond the old one."""
     found = {}
     for axis, places in _turns(node, shape, roi, scales, sizes).items():
         if _is_cropped(node) and ((places < 0) | (places > shape[axis] - 1)).any():
@@ -63,7 +59,7 @@ def _turns(
     scales: np.ndarray | None,
     sizes: np.ndarray | None,
 ) -> dict[int, np.ndarray]:
-    """For each axis that changes, where in the old picture each new line lies."""
+    """For each axis that changes, the place of each new line in the old picture."""
     axes = [axis % len(shape) for axis in node.wholes("axes") or range(len(shape))]
     sides = _sides(shape, axes, scales, sizes, node.text("keep_aspect_ratio_policy", "stretch"))
     starts = dict.fromkeys(axes, (_F(0), _F(1)))
@@ -92,7 +88,7 @@ def _sides(
 
 
 def _places(node: Node, before: int, after: int, scale: np.float32, crop: tuple[np.float32, np.float32]) -> np.ndarray:
-    """Where in the old picture each new line lies, float32[after]."""
+    """The place of each new line in the old picture, float32[after]."""
     lines, mode = np.arange(after, dtype=_F), node.text("coordinate_transformation_mode", "half_pixel")
     if mode == "asymmetric":
         return lines / scale
@@ -113,7 +109,6 @@ def _places(node: Node, before: int, after: int, scale: np.float32, crop: tuple[
 
 
 def _along(node: Node, x: np.ndarray, axis: int, places: np.ndarray) -> np.ndarray:
-    """One axis in its new size."""
     mode, last = node.text("mode", NEAREST), x.shape[axis] - 1
     if mode == NEAREST:
         return np.take(x, np.clip(_nearest(node, places), 0, last), axis)

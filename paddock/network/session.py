@@ -1,9 +1,4 @@
-"""A canonical network, ready to answer: the runtime's session, optimised for our processors, and the reference.
-
-Only here are networks changed for speed, so that tuning never changes who a car is.
-"""
-
-from __future__ import annotations
+"""A canonical network ready to run: the optimised runtime session and the float64 reference."""
 
 from dataclasses import dataclass
 
@@ -12,15 +7,13 @@ import onnxruntime
 
 from paddock.errors import UserFault
 
-from .blocked import ALIGNED, aligned_room, in_blocks
-from .bound import NetworkFacts
+from .bound import Input, NetworkFacts
 from .canonical import CanonicalNetwork, write_model
-from .dense import Order, dense_as_convolutions
+from .dense import ALIGNED, Order, aligned_room, dense_as_convolutions, in_blocks
 from .model import DTYPES
-from .probes import Input
 from .reference import Reference
 
-_ALONE = 1 << 20  # bytes of a weight that the runtime takes as our array, without a copy of its own
+_ALONE = 1 << 20  # bytes from which the runtime takes a weight as our array, without a copy
 
 
 class Refused(Exception):
@@ -39,9 +32,7 @@ class Loaded:
 
 
 def load(onnx: bytes | memoryview, facts: NetworkFacts | None = None) -> Loaded:
-    """A session of one thread. ``onnx``: stays as it is as long as the network is used. ``facts``: from the network's
-    admission, if they are known.
-
+    """A session of one thread. ``onnx``: unchanged while the network is used. ``facts``: of the network's admission.
     Raises Refused, MemoryError."""
     try:
         network = CanonicalNetwork.read(onnx)
@@ -61,7 +52,7 @@ def load(onnx: bytes | memoryview, facts: NetworkFacts | None = None) -> Loaded:
 def _with_convolutions(
     onnx: bytes | memoryview, facts: NetworkFacts
 ) -> tuple[onnxruntime.InferenceSession, tuple[np.ndarray, ...]]:
-    """A session whose large dense layers are convolutions: in the runtime's own order where it takes them so."""
+    """A session whose large dense layers are convolutions, in the runtime's order if it takes them so."""
 
     def session(order: Order | None) -> tuple[onnxruntime.InferenceSession, tuple[np.ndarray, ...]]:
         return _session(dense_as_convolutions(CanonicalNetwork.read(onnx), dict(facts.shapes), order))
@@ -78,14 +69,12 @@ def _session(network: CanonicalNetwork) -> tuple[onnxruntime.InferenceSession, t
     options.execution_mode = onnxruntime.ExecutionMode.ORT_SEQUENTIAL
     options.use_deterministic_compute = True
     options.log_severity_level = 4
-    # Bytes in onnxruntime's own format would be run too, by another parser than the one that judged the network.
+    # the runtime must not read its own format, which the gate did not check
     options.add_session_config_entry("session.load_model_format", "ONNX")
     if not any(node.op == "MatMul" for node in network.nodes):
-        # Weights of dense layers lie as one row wants them (the canonical form sees to it, and large ones are
-        # convolutions): packed for many rows they would take twice the memory and longer to load. A bare MatMul has
-        # them the other way.
+        # the canonical order of dense weights is the fastest for one row; packing takes twice the memory
         options.add_session_config_entry("session.disable_prepacking", "1")
-    for name, array in network.weights.items():  # one at a time, so that none is held twice for long
+    for name, array in network.weights.items():  # one at a time, to hold none twice for long
         if array.nbytes >= _ALONE:
             network.weights[name] = _aligned(array)
         del array
@@ -102,7 +91,7 @@ def _session(network: CanonicalNetwork) -> tuple[onnxruntime.InferenceSession, t
 
 
 def _aligned(array: np.ndarray) -> np.ndarray:
-    """The array where the runtime's kernels read it at full speed: in a file, weights lie anywhere."""
+    """The array at an aligned address, where the runtime's kernels read it at full speed."""
     if array.flags.c_contiguous and array.ctypes.data % ALIGNED == 0:
         return array
     placed = aligned_room(array.shape, array.dtype)
@@ -111,16 +100,13 @@ def _aligned(array: np.ndarray) -> np.ndarray:
 
 
 def memory_or(error: Exception, otherwise: Exception) -> Exception:
-    """onnxruntime reports memory that the limit refused as a message of one of its own exceptions."""
-    text = f"{error}".lower()
-    if isinstance(error, MemoryError) or any(
-        word in text for word in ("bad_alloc", "bad allocation", "allocate memory")
-    ):
-        return MemoryError()
-    return otherwise
+    """MemoryError for an exception of onnxruntime that reports a lack of memory."""
+    words = ("bad_alloc", "bad allocation", "allocate memory")
+    lacks_memory = isinstance(error, MemoryError) or any(word in f"{error}".lower() for word in words)
+    return MemoryError() if lacks_memory else otherwise
 
 
 def plain(text: str) -> str:
-    """One short printable line: node and tensor names in it are a stranger's text."""
+    """One short printable line of text that a stranger may have written."""
     text = " ".join(text.split())[:200]
     return "".join(letter if letter.isprintable() else "?" for letter in text)

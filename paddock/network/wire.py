@@ -1,17 +1,12 @@
-"""A bounded reader of the protobuf wire format.
+"""A bounded reader of the protobuf wire format."""
 
-A protobuf library builds objects while it reads, so forty megabytes of two-byte messages become gigabytes. This reader
-only walks: it yields views into the bytes and stops when a budget of fields is spent.
-Format: protobuf.dev, "Encoding".
-"""
-
-from __future__ import annotations
+# It yields views into the bytes and stops when its budget of fields is spent; a protobuf library would build objects of
+# gigabytes. Format: protobuf.dev, "Encoding".
 
 import unicodedata
 from collections.abc import Iterator
 
 VARINT, FIXED64, BYTES, FIXED32 = 0, 1, 2, 5
-MAX_DEPTH = 32
 
 
 class WireError(ValueError):
@@ -81,7 +76,6 @@ def fields(data: memoryview, budget: Budget) -> Iterator[tuple[int, int, int | m
 
 
 def signed(value: int) -> int:
-    """A varint read as int64, as protobuf writes negative int32 and int64 values."""
     return value - (1 << 64) if value >= 1 << 63 else value
 
 
@@ -106,7 +100,6 @@ def text(value: int | memoryview) -> str:
 
 
 def message(value: int | memoryview) -> memoryview:
-    """A nested message's bytes."""
     if isinstance(value, int):
         raise WireError("a message was expected")
     return value
@@ -120,12 +113,10 @@ def number(value: int | memoryview) -> int:
 
 
 def is_space(letter: str) -> bool:
-    """Whether a letter is a space of any width."""
     return unicodedata.category(letter) == "Zs"
 
 
 def printable(name: str, limit: int = 80) -> str:
-    """A stranger's name made fit for a sentence: letters of any script, but nothing that controls how text is shown;
-    cut to ``limit`` characters."""
+    """A stranger's name without control characters, cut to ``limit`` characters."""
     kept = "".join(c if c.isprintable() else " " if is_space(c) else "?" for c in name[:limit])
     return kept + ("..." if len(name) > limit else "")

@@ -1,19 +1,14 @@
-"""A network as an ONNX file, written byte by byte, with each weight copied once, or not at all.
+"""Writes a network as an ONNX file, byte by byte, and copies each weight at most once."""
 
-Protobuf's own way (tensors made, put into a graph, the graph into a model, the model serialised) holds every weight up
-to five times, which for 57 million of them is more than a gigabyte; and its library takes a tenth of a second to import
-where a car waits for its start. The bytes are those of ``SerializeToString(deterministic=True)``, to the last one.
-Message layouts: onnx/onnx.proto; wire format: protobuf.dev, "Encoding".
-"""
+# Protobuf holds every weight up to five times and takes a tenth of a second to import. The bytes are those of
+# ``SerializeToString(deterministic=True)``. Message layouts: onnx/onnx.proto; wire format: protobuf.dev, "Encoding".
 
-from __future__ import annotations
-
+import struct
 from collections.abc import Mapping, Sequence
 from collections.abc import Set as AbstractSet
 
 import numpy as np
 
-from .fields import BYTES, key, message, number, real, text, varint
 from .model import BOOL, FLOAT, FLOAT16, INT32, INT64, UINT8, Attribute, Node, Port, Rejected
 
 NUMBERS = {"f4": FLOAT, "u1": UINT8, "i4": INT32, "i8": INT64, "b1": BOOL, "f2": FLOAT16}
@@ -33,8 +28,8 @@ def model_bytes(
     ir_version: int,
     outside: AbstractSet[str] = frozenset(),
 ) -> bytes:
-    """A ModelProto. All sizes of ``inputs`` and ``output`` are fixed. ``outside``: weights that are only declared, and
-    handed to the runtime as arrays."""
+    """A ModelProto; all sizes of ``inputs`` and ``output`` are fixed. ``outside``: weights that are only declared, for
+    the runtime to take as arrays."""
     graph: list[Part] = [message(1, _node(node)) for node in nodes]
     graph.append(text(2, NAME))
     for name, array in weights.items():
@@ -49,45 +44,81 @@ def model_bytes(
 
 
 def _node(node: Node) -> bytes:
-    said = b"".join(text(1, name) for name in node.inputs)
-    said += b"".join(text(2, name) for name in node.outputs)
-    said += text(4, node.op)
-    said += b"".join(message(5, _attribute(name, value)) for name, value in node.attributes.items())
-    return said + text(7, node.domain) if node.domain else said
+    encoded = b"".join(text(1, name) for name in node.inputs)
+    encoded += b"".join(text(2, name) for name in node.outputs)
+    encoded += text(4, node.op)
+    encoded += b"".join(message(5, _attribute(name, value)) for name, value in node.attributes.items())
+    return encoded + text(7, node.domain) if node.domain else encoded
 
 
 def _attribute(name: str, value: Attribute) -> bytes:
-    said = text(1, name)
+    encoded = text(1, name)
     if isinstance(value, bool | int | np.integer):
-        return said + number(3, int(value)) + number(20, _ONE_INT)
+        return encoded + number(3, int(value)) + number(20, _ONE_INT)
     if isinstance(value, float | np.floating):
-        return said + real(2, value) + number(20, _ONE_FLOAT)
+        return encoded + real(2, value) + number(20, _ONE_FLOAT)
     if isinstance(value, str | bytes):
         letters = value.encode() if isinstance(value, str) else value
-        return said + message(4, letters) + number(20, _ONE_STRING)
+        return encoded + message(4, letters) + number(20, _ONE_STRING)
     if isinstance(value, np.ndarray):
         tensor = b"".join(number(1, size) for size in value.shape) + number(2, NUMBERS[value.dtype.str[1:]])
-        return said + message(5, tensor + message(9, value.tobytes())) + number(20, _ONE_TENSOR)
+        return encoded + message(5, tensor + message(9, value.tobytes())) + number(20, _ONE_TENSOR)
     if isinstance(value, Rejected):
-        raise ValueError(f"{name} is no attribute that can be written")
-    # the type of an empty list cannot be guessed; only whole numbers may be empty here
+        raise ValueError(f"{name} cannot be written")
+    # an empty list is one of whole numbers
     if value and isinstance(value[0], float):
-        return said + b"".join(real(7, item) for item in value) + number(20, _FLOATS)
-    return said + b"".join(number(8, int(item)) for item in value) + number(20, _INTS)
+        return encoded + b"".join(real(7, item) for item in value) + number(20, _FLOATS)
+    return encoded + b"".join(number(8, int(item)) for item in value) + number(20, _INTS)
 
 
 def _initializer(name: str, array: np.ndarray, outside: bool) -> list[Part]:
-    said = b"".join(number(1, size) for size in array.shape) + number(2, NUMBERS[array.dtype.str[1:]])
-    said += text(8, name)
+    encoded = b"".join(number(1, size) for size in array.shape) + number(2, NUMBERS[array.dtype.str[1:]])
+    encoded += text(8, name)
     if outside:
         place = message(13, text(1, "location") + text(2, name))
-        return [message(5, said + place + number(14, _EXTERNAL))]
+        return [message(5, encoded + place + number(14, _EXTERNAL))]
     raw = np.ascontiguousarray(array).reshape(-1).view(np.uint8).data
-    said += key(9, BYTES) + varint(len(raw))
-    return [key(5, BYTES) + varint(len(said) + len(raw)) + said, raw]
+    encoded += key(9, BYTES) + varint(len(raw))
+    return [key(5, BYTES) + varint(len(encoded) + len(raw)) + encoded, raw]
 
 
 def _value_info(port: Port) -> bytes:
     shape = b"".join(message(1, number(1, size)) for size in port.sizes)
     tensor = number(1, port.dtype) + message(2, shape)
     return text(1, port.name) + message(2, message(1, tensor))
+
+
+VARINT, BYTES, FIXED32 = 0, 2, 5
+
+
+def message(place: int, content: bytes) -> bytes:
+    """A nested message, or bytes."""
+    return key(place, BYTES) + varint(len(content)) + content
+
+
+def text(place: int, value: str) -> bytes:
+    return message(place, value.encode())
+
+
+def number(place: int, value: int) -> bytes:
+    """A whole number, negative ones in two's complement, or a truth value."""
+    return key(place, VARINT) + varint(value & (1 << 64) - 1)
+
+
+def real(place: int, value: float) -> bytes:
+    return key(place, FIXED32) + struct.pack("<f", value)
+
+
+def key(place: int, kind: int) -> bytes:
+    """The key of a field: its number and the kind of its value."""
+    return varint(place << 3 | kind)
+
+
+def varint(value: int) -> bytes:
+    """A whole number of at least 0, seven bits a byte."""
+    written = bytearray()
+    while value > 0x7F:
+        written.append(value & 0x7F | 0x80)
+        value >>= 7
+    written.append(value)
+    return bytes(written)

@@ -1,9 +1,6 @@
-"""The admission of one network: convert if need be, gate, write anew, run three synthetic frames.
+"""Admits one network: converts it, checks it, rewrites it and runs three synthetic frames."""
 
-The site does it in a sandboxed process (:mod:`evaluation.convert_process`), a racer at home in their own.
-"""
-
-from __future__ import annotations
+# The site runs it in a sandboxed process (:mod:`evaluation.sandbox`), a racer at home in their own.
 
 from dataclasses import replace
 from itertools import islice
@@ -12,17 +9,15 @@ import numpy as np
 from onnxruntime.capi import onnxruntime_pybind11_state as pybind
 
 from paddock.errors import UserFault
-from paddock.network.answers import answers_of
-from paddock.network.bound import NetworkFacts, derive_bound
-from paddock.network.probes import PLAIN, probes
+from paddock.network.bound import PLAIN, NetworkFacts, answers_of, derive_bound, probes
 from paddock.network.reference import Reference
 from paddock.network.session import Refused, load
 
+from . import tensorflow  # noqa: F401  its format imports it at first use, when the sandbox is already locked
 from .gate import Canonical, check_onnx
-from .kinds import TENSORFLOW
+from .kinds import FORMATS
 from .limits import PackageLimits
 from .metadata import DISCRETE, ModelMetadata
-from .tensorflow import convert
 
 _RUN_ERRORS = (pybind.Fail, pybind.RuntimeException, pybind.InvalidArgument, pybind.NotImplemented, RuntimeError)
 
@@ -36,19 +31,18 @@ def admit_network(
 ) -> Canonical:
     """Convert, gate and try out one network. Raises UserFault of the conversion and gate sections.
 
-    ``network``: its bytes, or a list of just these, which is emptied so that a large one is not held for longer than
-    it is read. ``weights``: files beside an ONNX file, by name.
-    """
+    ``network``: its bytes, or a list with them that is emptied to free a large network early. ``weights``: files beside
+    an ONNX file, by name."""
     held = network if isinstance(network, list) else [network]
     del network
-    if kind == TENSORFLOW:
-        held.append(convert(held.pop(), metadata.inputs, limits))
+    if to_onnx := FORMATS[kind].to_onnx:
+        held.append(to_onnx(held.pop(), metadata, limits))
     canonical = check_onnx(held.pop(), metadata, limits, weights)
     return replace(canonical, facts=_try_out(canonical, metadata))
 
 
-class _Heard:
-    """A reference that keeps what it answered, so that nothing is asked twice."""
+class _Recorder:
+    """A reference that keeps its answers, so that none is computed twice."""
 
     def __init__(self, reference: Reference) -> None:
         self._reference = reference
@@ -61,8 +55,7 @@ class _Heard:
 
 
 def _try_out(canonical: Canonical, metadata: ModelMetadata) -> NetworkFacts:
-    """Run the network on a black, a white and a noisy frame: it must run, and answer finite values, in float32 and in
-    float64. What is to be known of it when it races."""
+    """Run the network on a black, a white and a noisy frame, in float32 and float64. Its facts for races."""
     try:
         network = load(canonical.onnx, canonical.facts)
     except Refused as refusal:
@@ -76,7 +69,7 @@ def _try_out(canonical: Canonical, metadata: ModelMetadata) -> NetworkFacts:
             raise UserFault("network_fails") from error
         if not (np.isfinite(answer).all() and np.isfinite(exact).all()):
             raise UserFault("network_non_finite")
-    heard = _Heard(reference)
+    heard = _Recorder(reference)
     bound = derive_bound(lambda feeds: session.run(None, feeds)[0], heard, canonical.inputs)
     for feeds in islice(probes(canonical.inputs), len(heard.answers), None):  # where that ended early
         heard.run(feeds)

@@ -1,18 +1,15 @@
-"""A strict reader of tars, as a stream; :mod:`.compressed` unpacks it.
+"""A strict streaming reader of tar archives."""
 
-Our own, because the standard library reads a header extension of any length into memory and offers links, sparse
-files and devices that no car needs. Accepted: ustar, GNU long names and pax headers that only carry times, owners
-and names. Format: POSIX.1-2017 pax; GNU tar manual, "Basic Tar Format".
-"""
-
-from __future__ import annotations
+# :mod:`.compressed` decompresses the stream. The standard library reads a header extension of any length into memory
+# and accepts links, sparse files and devices, which no car needs. Accepted here: ustar, GNU long names, and pax headers
+# with times, owners and names only. Format: POSIX.1-2017 pax; GNU tar manual, "Basic Tar Format".
 
 import io
 from collections.abc import Callable, Iterable, Iterator
-from typing import Protocol
 
 from paddock.errors import UserFault
 
+from .choose import is_network, is_wanted_early
 from .limits import PackageLimits
 from .members import Catalogue
 
@@ -23,14 +20,6 @@ _FILES = (b"0", b"\0")
 _FOLDER, _GNU_NAME, _PAX, _PAX_GLOBAL = b"5", b"L", b"x", b"g"
 _PAX_IGNORED = {b"mtime", b"atime", b"ctime", b"uid", b"gid", b"uname", b"gname", b"comment", b"hdrcharset", b"charset"}
 _PAX_IGNORED_PREFIXES = (b"SCHILY.", b"LIBARCHIVE.")
-
-
-class Early(Protocol):
-    """Which names are worth keeping before the choice is made."""
-
-    def is_network(self, name: str) -> bool: ...
-
-    def is_wanted(self, name: str) -> bool: ...
 
 
 def scan_tar(
@@ -76,40 +65,36 @@ def scan_tar(
 
 
 class TarArchive:
-    """A tar that can be gone through again. ``sizes``: its files by clean name.
+    """A tar that can be read again. ``sizes``: its files by clean name.
 
-    One pass reads a car: what is small and may be needed, and the first network, are kept in passing. Only where
-    another file is chosen then, a second pass fetches it. ``again``: gives the stream's chunks from the beginning.
+    One pass keeps the first network and small files that the choice may need. Only if another file is chosen, a second
+    pass fetches it. ``again``: gives the stream's chunks from the beginning.
     """
 
-    def __init__(
-        self, chunks: Iterator[bytes], again: Callable[[], Iterator[bytes]], limits: PackageLimits, early: Early
-    ) -> None:
+    def __init__(self, chunks: Iterator[bytes], again: Callable[[], Iterator[bytes]], limits: PackageLimits) -> None:
         self._again, self._limits = again, limits
         has_network = False
 
         def keep(name: str, size: int) -> bool:
             nonlocal has_network
-            if early.is_network(name):
+            if is_network(name):
                 if size > limits.model_bytes:
                     raise UserFault("model_too_large", limit_mb=limits.model_bytes >> 20)
                 is_first, has_network = not has_network, True
                 return is_first
-            return early.is_wanted(name) and size <= limits.metadata_bytes
+            return is_wanted_early(name) and size <= limits.metadata_bytes
 
         self.sizes, self._kept = scan_tar(chunks, limits, keep)
 
     def read(self, names: Iterable[str]) -> dict[str, bytes]:
-        """The content of these files; everything else that was kept is let go with the next pass."""
-        names = list(names)
-        if not set(names) <= set(self._kept):
-            wanted = set(names)
+        """The content of these files; a second pass drops all other kept content."""
+        wanted = set(names)
+        if missing := wanted - self._kept.keys():
             self._kept = {name: content for name, content in self._kept.items() if name in wanted}
-            missing = wanted - set(self._kept)
             self._kept |= scan_tar(self._again(), self._limits, lambda name, _size: name in missing)[1]
-        if not set(names) <= set(self._kept):
-            raise UserFault("archive_corrupt")  # the stream is not the same a second time
-        return {name: self._kept[name] for name in names}
+        if wanted - self._kept.keys():
+            raise UserFault("archive_corrupt")  # the stream differs the second time
+        return {name: self._kept[name] for name in wanted}
 
 
 class _Source:
@@ -136,7 +121,7 @@ class _Source:
             size -= len(self.take(min(size, _CHUNK)))
 
     def expect_zeros(self) -> None:
-        """Behind the end mark only padding may follow; reads to the end, so that the stream's checksum is checked."""
+        """Read to the end, so that the stream's checksum is checked. Only zeros may follow the end mark."""
         rest = self._rest
         while True:
             if rest.strip(b"\0"):
@@ -150,15 +135,14 @@ class _Member:
     """One file of a tar, which is read at most once."""
 
     def __init__(self, source: _Source, size: int) -> None:
-        self._source = source
-        self.left = size
+        self._source, self.left = source, size
 
     def read(self) -> bytes:
         size, self.left = self.left, 0
         return self._source.take(size)
 
     def is_copy_of(self, kept: dict[str, bytes]) -> Callable[[str], bool]:
-        """Whether it equals an earlier file, as far as that one was kept."""
+        """Whether it equals an earlier file, if that one was kept."""
         return lambda name: name in kept and self.read() == kept[name]
 
 

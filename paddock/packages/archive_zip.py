@@ -1,12 +1,10 @@
-"""A strict zip reader. Our own, because the standard library trusts what it should not: it takes overlapping entries,
-reads a central directory of any length and lets the last of two equal names win.
+"""A strict reader of zip archives."""
 
-Accepted is what ordinary tools write: entries one after the other, STORED or DEFLATED, no encryption, the central
-directory behind them and nothing before or after; of zip64 the local headers that streaming tools and torch write
-for files of any size. The archive stays where it is; only what is asked for is read. Format: PKWARE APPNOTE.TXT 6.3.
-"""
-
-from __future__ import annotations
+# The standard library accepts overlapping entries, reads a central directory of any length and lets the last of two
+# equal names win. Accepted here is what ordinary tools write: entries one after the other, STORED or DEFLATED, no
+# encryption, the central directory behind them and nothing before or after; of zip64 the local headers that streaming
+# tools and torch write for files of any size. The archive stays where it is, and only requested members are read.
+# Format: PKWARE APPNOTE.TXT 6.3.
 
 import io
 import struct
@@ -18,6 +16,7 @@ from typing import BinaryIO
 
 from paddock.errors import UserFault
 
+from .compressed import read_exactly
 from .limits import PackageLimits
 from .members import Catalogue
 
@@ -67,7 +66,8 @@ class ZipArchive:
                 raise UserFault("unexpected_member", member="a link or device")
             name = catalogue.file(entry.name, entry.size, partial(self._has_sum, entry.crc))
             total += entry.size
-            if total > limits.expanded_bytes or _ratio_exceeded(entry, limits):
+            allowed = max(limits.expansion_free_bytes, limits.expansion_ratio * entry.packed)
+            if total > limits.expanded_bytes or entry.size > allowed:
                 raise UserFault("expanded_size")
             if name is not None:
                 self._entries[name] = entry
@@ -83,19 +83,13 @@ class ZipArchive:
     def _at(self, offset: int, size: int) -> bytes:
         """``size`` bytes from ``offset`` on, or fewer at the end."""
         self._stream.seek(offset)
-        parts, missing = [], size
-        while missing and (part := self._stream.read(missing)):
-            parts.append(part)
-            missing -= len(part)
-        return parts[0] if len(parts) == 1 else b"".join(parts)
+        return read_exactly(self._stream, size)
 
     def _directory(self, limits: PackageLimits) -> tuple[list[_Entry], int]:
         """All entries in file order, and the offset of the central directory."""
         start, end_record = self._end_record()
         _, disk, first_disk, here, count, size, offset, _comment = end_record
-        if 0xFFFF in (here, count) or _WIDE in (size, offset):
-            raise UserFault("archive_unsupported")
-        if disk or first_disk or here != count:
+        if 0xFFFF in (here, count) or _WIDE in (size, offset) or disk or first_disk or here != count:
             raise UserFault("archive_unsupported")
         if count > limits.archive_members:
             raise UserFault("too_many_members", limit=limits.archive_members)
@@ -111,9 +105,8 @@ class ZipArchive:
             end = at + _ENTRY.size + names + extras + comments
             if sign != b"PK\x01\x02" or end > start:
                 raise UserFault("archive_corrupt")
-            if _WIDE in (packed, full, local) or flags & (_ENCRYPTED | _STRONG | _MASKED):
-                raise UserFault("archive_unsupported")
-            if method not in (_STORED, _DEFLATED):
+            known = method in (_STORED, _DEFLATED) and not flags & (_ENCRYPTED | _STRONG | _MASKED)
+            if not known or _WIDE in (packed, full, local):
                 raise UserFault("archive_unsupported")
             if method == _STORED and packed != full:
                 raise UserFault("archive_corrupt")
@@ -125,7 +118,7 @@ class ZipArchive:
         return sorted(entries, key=lambda entry: entry.offset), offset
 
     def _end_record(self) -> tuple[int, tuple]:
-        """Where the end record stands, and what it says; it must close the file exactly."""
+        """The position and the content of the end record, which must close the file exactly."""
         first = max(0, self._length - _END.size - 0xFFFF)
         tail = self._at(first, self._length - first)
         at = tail.rfind(b"PK\x05\x06")
@@ -157,7 +150,7 @@ class ZipArchive:
             raise UserFault("archive_corrupt")
 
     def _descriptor_size(self, at: int, entry: _Entry, is_wide: bool) -> int:
-        """How long the data descriptor is: its signature is optional, and its sizes have 4 bytes or, in zip64, 8."""
+        """Bytes of the data descriptor: its signature is optional, its sizes have 4 bytes or, in zip64, 8."""
         found = self._at(at, 24)
         signature = 4 if found[:4] == b"PK\x07\x08" else 0
         wide = struct.pack("<LQQ", entry.crc, entry.packed, entry.size)
@@ -179,9 +172,8 @@ class ZipArchive:
         if wide is not None:
             size = wide[0] if size == _WIDE else size
             packed = wide[1] if packed == _WIDE else packed
-        if not flags & _DESCRIPTOR and (crc, packed, size) != (entry.crc, entry.packed, entry.size):
-            raise UserFault("archive_corrupt")
-        if (flags ^ entry.flags) & _DESCRIPTOR:
+        agrees = flags & _DESCRIPTOR or (crc, packed, size) == (entry.crc, entry.packed, entry.size)
+        if not agrees or (flags ^ entry.flags) & _DESCRIPTOR:
             raise UserFault("archive_corrupt")
         return name_at + names + extras, wide is not None
 
@@ -211,10 +203,6 @@ class ZipArchive:
         if not engine.eof or engine.unused_data or packed != entry.packed:
             raise UserFault("archive_corrupt")
         return content.getvalue()
-
-
-def _ratio_exceeded(entry: _Entry, limits: PackageLimits) -> bool:
-    return entry.size > max(limits.expansion_free_bytes, limits.expansion_ratio * entry.packed)
 
 
 def _wide_sizes(extra: bytes) -> tuple[int, int] | None:

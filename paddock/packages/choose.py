@@ -1,20 +1,16 @@
-"""Which files of an archive are the car: the network, its metadata and, of a training, which checkpoint.
+"""Chooses the files of an archive that make the car: network, metadata and checkpoint."""
 
-An archive may be
-
-- a car's, as the console and DeepRacer-for-Cloud write it: ``agent/model.pb`` and ``model_metadata.json``;
-- a training's folder of either: ``model/model_<iteration>.pb`` beside checkpoints, logs, metrics and notes. The best
-  one by ``deepracer_checkpoints.json`` is taken, else the last, else the one that the racer asks for;
-- an ONNX file with its metadata, and the file of its weights where the exporter put them beside it;
-- what ``model.save`` of stable-baselines3 writes: ``policy.pth`` and ``data``, of a dozen members;
-- another archive, alone or beside its metadata (:func:`inner_archive`).
-
-Each may lie in folders, and have names in other letters' case or as browsers and file managers number copies
-(``model_metadata (1).json``). Equal copies of one file count once. What is not needed is not read. Layouts:
-deepracer.md 1.1.
-"""
-
-from __future__ import annotations
+# An archive may be
+#
+# - a car as the console and DeepRacer-for-Cloud write it: ``agent/model.pb`` and ``model_metadata.json``;
+# - the folder of a training of either: ``model/model_<iteration>.pb`` beside checkpoints, logs, metrics and notes. The
+#   best checkpoint by ``deepracer_checkpoints.json`` is taken, else the last, else the one that the racer requests;
+# - an ONNX file with its metadata, and the file of its weights if the exporter wrote one;
+# - the output of ``model.save`` of stable-baselines3: ``policy.pth`` and ``data``, of a dozen members;
+# - another archive, alone or beside its metadata (:func:`inner_archive`).
+#
+# Each may lie in folders, and have names in other letters' case or with the copy numbers of browsers and file managers
+# (``model_metadata (1).json``). Equal copies of one file count once. Other files are not read.
 
 import hashlib
 import json
@@ -25,19 +21,18 @@ from dataclasses import dataclass
 from paddock.errors import UserFault
 from paddock.network.wire import printable
 
-from .kinds import SB3, is_weights_file
+from .kinds import SB3, has_network_name, is_weights_file
 from .limits import PackageLimits
 
 METADATA = "model_metadata.json"
 CHECKPOINTS = "deepracer_checkpoints.json"
-_DATA = "data"  # what a zip of stable-baselines3 says of itself, as JSON
+_DATA = "data"  # the description in a zip of stable-baselines3, as JSON
 BEST, LAST, ASKED = "best", "last", "asked"
 
 _FLAGS = re.IGNORECASE | re.DOTALL
 _COPY = r"( ?\(\d{1,3}\)| - copy( \(\d{1,3}\))?| copy( \d{1,3})?)?"
 _CAR = re.compile(rf"(.*/)?model{_COPY}\.pb\Z", _FLAGS)
 _ITERATION = re.compile(rf"(.*/)?model_(?P<number>\d{{1,9}}){_COPY}\.pb\Z", _FLAGS)
-_ONNX = re.compile(r".*\.onnx\Z", _FLAGS)
 _METADATA = re.compile(rf"(.*/)?model_metadata{_COPY}\.json\Z", _FLAGS)
 _CHECKPOINTS = re.compile(rf"(.*/)?deepracer_checkpoints{_COPY}\.json\Z", _FLAGS)
 _POLICY = re.compile(r"(.*/)?policy\.pth\Z", re.DOTALL)
@@ -71,13 +66,12 @@ class Choice:
 
 
 def is_wanted_early(name: str) -> bool:
-    """Whether the choice, or a car without a choice, needs this file: a stream keeps it in passing."""
+    """Whether a stream keeps this file for the choice while it passes."""
     return bool(_METADATA.match(name) or _CHECKPOINTS.match(name)) or name.rsplit("/", 1)[-1] == _DATA
 
 
 def is_network(name: str) -> bool:
-    """Whether a file of this name may be chosen as the network."""
-    return any(pattern.match(name) for pattern in (_CAR, _ITERATION, _ONNX, _POLICY))
+    return has_network_name(name) or any(pattern.match(name) for pattern in (_CAR, _ITERATION, _POLICY))
 
 
 def inner_archive(sizes: Iterable[str]) -> str | None:
@@ -97,7 +91,7 @@ def choose(sizes: Mapping[str, int], read: Read, limits: PackageLimits, checkpoi
     reason = ""
     cars = [name for name in sizes if _CAR.match(name)]
     iterations = {name: int(found["number"]) for name in sizes if (found := _ITERATION.match(name))}
-    onnx = [name for name in sizes if _ONNX.match(name)]
+    onnx = [name for name in sizes if has_network_name(name)]
     policies = [name for name in sizes if _POLICY.match(name) and _folder(name) + _DATA in sizes]
     if len(policies) == 1 and not (checkpoint or cars or iterations or onnx):
         (network,) = policies
@@ -117,7 +111,7 @@ def choose(sizes: Mapping[str, int], read: Read, limits: PackageLimits, checkpoi
 
 
 def _nothing(sizes: Iterable[str]) -> UserFault:
-    """Why there is no network in an archive, as far as its names tell."""
+    """The reason why an archive has no network, as far as its names show."""
     names = list(sizes)
     if any(_PICKLED.match(name) for name in names):
         return UserFault("torch_file")
@@ -127,14 +121,13 @@ def _nothing(sizes: Iterable[str]) -> UserFault:
     for name in names:
         if name.casefold().endswith(".xml") and name.casefold()[:-4] + ".bin" in folded:
             return UserFault("network_format", format="OpenVINO", member=printable(name))
-        for pattern, said in _FOREIGN:
+        for pattern, foreign_format in _FOREIGN:
             if pattern.match(name):
-                return UserFault("network_format", format=said, member=printable(name))
+                return UserFault("network_format", format=foreign_format, member=printable(name))
     return UserFault("model_missing", found=list_names(names))
 
 
 def _only_one(names: list[str], sizes: Mapping[str, int], read: Read) -> str:
-    """The first of these networks, if the others are equal copies of it."""
     first, *others = names
     if others:
         same = len(names) <= _COMPARED and len({sizes[name] for name in names}) == 1
@@ -167,7 +160,7 @@ def _only_metadata(names: list[str], read: Read) -> str:
 def _iteration(
     iterations: Mapping[str, int], sizes: Mapping[str, int], read: Read, limits: PackageLimits, checkpoint: str
 ) -> tuple[str, str]:
-    """The frozen graph of one iteration of a training, and why this one."""
+    """The frozen graph of one iteration of a training, and the reason for the choice."""
     if not iterations:
         raise UserFault("checkpoint_missing", checkpoint=printable(checkpoint, 20), found="none")
     folders = {_folder(name) for name in iterations}
@@ -226,12 +219,12 @@ def _no_checkpoint(asked: str, numbers: Iterable[int]) -> UserFault:
 
 
 def _folder(name: str) -> str:
-    """The folder that a file lies in, with its slash; empty at the top."""
+    """The folder of a file, with its slash; empty at the top."""
     return name[: name.rfind("/") + 1]
 
 
 def list_names(names: Iterable[str]) -> str:
-    """What an upload holds, for a sentence."""
+    """The content of an upload, for a sentence."""
     return _list(names, 5) or "-"
 
 

@@ -1,14 +1,13 @@
-"""Streams that are compressed, once or several times: unpacked piece by piece, within one limit of size and ratio.
+"""Decompresses streams piece by piece, within one limit of size and ratio."""
 
-gzip of any number of members (RFC 1952; bgzip and pigz write many), xz of any number of streams, bzip2 as well.
-"""
-
-from __future__ import annotations
+# Supported: gzip of any number of members (RFC 1952; bgzip and pigz write many), xz of any number of streams, and
+# bzip2, also one inside another.
 
 import bz2
 import lzma
 import zlib
 from collections.abc import Callable, Iterator
+from itertools import chain
 from typing import Any, Protocol
 
 from paddock.errors import UserFault
@@ -92,7 +91,7 @@ class Unpacked:
 
 
 def _pieces(engine: Any, data: bytes) -> Iterator[bytes]:
-    """What comes out of a decompressor for this input, in pieces of bounded size."""
+    """The output of a decompressor for this input, in pieces of bounded size."""
     while not engine.eof:
         try:
             piece = engine.decompress(data, CHUNK)
@@ -108,16 +107,19 @@ def _pieces(engine: Any, data: bytes) -> Iterator[bytes]:
 
 
 def _peek(chunks: Iterator[bytes]) -> tuple[bytes, Iterator[bytes]]:
-    """The first bytes, and all of them again."""
+    """The first bytes, and an iterator over all of them."""
     first = b""
     for chunk in chunks:
         first += chunk
         if len(first) >= kinds.HEAD:
             break
-    return first[: kinds.HEAD], _again(first, chunks)
+    return first[: kinds.HEAD], chain([first] if first else [], chunks)
 
 
-def _again(first: bytes, chunks: Iterator[bytes]) -> Iterator[bytes]:
-    if first:
-        yield first
-    yield from chunks
+def read_exactly(stream: Readable, size: int) -> bytes:
+    """``size`` bytes, or fewer at the end of the stream."""
+    parts, missing = [], size
+    while missing and (part := stream.read(missing)):
+        parts.append(part)
+        missing -= len(part)
+    return parts[0] if len(parts) == 1 else b"".join(parts)

@@ -1,19 +1,44 @@
-"""What each sensor feeds a network: the tensor of one observation.
+"""The registry of sensors, with the tensor that each feeds to a network."""
 
-Source: deepracer-simapp, markov/sensors/utils.py (get_observation_space) after its grey-scale filter; deepracer.md 1.5.
-"""
-
-from __future__ import annotations
+# Source: deepracer-simapp, markov/sensors/utils.py (get_observation_space) after its grey-scale filter.
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
-LIDAR_BEAMS = 64
-_SECTORS = 8
+from paddock.errors.reasons import gettext_noop as _
 
-CAMERAS = ("FRONT_FACING_CAMERA", "LEFT_CAMERA", "STEREO_CAMERAS", "observation")
-LIDARS = ("LIDAR", "SECTOR_LIDAR", "DISCRETIZED_SECTOR_LIDAR")
-SENSOR_NAMES = CAMERAS + LIDARS
+LIDAR_BEAMS = 64
+IN_STEPS = "DISCRETIZED_SECTOR_LIDAR"  # the lidar with settings
+
+
+@dataclass(frozen=True)
+class Sensor:
+    """A sensor. ``label``: its name on pages; ``shape``: as in :class:`InputSpec`, empty where settings decide it."""
+
+    name: str
+    label: str
+    shape: tuple[int, ...] = ()
+
+    @property
+    def is_camera(self) -> bool:
+        return len(self.shape) == 3
+
+
+SENSORS: Mapping[str, Sensor] = {
+    sensor.name: sensor
+    for sensor in (
+        Sensor("FRONT_FACING_CAMERA", _("front camera"), (120, 160, 1)),
+        Sensor("LEFT_CAMERA", _("left camera"), (120, 160, 1)),
+        Sensor("STEREO_CAMERAS", _("stereo cameras"), (120, 160, 2)),
+        Sensor("observation", _("front camera"), (120, 160, 1)),
+        Sensor("LIDAR", _("lidar"), (LIDAR_BEAMS,)),
+        Sensor("SECTOR_LIDAR", _("sector lidar"), (8,)),
+        Sensor(IN_STEPS, _("sector lidar, discretized")),
+    )
+}
+SENSOR_NAMES = tuple(SENSORS)
+CAMERAS = tuple(name for name, sensor in SENSORS.items() if sensor.is_camera)
+LIDARS = tuple(name for name in SENSORS if name not in CAMERAS)
 MOST_FRAMES = 8  # that a network may read at once
 
 # deepracer-simapp, boto/s3/constants.py (DiscretizedSectorLidarDefaults)
@@ -33,7 +58,6 @@ class InputSpec:
 
     @property
     def channels_last(self) -> tuple[int, ...]:
-        """The shape with a batch of one; for pictures NHWC."""
         return (1, *self.shape)
 
     @property
@@ -44,31 +68,19 @@ class InputSpec:
         height, width, channels = self.shape
         return (1, channels, height, width)
 
-    def stacked(self, frames: int) -> InputSpec:
-        """The input of a network that reads the last ``frames`` observations at once, joined as VecFrameStack of
-        stable-baselines3 joins them: along the last axis (the channels of a picture), the newest last."""
+    def stacked(self, frames: int) -> "InputSpec":
+        """The input for ``frames`` observations, joined along the last axis as by VecFrameStack, the newest last."""
         return replace(self, shape=(*self.shape[:-1], frames * self.shape[-1]))
 
 
 def input_spec(sensor: str, lidar_config: Mapping[str, float] | None = None) -> InputSpec:
     """The input that ``sensor`` (one of :data:`SENSOR_NAMES`) feeds. KeyError for another name."""
-    if sensor == "DISCRETIZED_SECTOR_LIDAR":
+    if sensor == IN_STEPS:
         config = lidar_settings(lidar_config)
         return InputSpec(sensor, (int(config["num_sectors"]) * int(config["num_values_per_sector"]),))
-    return InputSpec(sensor, _SHAPES[sensor])
+    return InputSpec(sensor, SENSORS[sensor].shape)
 
 
 def lidar_settings(lidar_config: Mapping[str, float] | None = None) -> dict[str, float]:
-    """All three settings of a DISCRETIZED_SECTOR_LIDAR: those of a checked ``lidar_config``, and the field's defaults
-    where it has none."""
+    """The settings of a DISCRETIZED_SECTOR_LIDAR: a checked ``lidar_config``, completed with the field's defaults."""
     return {**LIDAR_DEFAULTS, **(lidar_config or {})}
-
-
-_SHAPES: dict[str, tuple[int, ...]] = {
-    "FRONT_FACING_CAMERA": (120, 160, 1),
-    "LEFT_CAMERA": (120, 160, 1),
-    "observation": (120, 160, 1),
-    "STEREO_CAMERAS": (120, 160, 2),
-    "LIDAR": (LIDAR_BEAMS,),
-    "SECTOR_LIDAR": (_SECTORS,),
-}

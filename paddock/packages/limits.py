@@ -1,8 +1,8 @@
-"""Every bound on an upload, in one place. Settings pass a changed copy; the room's other files hold no such number."""
+"""Every bound on an upload."""
 
-from __future__ import annotations
+# Settings pass a changed copy; other modules of this package define no limits.
 
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 
 MEGABYTE = 1024 * 1024
 
@@ -42,14 +42,6 @@ class PackageLimits:
     slots: int = 2  # conversions at a time
     slot_wait_s: float = 20.0
     waiting: int = 2  # uploads that may wait for a slot; with the slots fewer than the web server has threads
-
-    def to_dict(self) -> dict:
-        """JSON-able form for the sandboxed process."""
-        return asdict(self)
-
-    @classmethod
-    def from_dict(cls, data: dict) -> PackageLimits:
-        return cls(**data)
 
 
 DEFAULT_LIMITS = PackageLimits()

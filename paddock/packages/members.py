@@ -1,10 +1,7 @@
-"""The names in an archive, whatever its format: checked one by one, before anything is read.
+"""Checks the member names of an archive before anything is read."""
 
-Packing tools add a leading ``./``, folders around everything, folder entries and their own droppings (``.DS_Store``,
-``__MACOSX/``, ``._*``). Which of the files are wanted is decided when all names are known: see :mod:`.choose`.
-"""
-
-from __future__ import annotations
+# Packing tools add a leading ``./``, folders around everything, folder entries and their own files (``.DS_Store``,
+# ``__MACOSX/``, ``._*``). :mod:`.choose` selects the needed files when all names are known.
 
 import re
 from collections.abc import Callable
@@ -19,7 +16,7 @@ _JOINERS = "\u200c\u200d"  # within words of some scripts, and within emoji
 
 
 def decoded(raw: bytes) -> str:
-    """A member's name as text: UTF-8, or what Windows and old tools write, whose letters nothing depends on."""
+    """A member's name as text: UTF-8, or else the code page of Windows and old tools."""
     try:
         return raw.decode("utf-8")
     except UnicodeDecodeError:
@@ -27,8 +24,7 @@ def decoded(raw: bytes) -> str:
 
 
 def clean_name(raw: bytes, limits: PackageLimits) -> str:
-    """The member's path in plain form, without a leading ``./``. Refuses every path trick. A backslash separates
-    folders, as PowerShell writes it."""
+    """The member's plain path without a leading ``./``. Refuses path tricks; a backslash separates folders."""
     name = decoded(raw).replace("\\", "/")
     while name.startswith("./"):
         name = name[2:]

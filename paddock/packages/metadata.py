@@ -1,28 +1,25 @@
-"""``model_metadata.json``: the field's own format, with the field's own defaults.
+"""Parses ``model_metadata.json``, the field's own format with the field's own defaults."""
 
-Source: deepracer-simapp, markov/boto/s3/files/model_metadata.py and markov/multi_agent_coach/action_space_configs.py;
-deepracer.md 1.3. Stricter than the original where it would crash or drive nonsense, never where a real file passes:
-numbers may be strings, unknown keys are ignored, and actions outside the car's range are kept, because the simulator
-clips them (to 30 degrees and 0.1-4 m/s).
-"""
+# Source: deepracer-simapp, markov/boto/s3/files/model_metadata.py and markov/multi_agent_coach/action_space_configs.py.
+# Stricter than the original where it would crash or drive nonsense, never where a real file passes: numbers may be
+# strings, unknown keys are ignored, and actions outside the car's range are kept, because the simulator clips them (to
+# 30 degrees and 0.1-4 m/s).
 
-from __future__ import annotations
-
+import hashlib
 import json
 import math
-from collections import Counter
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import Any
+from typing import TypedDict
 
 from paddock.errors import UserFault
 from paddock.network.wire import printable
 
 from .inputs import (
     CAMERAS,
+    IN_STEPS,
     LIDAR_BEAMS,
     LIDAR_DEFAULTS,
-    LIDARS,
     MOST_FRAMES,
     SENSOR_NAMES,
     InputSpec,
@@ -48,6 +45,19 @@ _BYTE_ORDER_MARK = b"\xef\xbb\xbf"
 Actions = tuple[Mapping[str, float], ...] | Mapping[str, Mapping[str, float]]
 
 
+class MetadataDocument(TypedDict, total=False):
+    """A checked ``model_metadata.json``. ``lidar_config`` and ``frame_stack``: only where they count."""
+
+    action_space: list[dict[str, float]] | dict[str, dict[str, float]]
+    action_space_type: str
+    sensor: list[str]
+    neural_network: str
+    training_algorithm: str
+    version: str
+    lidar_config: dict[str, float]
+    frame_stack: int
+
+
 @dataclass(frozen=True)
 class ModelMetadata:
     """A car's metadata, checked and with defaults filled in."""
@@ -63,17 +73,15 @@ class ModelMetadata:
 
     @property
     def output_size(self) -> int:
-        """How many values the network must answer: one for each action, or steering and speed."""
+        """The number of the network's outputs: one for each action, or steering and speed."""
         return len(self.actions) if self.action_space_type == DISCRETE else len(_KEYS)
 
     @property
     def inputs(self) -> tuple[InputSpec, ...]:
-        """The tensors the network reads, in the order of the sensors' names."""
         specs = (input_spec(sensor, self.lidar_config) for sensor in sorted(self.sensors))
         return tuple(spec.stacked(self.frame_stack) for spec in specs)
 
-    def to_dict(self) -> dict:
-        """The metadata with the field's own keys, as a file could be written."""
+    def to_dict(self) -> MetadataDocument:
         return {
             **self._what_counts(),
             "sensor": list(self.sensors),
@@ -83,13 +91,12 @@ class ModelMetadata:
         }
 
     def canonical_json(self) -> bytes:
-        """The part that belongs to a model's identity: action space, sensors and stacked frames, independent of layout
-        and order."""
+        """The part of a model's identity: action space, sensors and stacked frames, independent of layout and order."""
         return json.dumps(self._what_counts(), sort_keys=True, separators=(",", ":")).encode()
 
-    def _what_counts(self) -> dict[str, Any]:
+    def _what_counts(self) -> MetadataDocument:
         actions = self.actions
-        data: dict[str, Any] = {
+        data: MetadataDocument = {
             "action_space": (
                 {key: dict(bounds) for key, bounds in actions.items()}
                 if isinstance(actions, Mapping)
@@ -98,11 +105,18 @@ class ModelMetadata:
             "action_space_type": self.action_space_type,
             "sensor": sorted(self.sensors),
         }
-        if "DISCRETIZED_SECTOR_LIDAR" in self.sensors:
+        if IN_STEPS in self.sensors:
             data["lidar_config"] = dict(self.lidar_config)
         if self.frame_stack > 1:
             data["frame_stack"] = self.frame_stack
         return data
+
+
+def identity(onnx: bytes, metadata: ModelMetadata) -> str:
+    """sha-256 of the canonical network, a zero byte, and the metadata that counts (action space and sensors)."""
+    digest = hashlib.sha256(onnx)
+    digest.update(b"\0" + metadata.canonical_json())
+    return digest.hexdigest()
 
 
 def parse_metadata(data: bytes, limits: PackageLimits = DEFAULT_LIMITS) -> ModelMetadata:
@@ -132,7 +146,7 @@ def parse_metadata(data: bytes, limits: PackageLimits = DEFAULT_LIMITS) -> Model
 
 
 def _load(data: bytes) -> object:
-    """JSON without its dark corners: no NaN, no equal keys, no deep nesting, no huge integers."""
+    """Parse JSON without NaN, equal keys, deep nesting and huge integers."""
     try:
         text = data.removeprefix(_BYTE_ORDER_MARK).decode("utf-8")
     except UnicodeDecodeError as error:
@@ -171,17 +185,16 @@ def _bounded_int(digits: str) -> int:
 
 
 def _unique_keys(pairs: list[tuple[str, object]]) -> dict:
-    result = dict(pairs)
-    if len(result) != len(pairs):
-        counts = Counter(key for key, _ in pairs)
-        twice = next(key for key, count in counts.items() if count > 1)
-        raise UserFault("metadata_duplicate_key", key=printable(twice, 40))
+    result: dict[str, object] = {}
+    for key, value in pairs:
+        if key in result:
+            raise UserFault("metadata_duplicate_key", key=printable(key, 40))
+        result[key] = value
     return result
 
 
 def _choice(raw: dict, key: str, known: tuple[str, ...], code: str) -> str:
-    """A word out of ``known``, the first if missing or empty; letters' case and blanks do not matter, as in the
-    original."""
+    """A word of ``known``, by default the first; case and blanks do not matter, as in the original."""
     value = raw.get(key, "")
     if not isinstance(value, str):
         raise UserFault(code)
@@ -193,7 +206,7 @@ def _choice(raw: dict, key: str, known: tuple[str, ...], code: str) -> str:
 
 
 def _network(raw: dict) -> str:
-    """The depth for the record; any other name counts as the field's default, because the network itself is read."""
+    """The depth for the record; any other name counts as the field's default."""
     value = raw.get("neural_network", NETWORKS[0])
     if not isinstance(value, str):
         raise UserFault("metadata_network")
@@ -202,7 +215,7 @@ def _network(raw: dict) -> str:
 
 
 def _version_and_sensors(raw: dict) -> tuple[str, tuple[str, ...]]:
-    """Version and sensors hang together: files without a sensor list are of version 1 and feed ``observation``."""
+    """Files without a sensor list are of version 1 and feed ``observation``."""
     if "version" in raw:
         version = _number(raw["version"])
         if version is None or not 1 <= version <= 6:
@@ -212,14 +225,18 @@ def _version_and_sensors(raw: dict) -> tuple[str, tuple[str, ...]]:
     sensors = raw.get("sensor", ["observation"]) if version >= 2 else ["observation"]
     if not isinstance(sensors, list) or not all(isinstance(sensor, str) for sensor in sensors):
         raise UserFault("metadata_sensor", sensor=printable(repr(sensors), 40))
+    check_sensors(sensors)
+    return f"{version:g}", tuple(sensors)
+
+
+def check_sensors(sensors: Sequence[str]) -> None:
+    """Raise UserFault("metadata_sensor" | "metadata_sensor_set") unless these are a camera and at most one lidar."""
     unknown = [sensor for sensor in sensors if sensor not in SENSOR_NAMES]
     if unknown:
-        raise UserFault("metadata_sensor", sensor=printable(unknown[0], 40))
+        raise UserFault("metadata_sensor", sensor=printable(str(unknown[0]), 40))
     cameras = sum(sensor in CAMERAS for sensor in sensors)
-    lidars = sum(sensor in LIDARS for sensor in sensors)
-    if cameras != 1 or lidars > 1:
+    if cameras != 1 or len(sensors) > cameras + 1:
         raise UserFault("metadata_sensor_set")
-    return f"{version:g}", tuple(sensors)
 
 
 def _actions(raw: dict, kind: str) -> Actions:

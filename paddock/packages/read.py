@@ -1,13 +1,10 @@
-"""From uploaded files to a network's bytes and its metadata's bytes: bounded, by content, nothing extracted to disk.
+"""Reads the network and the metadata from uploaded files, within bounds and without extraction to disk."""
 
-What a file is, :mod:`.kinds` says; which files of an archive are the car, :mod:`.choose` does.
-"""
-
-from __future__ import annotations
+# :mod:`.kinds` detects the type of a file; :mod:`.choose` selects the files of an archive.
 
 import hashlib
 import io
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any, BinaryIO
 
@@ -17,7 +14,7 @@ from paddock.network.wire import printable
 from . import choose, kinds
 from .archive_tar import TarArchive
 from .archive_zip import ZipArchive
-from .compressed import Unpacked
+from .compressed import Unpacked, read_exactly
 from .kinds import ONNX, SB3, TENSORFLOW, network_kind
 from .limits import DEFAULT_LIMITS, PackageLimits
 
@@ -31,7 +28,7 @@ _NETWORK, _METADATA, _WEIGHTS = "network", "metadata", "weights"
 @dataclass(frozen=True)
 class UploadPart:
     """One uploaded file. ``name`` is the sender's; of it only the ending counts, and only for weights beside an ONNX
-    file: all others are told apart by content. An archive's ``stream`` must be seekable."""
+    file: all others are recognised by their content. An archive's ``stream`` must be seekable."""
 
     name: str
     stream: BinaryIO
@@ -47,39 +44,32 @@ class RawPackage:
     metadata_json: bytes
     source_sha256: str  # of the file as sent; of the digests of its parts when they came as several files
     weights: dict[str, bytes] = field(default_factory=dict)  # files beside an ONNX file that may hold its weights
-    # what the racer is told
+    # notes for the racer
     taken: str = field(default="", compare=False)  # the network's name in the archive
     reason: str = field(default="", compare=False)  # why this checkpoint: a word of :mod:`.choose`
     ignored: tuple[str, ...] = field(default=(), compare=False)  # files of the archive that were not needed
 
 
 class _Metered:
-    """A stream that counts, hashes and stops at the upload's limit (shared by all parts)."""
+    """A stream that counts, hashes and stops at the upload's limit. ``meter``: the bytes left to all parts."""
 
-    def __init__(self, part: UploadPart, meter: _Meter) -> None:
-        self.name = part.name
-        self.stream = part.stream
-        self._meter = meter
+    def __init__(self, part: UploadPart, meter: list[int], limits: PackageLimits) -> None:
+        self.name, self.stream = part.name, part.stream
+        self._meter, self._limits = meter, limits
         self.digest = hashlib.sha256()
         self.size = 0
 
     def read(self, size: int) -> bytes:
         chunk = self.stream.read(size)
-        self._meter.add(len(chunk))
+        self._meter[0] -= len(chunk)
+        if self._meter[0] < 0:
+            raise UserFault("too_large", limit_mb=self._limits.upload_bytes >> 20)
         self.size += len(chunk)
         self.digest.update(chunk)
         return chunk
 
-    def read_exactly(self, size: int) -> bytes:
-        """``size`` bytes, or fewer at the end of the stream."""
-        parts, missing = [], size
-        while missing and (chunk := self.read(missing)):
-            parts.append(chunk)
-            missing -= len(chunk)
-        return b"".join(parts)
-
     def read_all(self, head: bytes, limit: int) -> bytes:
-        """``head`` and the rest of the stream; where that is more than ``limit``, only somewhat more than it."""
+        """``head`` and the rest of the stream; of more than ``limit`` bytes only somewhat more than it."""
         whole = io.BytesIO()  # gives its bytes away without a copy
         whole.write(head)
         while whole.tell() <= limit and (chunk := self.read(_CHUNK)):
@@ -87,20 +77,8 @@ class _Metered:
         return whole.getvalue()
 
     def exhaust(self) -> None:
-        """Read to the end, for the meter and the digest."""
         while self.read(_CHUNK):
             pass
-
-
-class _Meter:
-    def __init__(self, limits: PackageLimits) -> None:
-        self._left = limits.upload_bytes
-        self._limits = limits
-
-    def add(self, size: int) -> None:
-        self._left -= size
-        if self._left < 0:
-            raise UserFault("too_large", limit_mb=self._limits.upload_bytes >> 20)
 
 
 def read_upload(
@@ -116,9 +94,9 @@ def read_upload(
         raise UserFault("empty")
     if len(files) > limits.parts:
         raise UserFault("upload_parts")
-    meter = _Meter(limits)
-    parts = [_Metered(part, meter) for part in files]
-    heads = [part.read_exactly(kinds.HEAD) for part in parts]
+    meter = [limits.upload_bytes]
+    parts = [_Metered(part, meter, limits) for part in files]
+    heads = [read_exactly(part, kinds.HEAD) for part in parts]
     if not all(heads):
         raise UserFault("empty")
     roles = _roles(parts, heads)
@@ -128,13 +106,13 @@ def read_upload(
 
 
 def _roles(parts: list[_Metered], heads: list[bytes]) -> list[str]:
-    """What each part is: an archive's kind, or what a loose file is for."""
+    """The role of each part: an archive's kind, or the purpose of a loose file."""
     roles = []
-    said = [kinds.sniff(head) for head in heads]
+    kinds_by_content = [kinds.sniff(head) for head in heads]
     named = [kinds.is_weights_file(part.name) for part in parts]
     # beside a network only: alone or with its metadata, a file of such a name is the network
-    accompany = any(not is_named and kind != kinds.JSON for is_named, kind in zip(named, said, strict=True))
-    for is_named, kind in zip(named, said, strict=True):
+    accompany = any(not is_named and kind != kinds.JSON for is_named, kind in zip(named, kinds_by_content, strict=True))
+    for is_named, kind in zip(named, kinds_by_content, strict=True):
         if is_named and accompany:
             roles.append(_WEIGHTS)
         elif kind in kinds.ARCHIVES:
@@ -187,58 +165,6 @@ class _Found:
     metadata: bytes | None
 
 
-def _find(archive: _Archive, packed: int, limits: PackageLimits, checkpoint: str, depth: int = 0) -> _Found:
-    """``packed``: the size of the upload itself, against which whatever comes out of it is measured."""
-
-    def read(name: str) -> bytes:
-        return archive.read([name])[name]
-
-    sizes = archive.sizes
-    inner = choose.inner_archive(sizes) if depth < _NESTED else None
-    if inner is not None:
-        beside = choose.metadata_of("", sizes, read)
-        metadata = None if beside is None else _small(beside, sizes, read, limits)
-        found = _find_inner(inner, archive, packed, limits, checkpoint, depth)
-        names = [*(name for name in sizes if name not in (inner, beside)), *found.names]
-        return replace(found, names=names, metadata=metadata if found.metadata is None else found.metadata)
-    choice = choose.choose(sizes, read, limits, checkpoint)
-    wanted = [choice.network, *choice.weights]
-    if sum(sizes[name] for name in wanted) > limits.model_bytes:
-        raise UserFault("model_too_large", limit_mb=limits.model_bytes >> 20)
-    if choice.metadata is not None:
-        if sizes[choice.metadata] > limits.metadata_bytes:
-            raise UserFault("metadata_too_large", limit_kb=limits.metadata_bytes // 1000)
-        wanted.append(choice.metadata)
-    members = archive.read(wanted)
-    return _Found(choice, members, list(sizes), members.get(choice.metadata or ""))
-
-
-def _find_inner(name: str, outer: _Archive, packed: int, limits: PackageLimits, checkpoint: str, depth: int) -> _Found:
-    """The car in the only archive that an archive holds, within the limits that are left of the upload's."""
-    if outer.sizes[name] > limits.model_bytes:
-        raise UserFault("expanded_size")
-    content = outer.read([name])[name]
-    allowed = max(limits.expansion_free_bytes, limits.expansion_ratio * packed)
-    within = replace(limits, expanded_bytes=min(limits.expanded_bytes, allowed))
-    part = _Metered(UploadPart(name, io.BytesIO(content)), _Meter(limits))
-    head = part.read_exactly(kinds.HEAD)
-    kind = kinds.sniff(head)
-    if kind not in kinds.ARCHIVES:
-        raise UserFault("model_missing", found=choose.list_names(outer.sizes))
-    return _find(_open(kind, head, part, within), packed, within, checkpoint, depth + 1)
-
-
-def _small(name: str, sizes: Mapping[str, int], read: choose.Read, limits: PackageLimits) -> bytes:
-    if sizes[name] > limits.metadata_bytes:
-        raise UserFault("metadata_too_large", limit_kb=limits.metadata_bytes // 1000)
-    return read(name)
-
-
-class _Early:
-    is_network = staticmethod(choose.is_network)
-    is_wanted = staticmethod(choose.is_wanted_early)
-
-
 class _OneFile:
     """A network that is compressed without an archive, such as ``model.onnx.gz``."""
 
@@ -253,6 +179,53 @@ class _OneFile:
 _Archive = TarArchive | ZipArchive | _OneFile
 
 
+def _find(archive: _Archive, packed: int, limits: PackageLimits, checkpoint: str, depth: int = 0) -> _Found:
+    """``packed``: the size of the upload itself, the base of every ratio."""
+
+    def read(name: str) -> bytes:
+        return archive.read([name])[name]
+
+    sizes = archive.sizes
+    inner = choose.inner_archive(sizes) if depth < _NESTED else None
+    if inner is not None:
+        beside = choose.metadata_of("", sizes, read)
+        if beside is not None and sizes[beside] > limits.metadata_bytes:
+            raise _metadata_too_large(limits)
+        metadata = None if beside is None else read(beside)
+        found = _find_inner(inner, archive, packed, limits, checkpoint, depth)
+        names = [*(name for name in sizes if name not in (inner, beside)), *found.names]
+        return replace(found, names=names, metadata=metadata if found.metadata is None else found.metadata)
+    choice = choose.choose(sizes, read, limits, checkpoint)
+    wanted = [choice.network, *choice.weights]
+    if sum(sizes[name] for name in wanted) > limits.model_bytes:
+        raise UserFault("model_too_large", limit_mb=limits.model_bytes >> 20)
+    if choice.metadata is not None:
+        if sizes[choice.metadata] > limits.metadata_bytes:
+            raise _metadata_too_large(limits)
+        wanted.append(choice.metadata)
+    members = archive.read(wanted)
+    return _Found(choice, members, list(sizes), members.get(choice.metadata or ""))
+
+
+def _find_inner(name: str, outer: _Archive, packed: int, limits: PackageLimits, checkpoint: str, depth: int) -> _Found:
+    """The car in an archive's only archive, within the upload's remaining limits."""
+    if outer.sizes[name] > limits.model_bytes:
+        raise UserFault("expanded_size")
+    content = outer.read([name])[name]
+    allowed = max(limits.expansion_free_bytes, limits.expansion_ratio * packed)
+    within = replace(limits, expanded_bytes=min(limits.expanded_bytes, allowed))
+    part = _Metered(UploadPart(name, io.BytesIO(content)), [limits.upload_bytes], limits)
+    head = read_exactly(part, kinds.HEAD)
+    kind = kinds.sniff(head)
+    if kind not in kinds.ARCHIVES:
+        raise UserFault("model_missing", found=choose.list_names(outer.sizes))
+    return _find(_open(kind, head, part, within), packed, within, checkpoint, depth + 1)
+
+
+def _metadata_too_large(limits: PackageLimits) -> UserFault:
+    return UserFault("metadata_too_large", limit_kb=limits.metadata_bytes // 1000)
+
+
 def _open(kind: str, head: bytes, part: _Metered, limits: PackageLimits) -> _Archive:
     if kind == kinds.ZIP:
         part.exhaust()
@@ -260,20 +233,20 @@ def _open(kind: str, head: bytes, part: _Metered, limits: PackageLimits) -> _Arc
     unpacked = Unpacked(head, part, limits)
     if unpacked.kind == kinds.ZIP:
         return ZipArchive(io.BytesIO(_whole(unpacked, limits)), limits)
-    if said := kinds.foreign_format(unpacked.head):
-        raise UserFault("network_format", format=said, member=printable(part.name))
+    if foreign := kinds.foreign_format(unpacked.head):
+        raise UserFault("network_format", format=foreign, member=printable(part.name))
     if unpacked.kind == kinds.BINARY and (network := network_kind(unpacked.head)):
-        return _OneFile("model.pb" if network == TENSORFLOW else "model.onnx", _whole(unpacked, limits))
+        return _OneFile(f"model{kinds.FORMATS[network].suffix}", _whole(unpacked, limits))
 
     def again() -> Iterator[bytes]:
         part.stream.seek(0)
         return Unpacked(part.stream.read(kinds.HEAD), part.stream, limits).chunks
 
-    return TarArchive(unpacked.chunks, again, limits, _Early)
+    return TarArchive(unpacked.chunks, again, limits)
 
 
 def _whole(unpacked: Unpacked, limits: PackageLimits) -> bytes:
-    """What is read as a whole: a network, and a zip that was compressed once more, which is read from its end."""
+    """A network, or a zip that was compressed once more, as a whole."""
     whole = io.BytesIO()
     for chunk in unpacked.chunks:
         whole.write(chunk)
@@ -290,8 +263,8 @@ def _read_loose(roles: list[str], parts: list[_Metered], heads: list[bytes], lim
     weights: dict[str, bytes] = {}
     left = limits.model_bytes
     for role, part, head in zip(roles, parts, heads, strict=True):
-        if role == _NETWORK and (said := kinds.foreign_format(head)):
-            raise UserFault("network_format", format=said, member=printable(part.name))
+        if role == _NETWORK and (foreign := kinds.foreign_format(head)):
+            raise UserFault("network_format", format=foreign, member=printable(part.name))
         if role == _NETWORK and network_kind(head) is None:
             raise UserFault("torch_file" if kinds.is_pickle(head) else "not_a_model")
         content = part.read_all(head, limits.metadata_bytes if role == _METADATA else left)
@@ -300,7 +273,7 @@ def _read_loose(roles: list[str], parts: list[_Metered], heads: list[bytes], lim
             continue
         left -= len(content)
         if left < 0:
-            part.exhaust()  # what is beyond the upload's limit too is told so
+            part.exhaust()  # reports what exceeds the upload's limit as well
             raise UserFault("model_too_large", limit_mb=limits.model_bytes >> 20)
         if role == _NETWORK:
             found[role] = content
@@ -328,19 +301,18 @@ def _joint_digest(*digests: bytes) -> str:
 def _package(
     model: bytes | None, metadata: bytes | None, limits: PackageLimits, kind: str = "", found: str = "", **rest: Any
 ) -> RawPackage:
-    if kind == SB3:
-        if metadata is None:
-            raise UserFault("sb3_metadata_missing")
-    elif model is not None:
+    if kind == SB3 and metadata is None:
+        raise UserFault("sb3_metadata_missing")
+    if kind != SB3 and model is not None:
         kind = network_kind(model) or ""
         if not kind:
             raise UserFault("not_a_model") if model else UserFault("empty")
-        if rest["weights"] and kind != ONNX:
+        if rest["weights"] and not kinds.FORMATS[kind].weights:
             raise UserFault("upload_parts")
     if metadata is None:
         raise UserFault("metadata_missing" if model is not None else "model_missing", found=found)
     if len(metadata) > limits.metadata_bytes:
-        raise UserFault("metadata_too_large", limit_kb=limits.metadata_bytes // 1000)
+        raise _metadata_too_large(limits)
     if model is None:
         raise UserFault("model_missing", found=found)
     return RawPackage(kind, model, metadata, **rest)

@@ -1,17 +1,12 @@
-"""Why an upload is refused."""
+"""The reasons for which an upload is refused."""
 
 from paddock.errors.reasons import gettext_noop as _
 from paddock.errors.reasons import register
 
 register(
     "Upload",
-    "user",
-    {
+    invalid={
         "empty": _("The file is empty. Choose the model's file again and upload it."),
-        "too_large": _(
-            "The upload is larger than %(limit_mb)s MB. A car needs its network and model_metadata.json only: if "
-            "there are checkpoints (.ckpt), logs or videos in it, leave them out."
-        ),
         "not_a_model": _(
             "This is not a model. Upload a model.tar.gz or a .zip (.rar and .7z are not read), or an .onnx file "
             "together with its model_metadata.json."
@@ -65,21 +60,33 @@ register(
             "compression). Pack it as an ordinary .tar.gz or .zip."
         ),
         "archive_overlap": _("Files in the archive overlap, as in a zip bomb. Pack it again with a standard tool."),
-        "expanded_size": _("The archive is too large when unpacked. Pack the network and model_metadata.json only."),
         "sb3_at_home": _(
             "Zips of stable-baselines3 can only be converted by a site. Upload it and download the "
             "model as ONNX, or export it yourself."
+        ),
+    },
+    too_large={
+        "too_large": _(
+            "The upload is larger than %(limit_mb)s MB. A car needs its network and model_metadata.json only: if "
+            "there are checkpoints (.ckpt), logs or videos in it, leave them out."
+        ),
+        "expanded_size": _("The archive is too large when unpacked. Pack the network and model_metadata.json only."),
+    },
+)
+
+register(
+    "Paddock's own faults",
+    unavailable={
+        "sb3_needs_torch": _(
+            "This site cannot read zips of stable-baselines3: PyTorch is not installed on it. Export the policy "
+            "with torch.onnx.export() and upload the .onnx file, or ask the site's operator for training."
         ),
     },
 )
 
 register(
     "model_metadata.json",
-    "user",
-    {
-        "metadata_too_large": _(
-            "model_metadata.json is larger than %(limit_kb)s kB. It only needs the action space and the sensors."
-        ),
+    invalid={
         "metadata_not_json": _(
             "model_metadata.json is not valid JSON (%(line)s: %(problem)s). Compare it with a file written by "
             "the console."
@@ -130,18 +137,18 @@ register(
             "frame_stack must be a whole number from 1 to %(limit)s: how many observations the network reads at once."
         ),
     },
+    too_large={
+        "metadata_too_large": _(
+            "model_metadata.json is larger than %(limit_kb)s kB. It only needs the action space and the sensors."
+        ),
+    },
 )
 
 register(
     "Conversion of a TensorFlow graph",
-    "user",
-    {
+    invalid={
         "graph_unreadable": _(
             "model.pb is damaged or not a frozen TensorFlow graph. Use agent/model.pb from the model archive."
-        ),
-        "graph_too_big": _(
-            "The TensorFlow graph has too many parts (limit %(limit)s). Upload the frozen graph "
-            "agent/model.pb, not a training graph."
         ),
         "graph_not_frozen": _(
             "The graph lacks stored weights (%(node)s). Upload the frozen graph agent/model.pb from the model archive."
@@ -162,12 +169,17 @@ register(
             "from the model archive."
         ),
     },
+    too_large={
+        "graph_too_big": _(
+            "The TensorFlow graph has too many parts (limit %(limit)s). Upload the frozen graph "
+            "agent/model.pb, not a training graph."
+        ),
+    },
 )
 
 register(
     "The network",
-    "user",
-    {
+    invalid={
         "onnx_operator": _(
             "The operator %(operator)s is not allowed in a model's network (%(layer)s). Location: "
             "%(where)s. Use plain layers: convolution, dense, pooling, activations."
@@ -205,8 +217,7 @@ register(
 
 register(
     "Downloads",
-    "user",
-    {
+    invalid={
         "export_operator": _(
             "This format has no equivalent of the operator %(operator)s (%(where)s). Download the ONNX package instead."
         ),

@@ -1,12 +1,8 @@
-"""The list of hyperparameters, by the console's names.
+"""The list of hyperparameters, by the console's names."""
 
-Ranges are those that learners know (deepracer console and DeepRacer on AWS). Defaults are ours, tuned on this simulator
-with ``benchmarks/training.py``. PPO takes small batches of little driving: with ten epochs of it a car laps as soon, at
-twice the reckoning, and is slower to drive fast. SAC makes much of little driving and needs many steps of learning for
-it, so its batches are small and come often. What a learner does with each: :mod:`training.trainer.learners`.
-"""
-
-from __future__ import annotations
+# The ranges are those of the DeepRacer console and of DeepRacer on AWS. The defaults are ours, tuned with
+# ``benchmarks/training.py``: for PPO small batches of few epochs, as ten epochs take twice the computation and learn to
+# drive fast later; for SAC small and frequent batches. :mod:`training.trainer.learners` applies them.
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
@@ -21,8 +17,8 @@ HUBER, MEAN_SQUARED_ERROR = LOSS_TYPES = ("huber", "mean squared error")
 
 @dataclass(frozen=True)
 class Hyperparameter(Rule):
-    """``usual``: the default of each algorithm that has it; ``console``: that of the console; ``why``: why ours is
-    another. ``sizes``: the only numbers within its range."""
+    """``usual``, ``console``: our default and the console's by algorithm; ``why``: the reason for another one;
+    ``sizes``: the only numbers within the range."""
 
     usual: Mapping[str, Any] = field(default_factory=dict)
     console: Mapping[str, Any] = field(default_factory=dict)
@@ -30,7 +26,7 @@ class Hyperparameter(Rule):
     sizes: tuple[int, ...] = ()
 
     def fits(self, value: Any) -> bool:
-        """Whether it may have this value; a whole number may be written with a decimal point."""
+        """Whether the value is valid; a whole number may have a decimal point."""
         if self.choices:
             return value in self.choices
         number = isinstance(value, int | float) and not isinstance(value, bool)
@@ -45,109 +41,91 @@ def _both(ppo: Any, sac: Any) -> dict[str, Any]:
     return {PPO: ppo, SAC: sac}
 
 
+def _number(name: str, between: tuple[float, float], **attributes: Any) -> Hyperparameter:
+    """A number of the type of its bounds."""
+    least, most = between
+    return Hyperparameter(name, type(least), None, least=least, most=most, **attributes)
+
+
 _LIST = (
-    Hyperparameter(
+    _number(
         "batch_size",
-        int,
-        None,
+        (32, 512),
         label=_("Batch size"),
         help=_("Steps per gradient update. Larger batches learn more smoothly and more slowly."),
-        least=32,
-        most=512,
         sizes=(32, 64, 128, 256, 512),
         place=3,
         usual=_both(64, 64),
         console=_both(64, 64),
     ),
-    Hyperparameter(
+    _number(
         "num_epochs",
-        int,
-        None,
+        (3, 10),
         label=_("Epochs"),
         help=_("3 to 10: passes over each batch of experience before it is discarded."),
-        least=3,
-        most=10,
         place=4,
         usual=_both(4, 6),
         console=_both(10, 1),
         why=_("Experience is cheap here: PPO collects new steps instead of more passes; SAC reuses its replay buffer."),
     ),
-    Hyperparameter(
+    _number(
         "lr",
-        float,
-        None,
+        (1e-8, 1e-3),
         label=_("Learning rate"),
         help=_(
             "0.00000001 to 0.001: how far each update moves the weights. Too large a value destroys what was learned."
         ),
-        least=1e-8,
-        most=1e-3,
         place=1,
         usual=_both(1e-3, 1e-3),
         console=_both(3e-4, 3e-4),
         why=_("Our small networks with pooled pictures tolerate larger steps. Clones of console models use 0.0003."),
     ),
-    Hyperparameter(
+    _number(
         "beta_entropy",
-        float,
-        None,
+        (0.0, 1.0),
         label=_("Entropy"),
         help=_("0 to 1: bonus for random actions. Higher values explore more and converge later."),
-        least=0.0,
-        most=1.0,
         place=5,
         usual={PPO: 0.01},
         console={PPO: 0.01},
     ),
-    Hyperparameter(
+    _number(
         "sac_alpha",
-        float,
-        None,
+        (0.0, 1.0),
         label=_("SAC alpha"),
         help=_("0 to 1: bonus for random actions. Higher values explore more and converge later."),
-        least=0.0,
-        most=1.0,
         place=6,
         usual={SAC: 0.05},
         console={SAC: 0.2},
         why=_("At 0.2 the entropy bonus outweighs typical rewards."),
     ),
-    Hyperparameter(
+    _number(
         "entropy_decay",
-        float,
-        None,
+        (0.0, 1.0),
         label=_("Entropy decay"),
         help=_(
             "0 to 1: share of the entropy bonus that is gone by the end of the training. 0 keeps it constant, 1 lowers "
             "it to zero: explore first, then drive precisely."
         ),
-        least=0.0,
-        most=1.0,
         place=7,
         usual=_both(0.0, 0.0),
         console=_both(0.0, 0.0),
     ),
-    Hyperparameter(
+    _number(
         "discount_factor",
-        float,
-        None,
+        (0.0, 1.0),
         label=_("Discount factor"),
         help=_("0 to 1: weight of a reward one step later. 0.97 looks about 33 steps (two seconds) ahead."),
-        least=0.0,
-        most=1.0,
         place=2,
         usual=_both(0.97, 0.97),
         console=_both(0.999, 0.999),
         why=_("A horizon of two seconds is enough for a bend, and shorter horizons are learned faster."),
     ),
-    Hyperparameter(
+    _number(
         "num_episodes_between_training",
-        int,
-        None,
+        (5, 100),
         label=_("Episodes between updates"),
         help=_("5 to 100: experience collected before each update. An episode counts as 100 steps."),
-        least=5,
-        most=100,
         place=8,
         usual=_both(10, 10),
         console=_both(20, 20),
@@ -166,7 +144,7 @@ _LIST = (
     ),
 )
 HYPERPARAMETERS: Mapping[str, Hyperparameter] = {one.name: one for one in _LIST}
-# What each algorithm takes where nobody says otherwise.
+# The defaults of each algorithm.
 DEFAULTS: Mapping[str, Mapping[str, Any]] = {
     algorithm: {one.name: one.usual[algorithm] for one in _LIST if algorithm in one.usual} for algorithm in ALGORITHMS
 }

@@ -1,8 +1,6 @@
-"""The list of race rules: what a race asks and punishes, as plain values that cross a pipe as JSON.
+"""The list of race rules as plain values that can be sent as JSON."""
 
-Two classes hold it. A run is told :class:`RaceRules`; :class:`BoardRules` are what an organiser chooses besides: who is
-ranked how, how often a car is sent and with what. To add a rule, add a field here and read it where it acts.
-"""
+# To add a rule, add a field here and read it where it takes effect.
 
 from __future__ import annotations
 
@@ -19,11 +17,13 @@ from .speed import SpeedCommand, check_log
 TIME_TRIAL, OBJECT_AVOIDANCE, HEAD_TO_HEAD = "time_trial", "object_avoidance", "head_to_head"
 RACE_TYPES = (TIME_TRIAL, OBJECT_AVOIDANCE, HEAD_TO_HEAD)
 DIRECTIONS = ("ccw", "cw")
-AVERAGE, BEST, TOTAL = RANKING_METHODS = ("average", "best", "total")
+AVERAGE, BEST, TOTAL = "average", "best", "total"
+# All ranking methods by their names: the site registers a class for each (races.boards.ranking).
+RANKING_METHODS: dict[str, Any] = {}
 BOTS, MODELS = OPPONENTS = ("bots", "models")
 ROUND_ROBIN, BRACKET = DUEL_FORMATS = ("round_robin", "bracket")
 
-# Of the track's lanes: the one beside the inner border and the one beside the outer border, whatever the direction.
+# The lanes beside the inner and the outer border, in both directions.
 INNER, OUTER = "inner", "outer"
 LANES = (INNER, OUTER)
 
@@ -31,14 +31,19 @@ MAX_BOXES = 10  # console API
 MAX_BOTS = 6  # console API
 MAX_CARS = 4  # in one world, model against model
 BOT_SPEED_RANGE_MPS = (0.2, 4.0)
-# Where a race may have a fixed box, as a share of the lap: not where cars start or finish (DRoA's race form).
+# The shares of the lap for the fixed boxes of a race, away from the start (DRoA's race form).
 BOX_FRACTIONS = (0.07, 0.90)
+
+# Attributes that several rules have.
+_TIME: Mapping[str, Any] = {"unit": "ms", "beyond": True}
+_OF_A_STAGE: Mapping[str, Any] = {"stage": True, "column": True}
+_WITH_BOXES: Mapping[str, Any] = {"race_types": (OBJECT_AVOIDANCE,), "layout": True, "column": True}
+_WITH_CARS: Mapping[str, Any] = {"race_types": (HEAD_TO_HEAD,), "layout": True}
 
 
 @dataclass(frozen=True)
 class BoxPlace:
-    """Where a box stands: the share of a lap driven there from the finish line, in [0, 1), and the lane it stands in
-    the middle of."""
+    """The place of a box: the share of a lap from the finish line, in [0, 1), and the lane."""
 
     fraction: float
     lane: str
@@ -55,18 +60,11 @@ class BoxPlace:
 
 @dataclass(frozen=True)
 class RaceRules:
-    """What a run is told. Raises ValueError at construction when a value makes no sense; whether boxes have room on a
-    certain track is for :mod:`paddock.simulator.layout`.
-
-    Defaults: deepracer-simapp, evaluation_worker.py. Penalties are stood still on the track, in whole control steps
-    (1/15 s, rounded up). Object avoidance has ``boxes`` or ``random_boxes``, 1 to 10; head-to-head has ``bots``, or
-    none and submitted cars race each other.
-    """
+    """The rules of a run. Defaults: deepracer-simapp, evaluation_worker.py. Object avoidance has ``boxes`` or
+    ``random_boxes``, 1 to 10; head-to-head has ``bots``, or submitted cars race each other. Raises ValueError."""
 
     race_type: str = rule(TIME_TRIAL, label=_("Race type"), choices=RACE_TYPES, column=True)
-    laps: int = rule(
-        3, place=2, label=_("Laps driven"), least=1, most=20, beyond=True, episode=1, stage=True, column=True
-    )
+    laps: int = rule(3, place=2, label=_("Laps driven"), between=(1, 20), beyond=True, episode=1, **_OF_A_STAGE)
     standing_laps: bool = rule(
         False,
         place=8,
@@ -79,25 +77,20 @@ class RaceRules:
         label=_("Off-track penalty"),
         short=_("Penalty"),
         help=_("Standing time before the car continues."),
-        unit="ms",
-        least=0,
-        most=60_000,
-        beyond=True,
-        stage=True,
-        column=True,
+        **_TIME,
+        between=(0, 60_000),
+        **_OF_A_STAGE,
     )
     collision_penalty_ms: int = rule(
         5000,
         place=5,
         label=_("Collision penalty"),
         help=_("After hitting a box, a bot or another car."),
-        unit="ms",
-        least=0,
-        most=60_000,
-        beyond=True,
+        **_TIME,
+        between=(0, 60_000),
         race_types=(OBJECT_AVOIDANCE, HEAD_TO_HEAD),
-        stage=True,
-        column=True,
+        **_OF_A_STAGE,
+        of_a_stage=3000,
     )
     # over all laps
     max_resets: int = rule(
@@ -105,34 +98,29 @@ class RaceRules:
         place=6,
         label=_("Resets allowed"),
         help=_("0: the first fault ends the run."),
-        least=0,
-        most=10_000,
+        between=(0, 10_000),
         beyond=True,
         unlimited=10_000,
         episode=0,
-        stage=True,
-        column=True,
+        **_OF_A_STAGE,
     )
     max_simulated_ms: int = rule(
         180_000,
         place=7,
         label=_("Time limit"),
         help=_("Simulated time for the whole run."),
-        unit="ms",
-        least=10_000,
-        most=1_200_000,
-        beyond=True,
+        **_TIME,
+        between=(10_000, 1_200_000),
         episode=60_000,
-        stage=True,
-        column=True,
+        **_OF_A_STAGE,
         option="time-limit",
+        of_a_stage=360_000,
     )
     seed: int = rule(
         0,
         label=_("Seed"),
         help=_("The same seed gives everyone the same draws."),
-        least=0,
-        most=2**31 - 1,
+        between=(0, 2**31 - 1),
         beyond=True,
         column=True,
     )
@@ -143,8 +131,7 @@ class RaceRules:
         label=_("Start"),
         help=_("Metres after the finish line where laps begin and end."),
         unit="m",
-        least=0,
-        most=1000,
+        between=(0, 1000),
         run_only=True,
         option="start",
     )
@@ -152,37 +139,29 @@ class RaceRules:
         (),
         label=_("Boxes"),
         help=_("Percentages of the lap from the finish line, in the direction driven."),
-        race_types=(OBJECT_AVOIDANCE,),
-        layout=True,
-        column=True,
+        **_WITH_BOXES,
     )
     # instead of fixed places, drawn from the seed
     random_boxes: int = rule(
         0,
         label=_("How many boxes"),
-        least=1,
-        most=MAX_BOXES,
+        between=(1, MAX_BOXES),
         beyond=True,
-        race_types=(OBJECT_AVOIDANCE,),
-        layout=True,
-        column=True,
+        **_WITH_BOXES,
         proposed=6,
         option="obstacles",
+        of_a_stage=4,
     )
     box_distance_m: float = rule(
         2.0,
         label=_("Minimum distance between boxes (m)"),
         unit="m",
-        least=0.5,
-        most=20.0,
+        between=(0.5, 20.0),
         beyond=True,
-        race_types=(OBJECT_AVOIDANCE,),
-        layout=True,
-        column=True,
+        **_WITH_BOXES,
         option="obstacle-distance",
     )
-    # At so many resets near one box the car is put behind it (0: never), because the same car in the same place would
-    # do the same for ever. Simapp has this rule (ENABLE_MERCY_RESET, with 3) but off: its runs differ.
+    # The same car in the same place would crash for ever. Simapp has this rule (ENABLE_MERCY_RESET, with 3) but off.
     mercy_resets: int = rule(
         3,
         label="At which reset near one box the car is put behind it",
@@ -194,11 +173,9 @@ class RaceRules:
     bots: int = rule(
         0,
         label=_("How many bots"),
-        least=1,
-        most=MAX_BOTS,
+        between=(1, MAX_BOTS),
         beyond=True,
-        race_types=(HEAD_TO_HEAD,),
-        layout=True,
+        **_WITH_CARS,
         column=True,
         proposed=4,
     )
@@ -206,10 +183,8 @@ class RaceRules:
         1.0,
         label=_("Bot speed in m/s"),
         unit="m/s",
-        least=BOT_SPEED_RANGE_MPS[0],
-        most=BOT_SPEED_RANGE_MPS[1],
-        race_types=(HEAD_TO_HEAD,),
-        layout=True,
+        between=(BOT_SPEED_RANGE_MPS[0], BOT_SPEED_RANGE_MPS[1]),
+        **_WITH_CARS,
         column=True,
         option="bot-speed",
     )
@@ -217,19 +192,17 @@ class RaceRules:
         False,
         label=_("Bots change lanes"),
         help=_("At times drawn from the seed."),
-        race_types=(HEAD_TO_HEAD,),
-        layout=True,
+        **_WITH_CARS,
         option="lane-changes",
+        of_a_stage=True,
     )
     bot_lane_change_m: float = rule(
         1.0,
         label=_("Length of a lane change (m)"),
         help=_("Shorter means a more sudden lane change."),
         unit="m",
-        least=0.5,
-        most=5.0,
-        race_types=(HEAD_TO_HEAD,),
-        layout=True,
+        between=(0.5, 5.0),
+        **_WITH_CARS,
         added=True,
         option="lane-change-distance",
     )
@@ -238,34 +211,26 @@ class RaceRules:
         label=_("Distance between cars at the start (m)"),
         help=_("Cars start one behind the other, alternating lanes."),
         unit="m",
-        least=0.5,
-        most=2.0,
-        race_types=(HEAD_TO_HEAD,),
-        layout=True,
+        between=(0.5, 2.0),
+        **_WITH_CARS,
         option="start-gap",
     )
     bot_lane_change_least_ms: int = rule(
         3000,
         label=_("Shortest time between lane changes"),
         help=_("Each bot draws times between the two limits from the seed."),
-        unit="ms",
-        least=500,
-        most=60_000,
-        beyond=True,
-        race_types=(HEAD_TO_HEAD,),
-        layout=True,
+        **_TIME,
+        between=(500, 60_000),
+        **_WITH_CARS,
         added=True,
         option="lane-change-least",
     )
     bot_lane_change_most_ms: int = rule(
         5000,
         label=_("Longest time between lane changes"),
-        unit="ms",
-        least=500,
-        most=60_000,
-        beyond=True,
-        race_types=(HEAD_TO_HEAD,),
-        layout=True,
+        **_TIME,
+        between=(500, 60_000),
+        **_WITH_CARS,
         added=True,
         option="lane-change-most",
     )
@@ -300,29 +265,27 @@ class RaceRules:
 
     @classmethod
     def of_an_episode(cls, **rules: Any) -> RaceRules:
-        """Those of an environment's episode, one lap until the first fault, where ``rules`` say nothing else."""
+        """The rules of an environment's episode, by default one lap until the first fault."""
         return cls(**{one.name: one.episode for one in RUN_RULES.values() if one.episode is not None} | rules)
 
     def to_dict(self) -> dict[str, Any]:
-        """Plain JSON values. What came later (:data:`SINCE_THE_FIRST`) is not named where it is as it always was: while
-        a site is upgraded, a worker of before does not know it."""
-        told = dataclasses.asdict(self)
-        # under the one name that they had before organisers could set them
-        told[_CHANGE_TIMES_TOLD] = tuple(told.pop(name) for name in _CHANGE_TIMES)
+        """Plain JSON values. Later rules (:data:`SINCE_THE_FIRST`) are left out at their defaults, as older workers do
+        not know them."""
+        data = dataclasses.asdict(self)
+        data[_CHANGE_TIMES_KEY] = tuple(data.pop(name) for name in _CHANGE_TIMES)
         for name in SINCE_THE_FIRST:
-            if told[name] == RUN_RULES[name].default:
-                del told[name]
-        return told
+            if data[name] == RUN_RULES[name].default:
+                del data[name]
+        return data
 
     @classmethod
     def from_dict(cls, data: Mapping[str, Any]) -> RaceRules:
-        """The rules that :meth:`to_dict` wrote, also after a way through JSON. Raises TypeError for an unknown key,
-        ValueError for a bad value."""
+        """The rules that :meth:`to_dict` wrote. Raises TypeError for an unknown key, ValueError for a bad value."""
         values = dict(data)
         if "boxes" in values:
             values["boxes"] = tuple(BoxPlace(**box) for box in values["boxes"])
-        if _CHANGE_TIMES_TOLD in values:
-            values |= zip(_CHANGE_TIMES, values.pop(_CHANGE_TIMES_TOLD), strict=True)
+        if _CHANGE_TIMES_KEY in values:
+            values |= zip(_CHANGE_TIMES, values.pop(_CHANGE_TIMES_KEY), strict=True)
         if "speed_commands" in values:
             values["speed_commands"] = tuple(SpeedCommand(**command) for command in values["speed_commands"])
         return cls(**values)
@@ -330,7 +293,7 @@ class RaceRules:
 
 @dataclass(frozen=True)
 class BoardRules:
-    """What an organiser chooses besides: who is ranked how, how often a car is sent and with what, against whom."""
+    """The organiser's rules besides those of a run: ranking, submissions, sensors and opponents."""
 
     sensors: tuple[str, ...] = rule(
         ("FRONT_FACING_CAMERA",),
@@ -338,17 +301,15 @@ class BoardRules:
         help=_("Models that need other sensors cannot enter."),
         column=True,
     )
-    ranking_method: str = rule(AVERAGE, place=1, label=_("Ranked by"), choices=RANKING_METHODS, stage=True, column=True)
+    ranking_method: str = rule(AVERAGE, place=1, label=_("Ranked by"), choices=RANKING_METHODS, **_OF_A_STAGE)
     minimum_laps: int = rule(
         RaceRules.laps,
         place=3,
         label=_("Consecutive laps to be classified"),
         short=_("Laps in a row"),
         help=_("The average is taken over this many consecutive complete laps."),
-        least=1,
-        most=20,
-        stage=True,
-        column=True,
+        between=(1, 20),
+        **_OF_A_STAGE,
     )
     max_submissions: int | None = rule(
         50,
@@ -357,11 +318,9 @@ class BoardRules:
         label=_("Submissions per racer"),
         short=_("Submissions"),
         help=_("Empty: no limit, as in races of the league unless they set one."),
-        least=1,
-        most=1000,
+        between=(1, 1000),
         fixed=False,
-        stage=True,
-        column=True,
+        **_OF_A_STAGE,
     )
     shared_cars: bool = rule(
         False,
@@ -369,25 +328,21 @@ class BoardRules:
         help=_("For teams and classes. Otherwise the first racer to submit a car keeps its place."),
         column=True,
     )
-    opponents: str = rule(
-        "", label=_("Opponents"), choices=OPPONENTS, race_types=(HEAD_TO_HEAD,), layout=True, column=True, proposed=BOTS
-    )
+    opponents: str = rule("", label=_("Opponents"), choices=OPPONENTS, **_WITH_CARS, column=True, proposed=BOTS)
     duel_format: str = rule(
         "",
         label=_("Duels"),
         choices=DUEL_FORMATS,
-        race_types=(HEAD_TO_HEAD,),
-        layout=True,
+        **_WITH_CARS,
         column=True,
         proposed=ROUND_ROBIN,
+        of_a_stage=BRACKET,
     )
     duel_cars: int = rule(
         2,
         label=_("Cars on the track at once"),
-        least=2,
-        most=MAX_CARS,
-        race_types=(HEAD_TO_HEAD,),
-        layout=True,
+        between=(2, MAX_CARS),
+        **_WITH_CARS,
         column=True,
     )
     duel_heats: int = rule(
@@ -397,10 +352,8 @@ class BoardRules:
             "1: the better qualifier in front. 2: with swapped start positions. 3: best of three, "
             "the third heat only at one win each."
         ),
-        least=1,
-        most=3,
-        race_types=(HEAD_TO_HEAD,),
-        layout=True,
+        between=(1, 3),
+        **_WITH_CARS,
     )
     duels_live_only: bool = rule(
         False,
@@ -409,45 +362,56 @@ class BoardRules:
             "The duels are drawn when the live event begins, or when you press the button. "
             "Closing the race does not draw them."
         ),
-        race_types=(HEAD_TO_HEAD,),
-        layout=True,
+        **_WITH_CARS,
         fixed=False,
     )
 
 
-LIVE_LAPS = 1000  # of a run in a live event: its time ends it
+LIVE_LAPS = 1000  # of a run in a live event, which its time ends
 RUN_RULES = rules_in(RaceRules)
 SINCE_THE_FIRST = ("start_m", "standing_laps", "bot_lane_change_m", "duel_gap_m", "speed_commands")
-_CHANGE_TIMES, _CHANGE_TIMES_TOLD = ("bot_lane_change_least_ms", "bot_lane_change_most_ms"), "bot_lane_change_ms"
-# All that an organiser sets of a race, by name.
+_CHANGE_TIMES, _CHANGE_TIMES_KEY = ("bot_lane_change_least_ms", "bot_lane_change_most_ms"), "bot_lane_change_ms"
+# The rules that an organiser sets.
 RULES: Mapping[str, Rule] = {
     **{name: one for name, one in RUN_RULES.items() if not one.run_only},
     **rules_in(BoardRules),
 }
-# What a racer sets of a run of their own: how it drives, where it starts, and what its laps are worth.
+# The rules that a racer sets of a test run.
 OWN_RULES: Mapping[str, Rule] = {
     **{name: one for name, one in RUN_RULES.items() if name in RULES or name == "start_m"},
     **{name: RULES[name] for name in ("ranking_method", "minimum_laps", "opponents")},
 }
 LAYOUT = tuple(name for name, one in RULES.items() if one.layout)
+BOX_COUNT = "random_boxes"
+# The layout rules of a season.
+DRAWN_BOXES = (BOX_COUNT, "box_distance_m")
+BOTS_DRIVING = ("bots", "bot_speed_mps", "bot_lane_changes")
+DUELS = ("duel_format", "duel_cars")
+BOX_RULES = ("boxes", *DRAWN_BOXES)
 BY_PLACE = tuple(sorted(RULES, key=lambda name: RULES[name].place))
 STAGE = tuple(name for name in BY_PLACE if RULES[name].stage)
-# What decides what laps are worth.
+# Rules that some race types do not have, beside those of the layout.
+OF_SOME_TYPES = tuple(name for name, one in RULES.items() if one.race_types and not one.layout)
+# Rules that change the time of a lap.
+OF_A_LAP_TIME = ("race_type", "off_track_penalty_ms", "collision_penalty_ms", "standing_laps")
+PENALTIES = tuple(name for name in OF_A_LAP_TIME if RULES[name].unit == "ms")
+# Rules of entering: how often, and with whose car.
+OF_ENTERING = ("max_submissions", "shared_cars")
 RANKING = ("ranking_method", "laps", "minimum_laps")
+ROUND_ROBIN_DUELS: Mapping[str, Any] = {"duel_format": ROUND_ROBIN}
 UNTIL_THE_FIRST_FAULT: Mapping[str, Any] = {"max_resets": 0}
-# What makes a race easier to finish comes first: an order of rows.
+# An ordering of rows: races that are easier to finish come first.
 EASIER_FIRST = ("minimum_laps", "-max_resets")
-# What forms and environments propose, where a type of race needs some and nobody has said how many.
+# The numbers that forms and environments propose for race types that need some.
 PROPOSED_BOXES, PROPOSED_BOTS = RULES["random_boxes"].proposed, RULES["bots"].proposed
 
 
-def all_laps(laps: int) -> dict[str, Any]:
+def all_laps(laps: int) -> dict[str, str | int]:
     """The rules of a race whose laps all count."""
     return dict(zip(RANKING, (TOTAL, laps, laps), strict=True))
 
 
 def other_direction(direction: str) -> str:
-    """The other way round."""
     return DIRECTIONS[1 - DIRECTIONS.index(direction)]
 
 

@@ -1,22 +1,22 @@
-"""What the laps of a run are worth: the rules that decide it, and what they ask of one another."""
+"""The rules that decide the rank of a run, and their consistency checks."""
 
-from __future__ import annotations
-
-from .race import RANKING, RULES, TOTAL
+from .race import RANKING, RANKING_METHODS, RULES
 
 METHOD, LAPS, NEEDED = RANKING
-# Of these, what does not change how the run is driven.
-RANKED = (METHOD, NEEDED)
+RANKED = (METHOD, NEEDED)  # those that do not change how the run is driven
+
+
+def counts_all_laps(ranking_method: str) -> bool:
+    return ranking_method in RANKING_METHODS and RANKING_METHODS[ranking_method].needs_all_laps
 
 
 def usually_needed(ranking_method: str, laps: int) -> int:
-    """Laps in a row that classify a car which drives ``laps``, where nobody says otherwise: what a race usually asks,
-    or as many as are driven, and all of them where the total ranks."""
-    return laps if ranking_method == TOTAL else min(RULES[NEEDED].default, laps)
+    """The default number of laps in a row that classify a car with ``laps`` laps."""
+    return laps if counts_all_laps(ranking_method) else min(RULES[NEEDED].default, laps)
 
 
 def contradiction(ranking_method: str, laps: int, needed: int) -> str:
-    """The reason code of what is wrong with the laps in a row that classify a car, or ``""``."""
+    """The reason code of a wrong number of laps in a row, or ``""``."""
     if not 1 <= needed <= laps:
         return "race_minimum_laps"
-    return "race_total_needs_all_laps" if ranking_method == TOTAL and needed != laps else ""
+    return "race_total_needs_all_laps" if needed != laps and counts_all_laps(ranking_method) else ""

@@ -1,9 +1,7 @@
-"""What one entry of a list says: a parameter in the field's terms, with all that forms, commands and pages need."""
-
-from __future__ import annotations
+"""The definition of one parameter, with everything that forms, commands and pages need."""
 
 import dataclasses
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from dataclasses import dataclass
 from types import MappingProxyType
 from typing import Any, get_args, get_type_hints
@@ -15,7 +13,6 @@ def gettext_noop(text: str) -> str:
 
 
 def pgettext_noop(context: str, text: str) -> str:
-    """The same for a text that means several things: ``context`` tells which."""
     return text
 
 
@@ -23,21 +20,18 @@ def pgettext_noop(context: str, text: str) -> str:
 class Rule:
     """One parameter.
 
-    ``label`` and ``help`` are marked for translation; ``short`` is the label where there is little room. ``unit``: "ms"
-    (told in seconds on pages), "m" or "m/s". ``least`` and ``most`` are what a race may ask; ``beyond``: a run takes
-    more than that, as long as it makes sense (environments and commands use it). ``unlimited``: the value that means
-    no limit; ``optional``: None means that. ``choices``: the only values. ``race_types``: those that it says something
-    to, all if empty.
+    ``label`` and ``help`` are marked for translation; ``short`` is a shorter label. ``unit``: "ms" (seconds on pages),
+    "m" or "m/s". ``least`` and ``most``: the range of a race; ``beyond``: runs (environments, commands) take any
+    sensible value. ``unlimited``: the value that means no limit; ``optional``: None means no limit. ``choices``: the
+    only values. ``race_types``: where it applies, all if empty.
 
-    ``layout``: it says what stands and drives on the track. ``run_only``: a run takes it, an organiser cannot set it.
-    ``fixed``: it does not change any more once a car was sent. ``stage``: a season sets it for its stages. ``column``:
-    a row has a column for it, because a query or a constraint needs one; otherwise it stands in the row's ``rules``.
-    ``added``: since the first release, so that the database itself knows the column's default.
+    ``layout``: it defines the objects on the track. ``run_only``: organisers cannot set it. ``fixed``: it is final
+    after the first submission. ``stage``: a season sets it for its stages. ``column``: a row has a column for it, else
+    it is in the row's ``rules``. ``added``: since the first release, so that the column has a default in the database.
 
-    ``episode``: the default of an environment, where it is another; ``proposed``: what a form fills in where the
-    default is none. ``place``: in the order of forms and pages. ``option``: what the command line calls it, where that
-    is not the name. ``context``: of the label for translators. A default of None: it
-    may be left out.
+    ``episode``, ``of_a_stage``: another default for environments and for stages of a season; ``proposed``: the
+    initial value of forms without a default. ``place``: in the order of forms and pages. ``option``: its name on the
+    command line, if another. ``context``: of the label for translators. A default of None: it may be left out.
     """
 
     name: str
@@ -52,7 +46,7 @@ class Rule:
     beyond: bool = False
     unlimited: int | None = None
     optional: bool = False
-    choices: tuple[str, ...] = ()
+    choices: Collection[str] = ()
     race_types: tuple[str, ...] = ()
     layout: bool = False
     run_only: bool = False
@@ -62,18 +56,23 @@ class Rule:
     added: bool = False
     episode: Any = None
     proposed: Any = None
+    of_a_stage: Any = None
     place: int = 99
     option: str = ""
     context: str = ""
 
     @property
     def default_of_an_episode(self) -> Any:
-        """What an environment takes where nobody says otherwise."""
         return self.default if self.episode is None else self.episode
 
     @property
+    def default_of_a_stage(self) -> Any:
+        """The initial value of a season's form for its stages."""
+        values = (self.of_a_stage, self.proposed, self.default)
+        return next((value for value in values if value is not None), None)
+
+    @property
     def bounds(self) -> tuple[float, float]:
-        """What a race may ask, of a rule that has bounds."""
         assert self.least is not None and self.most is not None, self.name
         return self.least, self.most
 
@@ -85,16 +84,15 @@ class Rule:
         return f"{self.least:g} to {self.most:g}" if self.most < 2**31 - 1 else f"at least {self.least:g}"
 
     def belongs_to(self, race_type: str) -> bool:
-        """Whether it says something to races of this type."""
         return not self.race_types or race_type in self.race_types
 
     def check(self, value: object) -> None:
-        """Refuse a value that makes no sense. Raises ValueError, which names the rule and what is possible."""
+        """Raises ValueError for an invalid value, with the name of the rule and the possible values."""
         if value is None and (self.default is None or self.optional):
             return
         if self.choices:
             if value not in self.choices:
-                raise ValueError(f"{self.name} must be one of {self.choices}, not {value!r}")
+                raise ValueError(f"{self.name} must be one of {tuple(self.choices)}, not {value!r}")
         elif self.type is bool:
             if not isinstance(value, bool):
                 raise ValueError(f"{self.name} must be true or false, not {value!r}")
@@ -114,13 +112,15 @@ class Rule:
             raise ValueError(f"{self.name} must be at most {self.most:g}, not {value!r}")
 
 
-def rule(default: Any, **said: Any) -> Any:
-    """A field of a dataclass that is an entry of a list; ``said``: what :class:`Rule` has besides name and type."""
-    return dataclasses.field(default=default, metadata={"rule": said})
+def rule(default: Any, *, between: tuple[float, float] | None = None, **attributes: Any) -> Any:
+    """A field of a dataclass that is a :class:`Rule`. ``between``: its ``least`` and ``most``."""
+    if between is not None:
+        attributes["least"], attributes["most"] = between
+    return dataclasses.field(default=default, metadata={"rule": attributes})
 
 
 def rules_in(kind: type) -> Mapping[str, Rule]:
-    """The entries of a dataclass, its fields that are made with :func:`rule`, by their names in the order written."""
+    """The rules of a dataclass by their names in the order of its fields."""
     types = get_type_hints(kind)
     return MappingProxyType(
         {

@@ -1,10 +1,6 @@
-"""What a racer commands of a car's speed while a race is shown live: a log that is part of the run's rules.
+"""The speed commands of racers during a live run, a log that is part of the run's rules."""
 
-The modes are those of the old console's races with a crowd (its simulator's car control): metres a second, a multiple
-of what the model wants, a share of the fastest, so much more or less; beside them a cap.
-"""
-
-from __future__ import annotations
+# The modes are those of the car control in the old console's live races, and a cap.
 
 import math
 from collections.abc import Callable, Iterable, Mapping
@@ -14,7 +10,7 @@ SLOWEST_MPS, FASTEST_MPS = 0.1, 4.0
 MOST_COMMANDS = 200
 _DIGITS = 3  # of metres a second, as those of a continuous action
 
-# What each mode makes of the speed that the model wants, in metres a second.
+# The commanded speed of each mode from the model's speed and the value, m/s.
 _MODES: Mapping[str, Callable[[float, float], float]] = {
     "multiplier": lambda wanted, value: wanted * value,
     "cap": lambda wanted, value: min(wanted, value),
@@ -24,7 +20,7 @@ _MODES: Mapping[str, Callable[[float, float], float]] = {
 }
 MODEL_SPEED = "model_speed"
 MODES = (MODEL_SPEED, *_MODES)
-# Of each mode the least and the most that its value may be; the 0.5 to 1.5 are those of the finals of 2023.
+# The range of each mode's value; 0.5 to 1.5 is that of the finals of 2023.
 VALUES: Mapping[str, tuple[float, float]] = {
     MODEL_SPEED: (0.0, 0.0),
     "multiplier": (0.5, 1.5),
@@ -37,11 +33,9 @@ VALUES: Mapping[str, tuple[float, float]] = {
 
 @dataclass(frozen=True)
 class SpeedCommand:
-    """From ``at_ms`` of the run on (simulated time) car number ``car`` drives so, until its next command.
-
-    ``mode``: one of :data:`MODES`; ``value``: a factor, metres a second, per cent, or metres a second more or less, as
-    the mode says; 0 for ``model_speed``, which ends all others. Raises ValueError for what is none.
-    """
+    """A command to car number ``car`` from ``at_ms`` (simulated) until its next command. ``value``: a factor, m/s, per
+    cent or a difference in m/s, as the ``mode`` requires; 0 for ``model_speed``, which ends the others. Raises
+    ValueError."""
 
     at_ms: int
     mode: str
@@ -63,7 +57,7 @@ class SpeedCommand:
             raise ValueError(f"value must be from {least_value:g} to {most:g} for {self.mode}, not {value!r}")
 
     def speed_of(self, wanted_mps: float) -> float:
-        """The speed that is driven where the model wants ``wanted_mps``: always from 0.1 to 4 m/s, in whole mm/s."""
+        """The speed for the model's ``wanted_mps``: from 0.1 to 4 m/s, in whole mm/s."""
         if self.mode == MODEL_SPEED:
             return wanted_mps
         commanded = _MODES[self.mode](wanted_mps, float(self.value))
@@ -71,8 +65,7 @@ class SpeedCommand:
 
 
 def check_log(commands: Iterable[SpeedCommand]) -> None:
-    """Refuse a log whose commands are too many or not in the order of their times, of each car one at a time. Raises
-    ValueError."""
+    """Raises ValueError for too many commands, and for those of a car that are not in the order of their times."""
     last: dict[int, int] = {}
     count = 0
     for one in commands:

@@ -1,6 +1,4 @@
-"""The list of what a training is asked for besides its reward function, as plain values."""
-
-from __future__ import annotations
+"""The list of training settings besides the reward function."""
 
 import dataclasses
 from collections.abc import Mapping, Sequence
@@ -14,22 +12,19 @@ from .rule import pgettext_noop as pgettext
 from .rule import rule, rules_in
 
 BEST_METRICS = ("progress", "reward", "lap_time")
-PARAMS, POSITIONAL = SIGNATURES = ("params", "positional")
+PARAMS, POSITIONAL = ("params", "positional")
 _MOST = 2**31 - 1
 MOST_TRACKS = 8  # in one training
 
 
 def _strength(label: str, help_: str) -> Any:
-    return rule(0, label=label, help=help_, least=0, most=100, column=True, added=True)
+    return rule(0, label=label, help=help_, between=(0, 100), column=True, added=True)
 
 
 @dataclass(frozen=True, kw_only=True)
 class TrainingSettings:
-    """How a training drives, learns and ends. Whether its values make sense is checked when it is taken on.
-
-    ``action_space`` and ``action_space_type``: as in ``model_metadata.json``. ``boxes``: ``{"fraction", "lane"}`` each.
-    ``seed``: None draws one.
-    """
+    """The settings of a training, checked when it is requested. ``action_space`` and ``action_space_type``: as in
+    ``model_metadata.json``. ``boxes``: ``{"fraction", "lane"}`` each. ``seed``: None draws one."""
 
     action_space_type: str
     action_space: Any
@@ -51,16 +46,14 @@ class TrainingSettings:
         10,
         label=_("Time limit in minutes"),
         help=_("Real time, 1 to 1440."),
-        least=1,
-        most=1440,
+        between=(1, 1440),
         column=True,
     )
     stop_clean_laps: int | None = rule(
         None,
         label=_("Clean laps in a row"),
         help=_("Ends the training after this many consecutive laps on the road."),
-        least=1,
-        most=10,
+        between=(1, 10),
         column=True,
     )
     stop_steps: int | None = rule(
@@ -68,16 +61,14 @@ class TrainingSettings:
         label=pgettext("of a simulation", "Steps"),
         context="of a simulation",
         help=_("15 steps are one second of driving."),
-        least=1,
-        most=_MOST,
+        between=(1, _MOST),
         column=True,
     )
     trials: int = rule(
         3,
         label=_("Trials of an evaluation"),
         help=_("Laps without exploration after each update."),
-        least=1,
-        most=10,
+        between=(1, 10),
         column=True,
     )
     best_metric: str = rule(
@@ -87,7 +78,7 @@ class TrainingSettings:
         choices=BEST_METRICS,
         column=True,
     )
-    seed: int | None = rule(None, label=_("Seed"), least=0, most=_MOST, column=True)
+    seed: int | None = rule(None, label=_("Seed"), between=(0, _MOST), column=True)
     alternate_direction: bool = rule(
         False,
         label=_("Alternate direction"),
@@ -101,23 +92,21 @@ class TrainingSettings:
     random_latency: int = _strength(_("Latency"), _("Actions take effect up to 0.2 s late."))
 
 
-# Those with bounds and words of their own.
 SETTINGS = rules_in(TrainingSettings)
-# Race rules that a training drives by, all as the layout of a race says them.
+# Those that are race rules.
 DRIVEN_BY = tuple(
     field.name
     for field in dataclasses.fields(TrainingSettings)
     if field.name in RUN_RULES and field.name not in SETTINGS
 )
-# What each episode draws anew about the world, as percentages of what is sensible.
+# The strengths of the changes that each episode draws, in per cent.
 RANDOMISED = tuple(name for name in SETTINGS if name.startswith("random_"))
 ENDING = tuple(name for name in SETTINGS if name not in ("seed", "alternate_direction", *RANDOMISED))
-# Those that a row keeps as they are.
 KEPT = (*ENDING, "alternate_direction", *RANDOMISED)
 
 
 def randomisation(values: Mapping[str, int]) -> dict[str, float]:
-    """The strengths above 0, of percentages by the names of :data:`RANDOMISED`, as environments take them."""
+    """The strengths above 0, as environments take them, from percentages by the names of :data:`RANDOMISED`."""
     return {name.removeprefix("random_"): values[name] / 100.0 for name in RANDOMISED if values.get(name)}
 
 

@@ -1,3 +1,3 @@
-"""PyBullet world, car, sensors, referee, trace and Gymnasium environment. No Django."""
+"""PyBullet world, car, sensors, referee, trace and Gymnasium environments."""
 
 from . import reasons as reasons  # registers its codes

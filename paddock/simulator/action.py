@@ -1,4 +1,4 @@
-"""From a network's output to a command: the action space of ``model_metadata.json``."""
+"""The action space of ``model_metadata.json``: converts network outputs to commands."""
 
 from __future__ import annotations
 
@@ -26,12 +26,12 @@ class Action(NamedTuple):
 
     steering_deg: float  # positive is left
     speed_mps: float
-    index: int | None  # type: ignore[assignment]  # a tuple's own `index` finds values; of a command nobody asks that
+    index: int | None  # type: ignore[assignment]  # hides the method of tuples
 
 
 @dataclass(frozen=True)
 class ActionSpace:
-    """A discrete list of (steering in degrees, speed in m/s), or the (low, high) ranges of both."""
+    """A list of (steering in degrees, speed in m/s), or the (low, high) ranges of both."""
 
     kind: str
     actions: tuple[tuple[float, float], ...] = ()
@@ -40,10 +40,7 @@ class ActionSpace:
 
     @classmethod
     def from_metadata(cls, metadata: Mapping[str, Any]) -> ActionSpace:
-        """The action space of a metadata file that is already checked (numbers may be strings, as in real files).
-
-        Raises ValueError or KeyError for one that is not.
-        """
+        """The action space of a checked metadata file; numbers may be strings. Raises ValueError, KeyError."""
         space = metadata["action_space"]
         if metadata.get("action_space_type", DISCRETE) == CONTINUOUS:
             return cls.continuous(
@@ -69,33 +66,30 @@ class ActionSpace:
 
     @cached_property
     def size(self) -> int:
-        """How many values a network must answer."""
         return len(self.actions) if self.kind == DISCRETE else 2
 
     @cached_property
     def commands(self) -> tuple[Action, ...]:
-        """The commands of a discrete list, made once."""
         return tuple(Action(*action, index) for index, action in enumerate(self.actions))
 
     @property
     def ranges(self) -> list[list[float]] | None:
-        """What :func:`is_clear` needs to know, in plain JSON values: the ranges, or None for a list of actions."""
+        """The ranges in plain JSON values, or None for a list of actions; for :func:`is_clear`."""
         return None if self.kind == DISCRETE else [list(self.steering), list(self.speed)]
 
     def decode(self, output: np.ndarray | list[float] | int, step: int = 0) -> Action:
-        """The command in a network's ``output`` (an array of any shape with ``size`` values, or a list of them; of a
-        discrete space also the place of the first of the greatest scores, where somebody has looked at them).
+        """The command in a network's ``output``: an array or list of ``size`` values, or the index of an action.
 
         Discrete: the first of the greatest scores. Continuous: clipped to [-1, 1], scaled to the ranges
-        (deepracer-simapp, multi_agent_coach/action_space_configs.py), clipped to what the car can do, and rounded to
-        0.01 degrees and 0.001 m/s, far finer than a servo. Raises UserFault("non_finite_action"), which names ``step``;
-        ValueError for a wrong size.
+        (deepracer-simapp, multi_agent_coach/action_space_configs.py), clipped to the limits of the car, and rounded to
+        0.01 degrees and 0.001 m/s. Raises UserFault("non_finite_action"), which names ``step``; ValueError for a wrong
+        size.
         """
         if type(output) is int and self.kind == DISCRETE:
             if 0 <= output < len(self.commands):
                 return self.commands[output]
             raise ValueError(f"there is no action {output} among {self.size}")
-        # so few numbers are looked at faster without numpy
+        # for so few numbers a list is faster than numpy
         values: list[float] = output if type(output) is list else np.asarray(output).reshape(-1).tolist()
         if len(values) != self.size:
             raise ValueError(f"the network answered {len(values)} values, the action space has {self.size}")
@@ -107,10 +101,8 @@ class ActionSpace:
 
 
 def is_clear(values: Sequence[float], bound: float, ranges: Sequence[Sequence[float]] | None) -> bool:
-    """Whether every answer that is nowhere farther than ``bound`` from ``values`` is the same command.
-
-    ``ranges``: those of :attr:`ActionSpace.ranges`. False for values that are not finite.
-    """
+    """Whether every answer within ``bound`` of ``values`` is the same command; False for values that are not finite.
+    ``ranges``: :attr:`ActionSpace.ranges`."""
     if not all(map(math.isfinite, values)):
         return False
     if ranges is None:
@@ -120,36 +112,29 @@ def is_clear(values: Sequence[float], bound: float, ranges: Sequence[Sequence[fl
         return not others or best - max(others) > 2 * bound
     for value, (low, high), finest in zip(values, ranges, _STEPS, strict=True):
         beyond = abs(value) - 1.0
-        if beyond > bound:  # all of them are clipped to the same end
+        if beyond > bound:  # all are clipped to the same end
             continue
-        step = 0.5 * (high - low) / finest  # what 1 of an answer is, in steps of the command
+        step = 0.5 * (high - low) / finest  # steps of the command for 1 of an answer
         place = (low / finest + (value + 1.0) * step) % 1.0
-        # commands change half-way between two steps; to what the car can do they are clipped at whole steps
+        # commands change half-way between two steps; the limits of the car are whole steps
         if abs(place - 0.5) <= bound * step + _SLACK:
             return False
     return True
 
 
 def _continuous(values: Sequence[float], ranges: Sequence[Sequence[float]]) -> tuple[float, float]:
-    """Steering in degrees and speed in m/s that two values of a continuous space mean."""
-    steering, speed = (_scale(value, limits) for value, limits in zip(values, ranges, strict=True))
+    """Steering in degrees and speed in m/s of two values of a continuous space."""
+    steering, speed = (
+        low + (min(max(value, -1.0), 1.0) + 1.0) / 2.0 * (high - low)
+        for value, (low, high) in zip(values, ranges, strict=True)
+    )
     steering, speed = _within_limits(steering, speed)
-    # once: a rounding to more digits before it would move where commands change, see is_clear
+    # rounded once: an earlier rounding would move the places where commands change, see is_clear
     return round(steering, _STEERING_DIGITS) + 0.0, round(speed, _SPEED_DIGITS)
 
 
-def _scale(value: float, limits: Sequence[float]) -> float:
-    """``value``, clipped to [-1, 1], on the way from the low to the high limit."""
-    low, high = limits
-    if value < -1.0:
-        value = -1.0
-    elif value > 1.0:
-        value = 1.0
-    return low + (value + 1.0) / 2.0 * (high - low)
-
-
 def _within_limits(steering_deg: float, speed: float) -> tuple[float, float]:
-    """Clip to what the car can do. Raises ValueError for what is not finite."""
+    """Clip to the limits of the car. Raises ValueError for numbers that are not finite."""
     limit = PADDOCK_CAR.max_steering_deg
     steering_deg = min(max(float(steering_deg), -limit), limit)
     speed = min(max(float(speed), PADDOCK_CAR.min_speed), PADDOCK_CAR.max_speed)

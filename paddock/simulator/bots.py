@@ -1,15 +1,13 @@
-"""Bot cars: kinematic, along the centres of the two lanes, at a constant speed, moved by the seed and the clock alone.
+"""Kinematic bot cars, which follow the lane centres at constant speed by seed and clock alone."""
 
-deepracer-simapp, agent_ctrl/bot_cars_agent_ctrl.py. Draws come from :class:`random.Random`, as for boxes (see
-:mod:`paddock.simulator.layout`).
-"""
-
-from __future__ import annotations
+# Source: deepracer-simapp, agent_ctrl/bot_cars_agent_ctrl.py. Draws come from :class:`random.Random`, as for boxes (see
+# :mod:`paddock.simulator.layout`).
 
 import math
 import random
 from bisect import bisect_right
 from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, field
 
 import numpy as np
 
@@ -18,21 +16,19 @@ from paddock.rules.race import INNER, LANES, RaceRules, penalty_steps
 
 from .car import Pose
 from .layout import other_lane, start_places
-from .solids import Solid, car
+from .solids import car
 
-FOLLOW_M = 0.5  # between the middles of a bot and what drives or stands before it in its lane
-CLEAR_M = 1.5  # the other lane must be free so far before and behind, or a bot stays in its own
-BESIDE_M = 0.3  # with so much between their middles across the road, two cars pass each other
-_LOOK_M = 1.2  # a bot looks no farther ahead along the centre line: FOLLOW_M, its stride, and the bend of a hairpin
+FOLLOW_M = 0.5  # least distance between the middles of a bot and a car before it in its lane
+CLEAR_M = 1.5  # free distance of the other lane before and behind that a lane change needs
+BESIDE_M = 0.3  # distance across the road at which two cars pass each other
+_LOOK_M = 1.2  # range ahead along the centre line: FOLLOW_M, a stride, and the bend of a hairpin
 _SAMPLE_M = 0.05
-_STILL_M = 1e-3  # a lane may stand still inside a corner: no division by nothing there
+_STILL_M = 1e-3  # a lane may stand still inside a corner
 
 _Sample = tuple[float, float, float, float, float]
 
 
 class LanePaths:
-    """The centres of both lanes of a track as tables, so that moving a bot costs some microseconds."""
-
     def __init__(self, track: TrackGeometry) -> None:
         self.length = track.length
         self._count = max(8, math.ceil(track.length / _SAMPLE_M))
@@ -64,7 +60,7 @@ class LanePaths:
         return (driven[index + 1] - driven[index]) * self._per_m
 
     def ahead(self, metres: float, lane: str, way: float) -> float:
-        """Where along the centre line a car is that has driven ``way`` metres of the lane from ``metres`` on."""
+        """Metres along the centre line after driving ``way`` metres of the lane from ``metres`` on."""
         driven = self._driven[lane]
         share = metres * self._per_m
         index = int(share)
@@ -77,8 +73,8 @@ class LanePaths:
 
 
 def _samples(track: TrackGeometry, lane: str, count: int) -> list[_Sample]:
-    """Even samples round the lap, the first two repeated at its end for what lies between the last and the first, and
-    for a place that rounds up to a whole lap. The heading is that from the sample before to the one after."""
+    """Even samples round the lap, the first two repeated at its end. The heading is that from the sample before to the
+    one after."""
     metres = np.arange(count) * (track.length / count)
     left, right = track.half_widths_along(metres)
     sides = left / 2 if (lane == INNER) == (track.direction == "ccw") else -right / 2
@@ -96,40 +92,26 @@ def _driven(samples: Sequence[_Sample]) -> list[float]:
     return [0.0, *np.cumsum(np.maximum(np.sqrt((steps * steps).sum(axis=1)), _STILL_M)).tolist()]
 
 
+@dataclass(slots=True)
 class Bot:
     """One bot. ``metres`` of its middle along the centre line in [0, length), ``offset`` to the left of it."""
 
-    __slots__ = (
-        "before",
-        "changed_m",
-        "draw",
-        "lane",
-        "left",
-        "metres",
-        "offset",
-        "pause_steps",
-        "pose",
-        "turn",
-        "until_change",
-    )
-
-    def __init__(self, metres: float, lane: str, draw: random.Random) -> None:
-        self.metres = metres
-        self.lane = lane  # in which it is, or to which it changes
-        self.pause_steps = 0
-        self.offset = 0.0
-        self.left = 0.0  # share of the way across that is left in a lane change
-        self.turn = 0.0  # heading against that of the lane, in a lane change
-        self.pose = Pose(0.0, 0.0, 0.0)
-        self.before: str | None = None  # the lane that it is leaving
-        self.changed_m = 0.0  # driven since it began to leave it
-        self.draw = draw
-        self.until_change = 0
+    metres: float
+    lane: str  # of a lane change the new one
+    draw: random.Random
+    pause_steps: int = 0
+    offset: float = 0.0
+    left: float = 0.0  # remaining share of a lane change
+    turn: float = 0.0  # heading relative to the lane's in a lane change
+    pose: Pose = field(default_factory=lambda: Pose(0.0, 0.0, 0.0))
+    before: str | None = None  # the lane that it is leaving
+    changed_m: float = 0.0  # driven since the lane change began
+    until_change: int = 0
 
 
 class Bots:
-    """All bots of a race. They yield: none drives into what stands or drives slower before it in its lane, none changes
-    into a lane that is not free. A bot that was hit, or that ran into a car, pauses."""
+    """All bots of a race. They yield to what stands or drives slower before them, and change only into a free lane. A
+    bot pauses after a contact."""
 
     def __init__(self, paths: LanePaths, rules: RaceRules, control_hz: float) -> None:
         """Raises UserFault ``bots_do_not_fit`` for a track that is too short."""
@@ -152,23 +134,16 @@ class Bots:
 
     @property
     def poses(self) -> tuple[Pose, ...]:
-        """Where they are now."""
         return tuple(bot.pose for bot in self.bots)
 
-    @property
-    def solids(self) -> tuple[Solid, ...]:
-        """What is seen of them now."""
-        return self._solids
-
     def pause(self, bot: Bot) -> None:
-        """It was hit or has hit: it stands for the rules' ``bot_pause_ms``."""
         bot.pause_steps = max(bot.pause_steps, self._pause_steps)
 
     def step(self, cars: Iterable[tuple[float, float]]) -> None:
         """One control step. ``cars``: metres of the middle along the centre line in [0, length) and offset of each car
-        to which bots yield (not of one that stands out a penalty: that one is passed through)."""
+        that serves no penalty."""
         bots = self.bots
-        # All look at where the others were before anybody moved; a bot that changes lanes is in both.
+        # the places before anybody moves; a bot that changes lanes is in both
         taken = [(bot.metres, bot.offset) for bot in bots]
         others = [*taken, *cars]
         for number, bot in enumerate(bots):
@@ -186,7 +161,7 @@ class Bots:
             gap = (other_m - metres) % length
             if gap < _LOOK_M and -BESIDE_M < other_side - side < BESIDE_M and index != number:
                 if gap == 0.0 and index > number:
-                    continue  # or two that are abreast to the last bit would wait for each other
+                    continue  # two bots abreast to the last bit must not wait for each other
                 room = gap * stretch - FOLLOW_M
                 if room < ahead:
                     ahead = room if room > 0.0 else 0.0
@@ -212,7 +187,7 @@ class Bots:
             bot.before, bot.lane, bot.changed_m, bot.left = bot.lane, other_lane(bot.lane), 0.0, 1.0
 
     def _clear(self, bot: Bot, number: int, lane: str, others: Sequence[tuple[float, float]]) -> bool:
-        """True where nobody is in ``lane``, or on the way into it, beside the bot or near before or behind it."""
+        """Whether ``lane`` is free near the bot, also of bots that are changing into it."""
         length = self._paths.length
         side = self._paths.at(bot.metres, lane)[4]
         for index, (other_m, other_side) in enumerate(others):
@@ -226,7 +201,7 @@ class Bots:
         return True
 
     def _interval(self, bot: Bot) -> int:
-        """Control steps until the bot wants to change lanes."""
+        """Control steps until the next lane change."""
         if self._change_ms is None:
             return 0
         least, most = self._change_ms
@@ -249,4 +224,4 @@ class Bots:
         bot.pose = Pose(x, y, math.remainder(math.atan2(sin, cos) + bot.turn, 2.0 * math.pi))
 
     def _renew(self) -> None:
-        self._solids = tuple(car(*bot.pose) for bot in self.bots)
+        self.solids = tuple(car(*bot.pose) for bot in self.bots)

@@ -1,27 +1,23 @@
-"""One car on its way past the boxes of a layout: which it has passed, which it hits, where it is put back near one."""
-
-from __future__ import annotations
+"""Tracks one car past the boxes of a layout: passes, collisions and resets near a box."""
 
 import math
 
 from .car import Pose
-from .contact import BOX_NEAR_M2, hits_box, overlaps_box
 from .layout import Layout, other_lane
+from .solids import BOX_NEAR_M2, hits_box, overlaps_box
 
 # deepracer-simapp, agent_ctrl/constants.py: CLOSEST_OBJ_GAP, RESET_BEHIND_DIST, RESET_AHEAD_DIST.
 NEAR_M = BEHIND_M = AHEAD_M = 1.0
-PASSED_M = 0.2  # a nose this far beyond a box's middle is past the box: from here on the car is not put before it
-BEYOND_M = 0.5  # a car that is put here behind a box's middle stands clear of it; as far before, not yet beside it
+PASSED_M = 0.2  # a nose this far beyond a box's middle is past the box
+BEYOND_M = 0.5  # a car this far behind a box's middle stands clear of it
 
 
 class BoxWatch:
-    """Follows one car's progress in unwrapped metres, so that in each lap every box lies ahead again.
-
-    A car is never put back before a box that it has passed: ``floor_m`` is the place behind the last one.
-    """
+    """Follows one car's progress past the boxes in unwrapped metres. ``floor_m``: the place behind the last passed box,
+    before which the car is never put back."""
 
     def __init__(self, layout: Layout, length: float, mercy_resets: int, nose_m: float) -> None:
-        """``length`` of the track; ``nose_m``: where the nose starts, unwrapped; ``mercy_resets`` of the rules."""
+        """``length``: of the track; ``nose_m``: where the nose starts, unwrapped."""
         self._boxes = layout.boxes
         self._solids = tuple(box.solid for box in layout.boxes)
         self._length = length
@@ -37,7 +33,7 @@ class BoxWatch:
             self.floor_m = -math.inf
 
     def moved(self, nose_m: float) -> None:
-        """The nose is at ``nose_m``; it may have passed boxes."""
+        """The nose moved to ``nose_m`` and may have passed boxes."""
         while nose_m >= self.next_m + PASSED_M:
             self._pass()
 
@@ -55,8 +51,8 @@ class BoxWatch:
         return not any(overlaps_box(pose, solid) for solid in self._solids)
 
     def put_back(self, metres: float, lane: str) -> tuple[float, str]:
-        """Where a car goes that would be put back at ``metres`` in ``lane``: 1 m before the next box, in the other
-        lane, if that box is nearer than 1 m; and 1 m after it when that is the rules' ``mercy_resets``-th time."""
+        """The place of a reset at ``metres`` in ``lane``: 1 m before the next box, in the other lane, if that box is
+        nearer than 1 m, and 1 m after it at the rules' ``mercy_resets``-th time."""
         metres = max(metres, self.floor_m)
         if self.next_m - metres >= NEAR_M:
             return metres, lane

@@ -1,7 +1,5 @@
 """The car: a Bullet multibody of chassis, two steering hinges and four wheels, driven by joint motors."""
 
-from __future__ import annotations
-
 import math
 from typing import NamedTuple
 
@@ -10,8 +8,7 @@ import pybullet as bullet
 from .physics import CarPhysics
 from .response import Response
 
-# Collision groups. Bullet puts static bodies in group 2, and the ground plane's own mask lets group 4 in: a car in
-# another group falls through the ground in silence.
+# Collision groups. Bullet puts static bodies in group 2, and the ground plane's mask admits group 4.
 GROUND_GROUP = 2
 CAR_GROUP = 4
 
@@ -20,8 +17,7 @@ REAR_LEFT, REAR_RIGHT, HINGE_LEFT, FRONT_LEFT, HINGE_RIGHT, FRONT_RIGHT = range(
 WHEELS = (REAR_LEFT, REAR_RIGHT, FRONT_LEFT, FRONT_RIGHT)
 HINGES = (HINGE_LEFT, HINGE_RIGHT)
 _JOINTS = tuple(range(len(WHEELS) + len(HINGES)))
-# The longest that motors are set for in one go, in ticks.
-MAX_STRIDE = 32
+MAX_STRIDE = 32  # the most ticks for which motors are set at once
 _UNTURNED = (0.0, 0.0, 0.0, 1.0)
 
 
@@ -29,7 +25,7 @@ _made = tuple.__new__  # of a class and its values, without a call through Pytho
 
 
 class Pose(NamedTuple):
-    """Where the base of a car is: metres and radians, yaw in (-pi, pi]."""
+    """The place of a car's base: metres and radians, yaw in (-pi, pi]."""
 
     x: float
     y: float
@@ -56,26 +52,23 @@ class Car:
             tuple(physics.motor_gain if joint in HINGES else 0.0 for joint in _JOINTS),
             tuple(1.0 if joint in HINGES else physics.motor_gain for joint in _JOINTS),
         )
-        self._told: tuple[float, ...] | None = None
+        self._motor_targets: tuple[float, ...] | None = None
         self._pose: Pose | None = None
         self.place(Pose(0.0, 0.0, 0.0))
 
     def renew(self) -> None:
-        """Make it, to the last bit, a car that was just built.
-
-        A car that is only placed again is not: Bullet keeps contact points that are still near and starts its next
-        solution from their forces. Setting a link's filter again takes the link out of Bullet's broad phase and puts it
-        back, and its contacts go.
-        """
+        """Make it equal to a new car to the last bit: setting the filters again drops the contact points from which
+        Bullet would start its next solution."""
         _set_filters(self.body, self._client)
         self.place(Pose(0.0, 0.0, 0.0))
 
     @property
     def pose(self) -> Pose:
-        """Where the base is now; asked of Bullet once, until the world moves."""
-        return self._asked() if self._pose is None else self._pose
+        """The present place of the base, cached until the world moves."""
+        return self.moved() if self._pose is None else self._pose
 
-    def _asked(self) -> Pose:
+    def moved(self) -> Pose:
+        """Read the pose from Bullet after the world has moved."""
         (x, y, _), (qx, qy, qz, qw) = bullet.getBasePositionAndOrientation(self.body, self._client)
         yaw = math.atan2(2.0 * (qw * qz + qx * qy), 1.0 - 2.0 * (qy * qy + qz * qz))
         self._pose = pose = _made(Pose, (x, y, yaw))
@@ -98,7 +91,7 @@ class Car:
         self.start(pose, Response(self.physics))
 
     def start(self, pose: Pose, response: Response) -> None:
-        """Put the car there in motion, as ``response`` says, which is the car's own from now on."""
+        """Put the car there in motion with ``response``, which the car takes over."""
         physics, client, body = self.physics, self._client, self.body
         self.response = response
         half = pose.yaw / 2.0
@@ -115,15 +108,11 @@ class Car:
         for joint, spin in zip(WHEELS, joints[2:], strict=True):
             bullet.resetJointState(body, joint, 0.0, spin, client)
         self._pose = None
-        self._told = None
+        self._motor_targets = None
         self._tell(joints)
 
-    def moved(self) -> None:
-        """The world has moved, and the car with it."""
-        self._asked()
-
     def command(self, steering_deg: float, speed: float) -> None:
-        """Take a command (degrees to the left, m/s); the motors learn of it when its dead time is over."""
+        """Take a command (degrees to the left, m/s); it reaches the motors after its dead time."""
         self.response.command(steering_deg, speed)
 
     def drive(self, ticks: int) -> None:
@@ -131,7 +120,7 @@ class Car:
         self.response.advance(ticks)
         a, b, c, d, e, f = self._joints
         self._joints = u, v, w, x, y, z = self._wanted()
-        # A motor takes away a fixed share of what is missing in every move: aimed so far beyond, it arrives in time.
+        # A motor removes a fixed share of the difference in every move: aimed so far beyond, it arrives in time.
         reach = self._reach[self.physics.moves(ticks)]
         self._tell(
             (
@@ -141,8 +130,8 @@ class Car:
         )
 
     def _wanted(self) -> tuple[float, ...]:
-        """What the joints should do now: angles (rad) of both hinges by Ackermann, spins (rad/s) of the four wheels as
-        an electronic differential gives them."""
+        """The targets of the joints: angles (rad) of both hinges by Ackermann, spins (rad/s) of the four wheels by an
+        electronic differential."""
         physics, response = self.physics, self.response
         curvature = response.curvature
         side, rise = physics.half_track * curvature, physics.wheelbase * curvature
@@ -159,10 +148,10 @@ class Car:
         )
 
     def _tell(self, targets: tuple[float, ...]) -> None:
-        """Give the motors their targets; they persist, so the same ones are not given twice."""
-        if self._told == targets:
+        """Give the motors their targets unless they have them."""
+        if self._motor_targets == targets:
             return
-        self._told = targets
+        self._motor_targets = targets
         left, right, rear_left, rear_right, front_left, front_right = targets
         # One call for all: to Bullet a velocity motor is a position motor without a position gain.
         bullet.setJointMotorControlArray(
@@ -177,7 +166,7 @@ class Car:
 
 
 def _build(client: int, physics: CarPhysics) -> int:
-    """Create the multibody. The inertias are ours: Bullet would otherwise guess them from the collision shapes."""
+    """Create the multibody, with our inertias in place of Bullet's guesses."""
     # Spheres: cylinders rattle and pull the car sideways at any rate.
     sphere = bullet.createCollisionShape(bullet.GEOM_SPHERE, radius=physics.wheel_radius, physicsClientId=client)
     rear, front, side = physics.rear_axle_x, physics.front_axle_x, physics.half_track
@@ -208,7 +197,7 @@ def _build(client: int, physics: CarPhysics) -> int:
         linkJointAxis=[(0.0, 0.0, 1.0) if link in HINGES else (0.0, 1.0, 0.0) for link in links],
         physicsClientId=client,
     )
-    # One kind of change a call: one that also sets damping or the joint speed goes to the chassis, whatever its link.
+    # One kind of change a call: Bullet applies damping and joint speed to the chassis, whatever the link.
     bullet.changeDynamics(body, -1, localInertiaDiagonal=physics.chassis_inertia, physicsClientId=client)
     bullet.changeDynamics(body, -1, linearDamping=0.0, angularDamping=0.0, jointDamping=0.0, physicsClientId=client)
     bullet.changeDynamics(body, -1, maxJointVelocity=physics.max_joint_velocity, physicsClientId=client)
@@ -231,6 +220,6 @@ def _build(client: int, physics: CarPhysics) -> int:
 
 
 def _set_filters(body: int, client: int) -> None:
-    """Wheels meet the ground; chassis and hinges, which have no shape, meet nothing and need not be looked at."""
+    """Only wheels collide, and only with the ground."""
     for link in (-1, *_JOINTS):
         bullet.setCollisionFilterGroupMask(body, link, CAR_GROUP, GROUND_GROUP if link in WHEELS else 0, client)

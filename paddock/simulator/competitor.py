@@ -1,7 +1,8 @@
-"""One car in a race: the body, its sensors, its referee and its trace, moved on together."""
+"""One car in a race: body, sensors, referee and trace, advanced together."""
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Sequence
 
 import numpy as np
@@ -9,16 +10,17 @@ import numpy as np
 from .action import Action
 from .car import Car, Pose
 from .referee import PutBack, Referee
+from .results import Lap, LapResult
 from .sensors import Reading
 from .solids import Solid
-from .states import rows_of, trace_of
-from .trace import LAP_COMPLETE, PREPARE, Row, Trace
+from .trace import LABELS, LAP_COMPLETE, PREPARE, Row, Trace, rows_of, trace_of
 
 _NO_ACTION = Action(0.0, 0.0, None)
 
 
 class Competitor:
-    """A car with everything that belongs to it. The stage moves the world between :meth:`command` and :meth:`judge`."""
+    """A car with its referee, sensors and trace. The stage moves the world between :meth:`command` and
+    :meth:`judge`."""
 
     def __init__(
         self,
@@ -27,7 +29,7 @@ class Competitor:
         sensors: dict[str, Reading],
         solids: Callable[[Competitor], Sequence[Solid]],
     ) -> None:
-        """``solids``: what stands and drives on the track besides a competitor."""
+        """``solids``: the blocks on the track besides a competitor."""
         self.car = car
         self.referee = referee
         self._sensors = sensors
@@ -42,27 +44,25 @@ class Competitor:
 
     @property
     def done(self) -> bool:
-        """True when its run is over."""
         return self.referee.end_reason is not None
 
     @property
     def pausing(self) -> bool:
-        """True while it stands out a penalty; other cars then pass through it."""
+        """Whether it serves a penalty; other cars then pass through it."""
         return self.referee.pause_steps > 0
 
     @property
     def stands_at(self) -> Pose:
-        """Where it is, or where it is about to be put."""
+        """Its pose, or the pose of a reset that is due."""
         return self.referee.pose if self._put_back is None else self._put_back.pose
 
     def begin_at(self, pose: Pose) -> None:
-        """Before the first step: begin the run at ``pose`` instead, unless something stands there."""
+        """Begin the run at ``pose`` instead, unless something stands there."""
         self.referee.begin_at(pose)
         self.car.place(self.referee.pose)
 
     def observe(self, places: dict[str, np.ndarray] | None = None) -> dict[str, np.ndarray]:
-        """A reading of each sensor, in sorted order of their names; fresh arrays. Or ``places``, one for each sensor,
-        which hold them now."""
+        """A reading of each sensor, sorted by name: fresh arrays, or ``places`` filled with them."""
         car, solids = self.car, self._solids(self)
         if places is None:
             return {name: read(car, solids) for name, read in self._sensors.items()}
@@ -71,22 +71,21 @@ class Competitor:
         return places
 
     def command(self, action: Action) -> None:
-        """Write down the state and the action, and give the command to the car."""
+        """Record the state and the action, and give the command to the car."""
         self.note(action)
         self.car.command(action.steering_deg, action.speed_mps)
 
     def note(self, action: Action) -> None:
-        """Write down the state and the action."""
         self.action = action
         self._record()
 
     def cruised(self, action: Action, lap_steps: int, states: np.ndarray) -> None:
-        """The car drove on, as :mod:`.cruise` wrote it down; ``action`` was the last."""
+        """The car drove on, as :mod:`.cruise` recorded; ``action`` was the last."""
         self.action, self.lap_steps = action, lap_steps
         self._states.append(states)
 
     def stand(self) -> None:
-        """In place of a command while it stands out a penalty: write down the state, put the car back if it is due."""
+        """In place of a command during a penalty: record the state, and reset the car if it is due."""
         self.action = _NO_ACTION
         self._record()
         if self._put_back is not None:
@@ -95,7 +94,7 @@ class Competitor:
             self._put_back = None
 
     def move(self) -> None:
-        """A control step has passed: see where the car is now. All cars do so before any is judged."""
+        """Follow the car after a control step. All cars do so before any is judged."""
         referee = self.referee
         if referee.pause_steps <= 0:
             referee.move(self.car.pose)
@@ -115,14 +114,14 @@ class Competitor:
             self._record()
 
     def retire(self) -> None:
-        """End the run here; what was driven stands."""
+        """End the run here; its laps stand."""
         self.referee.retire()
         self.status = self.referee.status
         self.action = _NO_ACTION
         self._record()
 
     def _record(self) -> None:
-        """Write down the present state, see :class:`.states.StepState`."""
+        """Record the present state, see :class:`.trace.StepState`."""
         referee, status = self.referee, self.status
         steering_deg, speed_mps, index = self.action
         odometer = referee.odometer
@@ -155,9 +154,30 @@ class Competitor:
 
     @property
     def rows(self) -> list[Row]:
-        """All rows of the trace so far."""
         return rows_of(self.trace())
 
     def trace(self) -> Trace:
-        """The trace so far."""
         return trace_of(self._states, self.referee.track, self.referee.start_m)
+
+    def lap_results(self) -> list[LapResult]:
+        """The laps driven so far, the unfinished one last."""
+        return [self._lap_result(lap) for lap in self.referee.laps]
+
+    def _lap_result(self, lap: Lap) -> LapResult:
+        complete = lap.end_ms is not None
+        end_ms = lap.end_ms if lap.end_ms is not None else self.referee.time_ms
+        starts = [lap.start_ms, *lap.sector_ends_ms]
+        return LapResult(
+            number=lap.number,
+            start_ms=lap.start_ms,
+            time_ms=end_ms - lap.start_ms,
+            complete=complete,
+            off_tracks=lap.off_tracks,
+            crashes=lap.crashes,
+            resets=lap.resets,
+            immobilised=lap.immobilised,
+            reversals=lap.reversals,
+            sector_ms=[after - before for before, after in zip(starts, lap.sector_ends_ms, strict=False)],
+            completion_percentage=100 if complete else max(0, math.floor(self.referee.percent)),
+            status=LABELS["lap_complete" if complete else self.status],
+        )

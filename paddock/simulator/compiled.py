@@ -1,12 +1,8 @@
-"""The engine's C functions, the camera's before all: how they are compiled, and how they are found again.
+"""Compiles and loads the engine's C functions."""
 
-They need a C compiler and nothing else, no header of Python's or of the C library. ``pip install`` compiles them where
-it can (``setup.py``), ``make`` too, and so does ``python -m paddock.simulator.compiled``, which needs no package
-at all. Where they are missing, or were made of other sources than those that are here, pictures are drawn by numpy, and
-Python writes traces, follows cars and asks models: the same to the bit, and slower, pictures many times.
-"""
-
-from __future__ import annotations
+# They need a C compiler alone. ``pip install`` compiles them where it can (``setup.py``), and so do ``make`` and
+# ``python -m paddock.simulator.compiled``. Without them Python does the same work more slowly, with the same result to
+# the bit.
 
 import ctypes
 import hashlib
@@ -19,8 +15,7 @@ import tempfile
 from pathlib import Path
 
 _HERE = Path(__file__).parent
-SOURCES = (_HERE / "camera" / "warp.c", _HERE / "rows.c", _HERE / "exchange.c", _HERE / "cruise.c")
-# One for each kind of processor, for a folder may be shared; whatever the Python, which it does not know.
+SOURCES = (_HERE / "camera" / "warp.c", _HERE / "exchange.c", _HERE / "cruise.c")
 LIBRARY = _HERE / f"native-{sys.platform}-{platform.machine()}.so"
 
 _FLAGS = ["-O3", "-fwrapv", "-ffp-contract=off", "-fno-math-errno", "-ffreestanding", "-fPIC", "-shared"]
@@ -33,13 +28,13 @@ _PATIENCE_S = 60.0
 
 
 def identity() -> str:
-    """What a library must have been made of: sha-256 (hex) of the sources and the flags. Raises OSError."""
+    """sha-256 (hex) of the sources and the flags. Raises OSError."""
     sources = b"".join(source.read_bytes() for source in SOURCES)
     return hashlib.sha256(sources + "\0".join(_FLAGS).encode()).hexdigest()
 
 
 def load(library: Path = LIBRARY) -> ctypes.CDLL | None:
-    """The library, or None where there is none of these sources and flags. In a sandbox: before the lock."""
+    """The library of these sources and flags, or None. In a sandbox: before the lock."""
     try:
         found = ctypes.CDLL(str(library))
         made_of = (ctypes.c_char * 65).in_dll(found, "paddock_identity").value.decode("ascii", "replace")
@@ -49,9 +44,8 @@ def load(library: Path = LIBRARY) -> ctypes.CDLL | None:
 
 
 def build(library: Path = LIBRARY) -> None:
-    """Compile the sources. A process that uses the file it replaces goes on with the old one.
-
-    Raises OSError where there is no compiler or the folder is read-only, RuntimeError with what the compiler said."""
+    """Compile the sources. Raises OSError without a compiler or in a read-only folder, RuntimeError with the compiler's
+    output."""
     compiler = os.environ.get("CC") or next(filter(None, map(shutil.which, _COMPILERS)), None)
     if compiler is None:
         raise OSError(f"no C compiler: none of {', '.join(_COMPILERS)}")
@@ -70,12 +64,12 @@ def build(library: Path = LIBRARY) -> None:
 
 
 def main() -> int:
-    """Compile where that is wanting. Exit status 1 where it cannot be done."""
+    """Compile where the library is missing or outdated; the exit status."""
     if load() is None:
         try:
             build()
         except (OSError, RuntimeError) as error:
-            print(f"Pictures are drawn and traces written slowly here: {error}", file=sys.stderr)
+            print(f"Pictures are drawn slowly here: {error}", file=sys.stderr)
             return 1
     return 0
 

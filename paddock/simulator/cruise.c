@@ -14,7 +14,7 @@ struct edge { /* of a border, paddock/geometry/road.py */
     double ax, ay, dx, dy, square;
 };
 
-struct row { /* paddock/simulator/states.py; what is not written here stays the same from row to row */
+struct row { /* paddock/simulator/trace.py; what is not written here stays the same from row to row */
     int64_t lap, lap_steps;
     double x, y, yaw, steering_deg, speed_mps;
     int64_t index;

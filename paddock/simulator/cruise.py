@@ -1,10 +1,8 @@
-"""Control steps of a car alone in which nothing happens, in C (cruise.c).
+"""Drives the uneventful control steps of a single car in C (cruise.c)."""
 
-That is nearly every step of a time trial: the car moves on along the road, crosses no line and makes no mistake. In
-Python it takes dozens of calls to find that out, and most of their time the processor fetches what they need, as the
-network has used its caches for itself since the last step. While a car cruises, its state lies in one C struct;
-:meth:`Cruise.settle` gives it back to the competitor and its referee, which judge whatever does happen.
-"""
+# Nearly every step of a time trial crosses no line and has no fault. Python needs dozens of slow calls to find that
+# out, because the network evicts the caches. While a car cruises, its state is one C struct; :meth:`Cruise.settle`
+# copies it back to the competitor and its referee, which judge every event.
 
 from __future__ import annotations
 
@@ -24,18 +22,15 @@ from .car import Pose
 from .competitor import Competitor
 from .progress import Projection
 from .referee import PATIENCE_STEPS, SURELY_M
-from .states import STATES
-from .trace import IN_PROGRESS
+from .trace import IN_PROGRESS, STATES
 
-ROWS = 256  # so many steps, then the car settles once: nothing is seen of it
+ROWS = 256  # steps between two calls of settle
 _NOT_THIS_ONE, _NOTHING_HAPPENED = 0, 1
 
 _library = compiled.load()
 
 
 class _State(ctypes.Structure):
-    """``struct cruise`` of cruise.c."""
-
     _fields_ = [
         *((name, ctypes.c_void_p) for name in ("segments", "gains", "half_widths")),
         ("count", ctypes.c_int64),
@@ -58,17 +53,17 @@ class _State(ctypes.Structure):
     ]
 
 
-_TOLD, _TOLD_AT = struct.Struct("=7dq"), _State.new_x.offset
+_NEW_STATE, _NEW_STATE_AT = struct.Struct("=7dq"), _State.new_x.offset
 
 
 class Cruise:
-    """A competitor that drives alone. While :attr:`on`, what it and its referee say of themselves is old: call
-    :meth:`settle` before they are asked."""
+    """A competitor that drives alone. While :attr:`on`, it and its referee are out of date: call :meth:`settle` before
+    you read them."""
 
     def __init__(self, competitor: Competitor, library: ctypes.CDLL) -> None:
         self.on = False
         self._competitor, self._car, self._referee = competitor, competitor.car, competitor.referee
-        track, told = self._referee.track, self._referee.goes_by()
+        track, judged_by = self._referee.track, self._referee.constants()
         self._held = held = {
             "segments": track.segment_rows,
             "gains": np.array(self._referee.odometer.gains),
@@ -92,7 +87,7 @@ class Cruise:
             room=ROWS,
             patience=PATIENCE_STEPS,
             surely_m=SURELY_M,
-            **told,
+            **judged_by,
         )
         self._at = ctypes.addressof(self._state)
         self._call = library.paddock_cruise
@@ -101,14 +96,14 @@ class Cruise:
 
     @classmethod
     def of(cls, competitor: Competitor) -> Cruise | None:
-        """None where each step has to be seen in Python: without the compiled library, on an open track, with boxes."""
+        """None without the compiled library, on an open track and with boxes."""
         referee = competitor.referee
         if _library is None or referee.track.is_open or referee.boxes.next_m < math.inf:
             return None
         return cls(competitor, _library)
 
     def begin(self) -> None:
-        """Cruise from the next step on, unless something is the matter."""
+        """Cruise from the next step on, unless the referee has something to judge."""
         competitor, referee, state = self._competitor, self._referee, self._state
         if competitor.status != IN_PROGRESS or not referee.is_calm:
             return
@@ -125,30 +120,29 @@ class Cruise:
         self.on = True
 
     def step(self, action: Action) -> None:
-        """The car was told ``action`` and the world has moved on. Where something happened in this step, all is settled
-        and judged."""
+        """The car received ``action`` and the world advanced; settle and judge a step with an event."""
         pose = self._car.pose
         x, y, yaw = pose
         steering_deg, speed_mps, index = self._action = action
-        told = (x, y, yaw, math.cos(yaw), math.sin(yaw), steering_deg, speed_mps, -1 if index is None else index)
-        _TOLD.pack_into(self._state, _TOLD_AT, *told)
-        said = self._call(self._at)
-        if said == _NOTHING_HAPPENED or (said != _NOT_THIS_ONE and self._is_on_road(pose)):
+        new_state = (x, y, yaw, math.cos(yaw), math.sin(yaw), steering_deg, speed_mps, -1 if index is None else index)
+        _NEW_STATE.pack_into(self._state, _NEW_STATE_AT, *new_state)
+        outcome = self._call(self._at)
+        if outcome == _NOTHING_HAPPENED or (outcome != _NOT_THIS_ONE and self._is_on_road(pose)):
             return
         self.settle()
-        if said == _NOT_THIS_ONE:
+        if outcome == _NOT_THIS_ONE:
             self._competitor.note(action)
             self._competitor.move()
         self._competitor.judge()
 
     def _is_on_road(self, pose: Pose) -> bool:
-        """Whether a car that C is not sure of is no concern of the referee's."""
+        """Whether a car near the borders is on its part of the road."""
         state, wheels = self._state, self._referee.wheels(pose)
         state.all_wheels = all(wheels)
         return any(wheels) and not self._referee.is_elsewhere(state.distance, state.offset)
 
     def settle(self) -> None:
-        """Competitor and referee are where the car is, as if they had seen all its steps. Does nothing twice."""
+        """Bring competitor and referee up to date, as if they had seen every step."""
         if not self.on:
             return
         self.on = False

@@ -1,13 +1,9 @@
-"""A network that drives: sensors' readings in, the action's numbers out, the same on every processor.
+"""Runs a network as a driver: sensor readings in, action values out, equal on every processor."""
 
-A model's input has the sensor's name and either the sensor's own layout (``[1, H, W, C]``) or channels first
-(``[1, C, H, W]``); the observation is cast to the input's dtype and is not scaled. A network that was trained over
-VecFrameStack of stable-baselines3 reads the last observations of its run at once, joined along the channels (a row
-along its values), the newest last; before the first there are zeros. The site runs it in a sandboxed
-process (:mod:`evaluation.sandbox.policy_process`), a racer at home in their own.
-"""
-
-from __future__ import annotations
+# A model's input has the sensor's name and its layout (``[1, H, W, C]``) or channels first (``[1, C, H, W]``); the
+# observation is cast to the input's dtype, not scaled. With stacked frames (VecFrameStack of stable-baselines3) it
+# reads the last observations of its run, joined along the channels, the newest last, zeros before the first. The site
+# runs it in a sandboxed process (:mod:`evaluation.sandbox.policy_process`).
 
 import math
 from collections.abc import Mapping
@@ -25,6 +21,7 @@ from paddock.network.policy_wire import (
     STEP,
     WAYS,
     Buffer,
+    PolicyHeader,
     observations_in,
     reply_buffer,
     request_buffer,
@@ -46,17 +43,15 @@ CHECK_EVERY, _CHECK_AT = 1024, 64  # steps
 
 
 class Policy:
-    """A network whose input and output buffers are allocated once, and whose answers decide the same everywhere.
+    """A network whose buffers are allocated once, and whose actions are the same on every processor.
 
-    ``request``: fill it as :mod:`paddock.network.policy_wire` says; :meth:`run`; ``reply`` then holds the output
-    behind its head. ``memory``: where whoever asks puts the observations, if not into the request. ``counts``: of the
-    steps so far, by the ways of :data:`paddock.network.policy_wire.WAYS`. Raises Refused.
-
-    Stacked observations are those since the last step :data:`paddock.network.policy_wire.FIRST`. :meth:`answer` counts
-    no steps: with it an object serves one run.
+    Fill ``request`` (:mod:`paddock.network.policy_wire`), call :meth:`run`, read ``reply``. ``memory``: holds the
+    observations in place of the request. ``counts``: of the steps so far, by the ways of
+    :data:`paddock.network.policy_wire.WAYS`. Stacked observations are those since the last step
+    :data:`paddock.network.policy_wire.FIRST`; with :meth:`answer` an object serves one run. Raises Refused.
     """
 
-    def __init__(self, network: Loaded, header: dict[str, Any], memory: Buffer | None = None) -> None:
+    def __init__(self, network: Loaded, header: PolicyHeader, memory: Buffer | None = None) -> None:
         self._network, self._session = network, network.session
         self._binding = self._session.io_binding()
         self._feeds: list[tuple[np.ndarray, np.ndarray]] = []
@@ -76,11 +71,10 @@ class Policy:
         self.counts = dict.fromkeys(WAYS, 0)
 
     def run(self) -> int:
-        """One inference; how it was answered. Raises MemoryError; any other failure is the runtime's own exception.
+        """One inference; its way. Raises MemoryError and the runtime's exceptions.
 
-        float32 answers where no error within the bound can change the action; else float64 does. Once in
-        :data:`CHECK_EVERY` steps both are computed, to see that the bound holds; when it does not, float64 answers from
-        then on."""
+        float32 answers where no error within the bound can change the action, else float64. Once in
+        :data:`CHECK_EVERY` steps both are computed; if the bound does not hold, float64 answers from then on."""
         if self._shifts:
             self._shift()
         for feed, observation in self._feeds:
@@ -90,21 +84,19 @@ class Policy:
         return way
 
     def answer(self, readings: Mapping[str, np.ndarray]) -> np.ndarray:
-        """One step for a referee in this very process: sensors' readings in, the float32 row out, a fresh array."""
+        """One step for a referee in this process: readings in, the float32 row out, a fresh array."""
         for name, place in self._observations.items():
             np.copyto(place, readings[name])
         self.run()
         return self._action.copy()
 
     def _shift(self) -> None:
-        """Make room for the newest observation."""
         if STEP.unpack_from(self.request)[0] == FIRST:
             self._forget()
         for older, later in self._shifts:
             older[...] = later
 
     def _forget(self) -> None:
-        """No observation before the next one."""
         for feed in self._named.values():
             feed.fill(0)
 
@@ -121,7 +113,6 @@ class Policy:
         if clear and step % CHECK_EVERY != _CHECK_AT:
             return FAST
         exact = self._exact()
-        # (two infinities differ by no number: then nothing is shown)
         exceeded = float(np.abs(exact.astype(np.float64) - self._action).max()) > self._bound
         self._action[...] = exact
         if exceeded:
@@ -140,7 +131,7 @@ class Policy:
         return rounded(self._network.reference.run(self._named))
 
     def _known_bound(self) -> float | None:
-        """The bound of the admission, or one that is derived now: of a network from before there were any."""
+        """The bound of the admission; derived now for a network from before there were bounds."""
         if self._network.facts is not None:
             return self._network.facts.bound
 
@@ -191,7 +182,7 @@ def _dtype(node: Any) -> type:
 
 
 def _layout(observation: np.ndarray, shape: tuple[int, ...], frames: int) -> tuple[np.ndarray, int]:
-    """A view of ``observation`` (H, W, C or a row) in the layout of the model's input, and the axis of that along which
+    """A view of ``observation`` (H, W, C or a row) in the layout of the model's input, and the axis along which
     ``frames`` of them are joined."""
     *rest, last = observation.shape
     if shape == (1, *rest, frames * last):

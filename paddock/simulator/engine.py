@@ -1,6 +1,4 @@
-"""Which simulator made a result."""
-
-from __future__ import annotations
+"""The id of the engine, which is stored with every result."""
 
 import contextlib
 import functools
@@ -19,8 +17,7 @@ def _versions() -> tuple[tuple[str, str], ...]:
 
 
 def _version(distribution: str) -> str:
-    """What importlib.metadata says, read off the name of the installed folder: the import alone takes some 15 ms of
-    every cold start."""
+    """The version of a distribution, from the name of its folder: importlib.metadata takes 15 ms to import."""
     prefix, suffix = distribution.replace("-", "_") + "-", ".dist-info"
     for folder in sys.path:
         with contextlib.suppress(OSError):
@@ -33,7 +30,7 @@ def _version(distribution: str) -> str:
 
 
 def versions() -> dict[str, str]:
-    """Versions of the libraries that a result depends on, with the C library (its sines) and Python among them."""
+    """The versions of the libraries, the C library and Python on which a result depends."""
     return {**dict(_versions()), "libc": _libc(), "python": platform.python_version()}
 
 
@@ -46,7 +43,6 @@ def _libc() -> str:
 
 @functools.cache
 def cpu_model() -> str:
-    """The processor's name, for the record: its vector units round sums in their own order."""
     try:
         with open("/proc/cpuinfo", encoding="utf-8", errors="replace") as file:
             for line in file:

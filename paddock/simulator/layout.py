@@ -1,31 +1,24 @@
-"""What stands on a track in a race: boxes at fixed places or drawn from the race's seed. No Django.
+"""Places boxes and bots on a track, at fixed places or drawn from the race's seed."""
 
-Every draw comes from :class:`random.Random`, seeded with a text, by its ``random()`` alone: Python promises that this
-sequence stays the same in every version and on every machine, which numpy does not.
-"""
-
-from __future__ import annotations
+# Every draw comes from :class:`random.Random`, seeded with a text, by its ``random()`` alone: Python guarantees that
+# this sequence is the same in every version and on every machine, numpy does not.
 
 import math
 import random
 from collections.abc import Iterator, Sequence
-from typing import Any, NamedTuple
+from typing import NamedTuple, NotRequired, TypedDict
 
 from paddock.errors import UserFault
 from paddock.geometry.track import TrackGeometry
 from paddock.rules.race import HEAD_TO_HEAD, INNER, LANES, OUTER, RaceRules
 
-from .solids import Solid, box
+from .solids import BOX_HALF_WIDTH_M, Solid, box
 
 START_CLEAR_M = 1.0  # no box nearer to the finish line than this, before and after it
 RANDOM_START_CLEAR_M = 2.0  # a drawn box leaves a car that starts this much to get moving (min distance of simapp)
 BOX_SPACING_M = 1.0  # least distance between two boxes along the centre line: a lane change at full lock takes 0.97 m
 BOX_APART_M = 0.65  # least distance between two boxes over the field: nearer, their judged rectangles may overlap
 PASSAGE_M = 0.18  # what a box leaves free of the road beside it: a car's wheels are 0.16 m apart
-
-# A box as it is judged, half its length along the road and half its width across: deepracer-simapp's rectangle of
-# 0.4 x 0.5 m, which is the box with 0.05 m around it.
-BOX_HALF_LENGTH_M, BOX_HALF_WIDTH_M = 0.2, 0.25
 
 BOTS_START_M, BOTS_END_M = 2.5, 2.9  # no bot starts nearer to the line than this, after and before it (start grid)
 BOT_SPACING_M = 2.0  # deepracer-simapp, MIN_DISTANCE_BETWEEN_BOT_CARS
@@ -35,8 +28,7 @@ _ROUNDING_M = 1e-4  # of a drawn fraction, on the longest track
 
 
 class PlacedBox(NamedTuple):
-    """A box on a track: the share of the lap and the metres driven there from the finish line, its lane, and the block
-    that cameras, lidars and referees see."""
+    """A box on a track: the share of the lap and the metres from the finish line, its lane and its block."""
 
     fraction: float
     lane: str
@@ -44,13 +36,29 @@ class PlacedBox(NamedTuple):
     solid: Solid
 
 
+class BoxDocument(TypedDict):
+    """A box of a layout in JSON, in metres and radians to a thousandth."""
+
+    fraction: float
+    lane: str
+    x: float
+    y: float
+    yaw: float
+
+
+class LayoutDocument(TypedDict):
+    """A layout in JSON. ``bots``: for each bot x, y and yaw at every step of the first car."""
+
+    boxes: list[BoxDocument]
+    bots: NotRequired[list[list[tuple[float, float, float]]]]
+
+
 class Layout(NamedTuple):
-    """What stands on the track, in driving order."""
+    """The boxes on the track, in driving order."""
 
     boxes: tuple[PlacedBox, ...] = ()
 
-    def to_dict(self) -> dict[str, Any]:
-        """Plain JSON values: ``{"boxes": [{"fraction", "lane", "x", "y", "yaw"}]}`` in metres and radians."""
+    def to_dict(self) -> LayoutDocument:
         return {
             "boxes": [
                 {
@@ -71,10 +79,8 @@ EMPTY = Layout()
 def lay_out(track: TrackGeometry, rules: RaceRules) -> Layout:
     """The layout of a race on ``track``, which is already in the driven direction; the same for every entrant.
 
-    Boxes stand in the middle of their lanes, square to the track. Raises UserFault ``box_on_start_line``,
-    ``boxes_overlap`` or ``box_off_track`` for fixed places (boxes are counted from 1 in the order of the rules),
-    ``boxes_do_not_fit`` when random ones find no room, ``bots_do_not_fit`` when the track is too short for the bots,
-    on an open track ``track_needs_loop`` for a race of several cars and ``track_start_fixed`` for another start.
+    Boxes stand in the middle of their lanes, square to the track. Raises UserFault as :func:`box_faults` for fixed
+    places, ``boxes_do_not_fit``, ``bots_do_not_fit``, ``track_needs_loop`` and ``track_start_fixed``.
     """
     if rules.start_m and track.is_open:
         raise UserFault("track_start_fixed")
@@ -94,8 +100,7 @@ def lay_out(track: TrackGeometry, rules: RaceRules) -> Layout:
 
 
 def refuse_open(track: TrackGeometry) -> None:
-    """Several cars, bots among them, need a loop: they go on side by side where one on an open track is put back to
-    its start, and form up behind a line where it has no road. Raises UserFault ``track_needs_loop``."""
+    """Raises UserFault ``track_needs_loop``: several cars, bots among them, drive on after the finish line."""
     if track.is_open:
         raise UserFault("track_needs_loop")
 
@@ -107,10 +112,8 @@ def place_box(track: TrackGeometry, fraction: float, lane: str) -> PlacedBox:
 
 
 def start_places(length: float, bots: int) -> list[float]:
-    """Metres after the finish line at which bots start: evenly around the track, none on the start grid.
-
-    Raises UserFault ``bots_do_not_fit`` when they would start less than 2 m apart.
-    """
+    """Metres after the finish line at which bots start, evenly around the track. Raises UserFault
+    ``bots_do_not_fit``."""
     room = length - BOTS_START_M - BOTS_END_M
     spacing = max(room / bots, BOT_SPACING_M)  # on a short track as near as they may, with the rest of it behind them
     if (bots - 1) * spacing > room:
@@ -119,8 +122,8 @@ def start_places(length: float, bots: int) -> list[float]:
 
 
 def box_faults(track: TrackGeometry, boxes: Sequence[PlacedBox]) -> Iterator[tuple[int, UserFault]]:
-    """What is wrong with boxes in fixed places, in the order in which :func:`lay_out` would refuse them: the index
-    of a box and why it cannot stand there. Of two that are too near each other it is the later one."""
+    """The faults of boxes in fixed places, each with the index of its box; of two boxes too near each other the later
+    one. Messages count boxes from 1."""
     for number, placed in enumerate(boxes, 1):
         if min(placed.metres, track.length - placed.metres) < START_CLEAR_M:
             yield number - 1, UserFault("box_on_start_line", number=number, least_m=START_CLEAR_M)
@@ -143,7 +146,7 @@ def _passable(track: TrackGeometry, placed: PlacedBox) -> bool:
 
 
 def _distances(track: TrackGeometry, a: PlacedBox, b: PlacedBox) -> tuple[float, float]:
-    """Metres between two boxes along the centre line (of a loop the shorter way round) and over the field."""
+    """Metres between two boxes along the centre line and over the field."""
     along = abs(a.metres - b.metres)
     if not track.is_open:
         along = min(along, track.length - along)
@@ -175,5 +178,4 @@ def _draw_boxes(track: TrackGeometry, rules: RaceRules) -> list[PlacedBox]:
 
 
 def other_lane(lane: str) -> str:
-    """The lane on the other side."""
     return INNER if lane == OUTER else OUTER

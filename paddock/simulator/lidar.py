@@ -1,8 +1,7 @@
-"""The lidar: where its beams point, what they hit, and the three readings that networks are fed from one scan.
+"""The lidar: its beams, their hits, and the three readings that networks get from one scan."""
 
-Beams, range and mount: deepracer-simapp, sensors/constants.py and urdf/deepracer/deepracer_stereo_cam_lidar.urdf.
-Encodings: its agents' input filters (clipping, binary sectors, ObservationSectorDiscretizeFilter).
-"""
+# Beams, range and mount: deepracer-simapp, sensors/constants.py and urdf/deepracer/deepracer_stereo_cam_lidar.urdf.
+# Encodings: its agents' input filters (clipping, binary sectors, ObservationSectorDiscretizeFilter).
 
 from __future__ import annotations
 
@@ -23,17 +22,15 @@ FIRST_DEG, LAST_DEG = -150.0, 150.0  # of the unit; its own zero points backward
 LEAST_M, MOST_M = 0.15, 12.0
 STEP_M = 0.01  # the unit's resolution: readings are rounded to it
 
-# Bearings (degrees, positive is left) of the beams as the car sees them. The unit is mounted backwards, with a yaw of
-# pi: the first beam looks 30 degrees left of straight ahead, the following ones go round over the left side, the rear
-# (31 and 32) and the right side, the last one looks 30 degrees right of straight ahead. The 60 degrees straight ahead
-# are the camera's.
+# Bearings (degrees, positive is left) of the beams. The unit is mounted backwards: the first beam is 30 degrees left of
+# straight ahead, the others go round over the left side, the rear and the right side.
 BEAM_DEG: tuple[float, ...] = tuple(
     math.remainder(180.0 + FIRST_DEG + (LAST_DEG - FIRST_DEG) * number / (BEAMS - 1), 360.0) for number in range(BEAMS)
 )
 
 RAW_LIMIT_M = 1.0  # LIDAR is clipped to this
 SECTORS = 8
-SECTOR_LIMIT_M = 0.5  # SECTOR_LIDAR: nearer than this is something
+SECTOR_LIMIT_M = 0.5  # the range of SECTOR_LIDAR
 
 _COS = np.array([math.cos(math.radians(bearing)) for bearing in BEAM_DEG])
 _SIN = np.array([math.sin(math.radians(bearing)) for bearing in BEAM_DEG])
@@ -43,17 +40,12 @@ Hall = tuple[float, float, float, float]  # the walls: xmin, ymin, xmax, ymax
 
 
 def scan(pose: Pose, solids: Sequence[Solid], hall: Hall, reach: float = MOST_M) -> np.ndarray:
-    """Distances (m) of the nearest surface on each beam: float64 (64,), a fresh array.
-
-    They lie within ``LEAST_M`` and ``reach``, are rounded to ``STEP_M``, and ``reach`` where nothing is nearer. The
-    nearest surface hides what is behind it. The unit turns in a flat plane 0.16 m above the chassis: boxes, cars and
-    the hall's walls stand higher, lines and the car itself lie lower. The official unit adds noise of 0.01 m; this one
-    adds none, so that a reading, like everything here, depends on nothing but the state.
-    """
+    """Distances (m) of the nearest surface on each beam, ``LEAST_M`` to ``reach`` in steps of ``STEP_M``: float64
+    (64,), a fresh array. Boxes, cars and the hall's walls stand higher than the unit. The official unit adds noise of
+    0.01 m, this one none."""
     cos, sin = math.cos(pose.yaw), math.sin(pose.yaw)
     x, y = pose.x + MOUNT_X * cos, pose.y + MOUNT_X * sin
-    # For each block and then for each of its two axes: where the unit is, half the block's size there, and the axis in
-    # the car's frame.
+    # for each block and each of its two axes: the place of the unit, half the size, and the axis in the car's frame
     lengthwise, across = [], []
     for block in solids:
         dx, dy = x - block.x, y - block.y
@@ -76,15 +68,13 @@ def scan(pose: Pose, solids: Sequence[Solid], hall: Hall, reach: float = MOST_M)
         enter[-1] = np.where(leave[-1] > 0.0, leave[-1], reach)
     nearest = enter.min(axis=0)
     np.minimum(np.maximum(nearest, LEAST_M, out=nearest), reach, out=nearest)
-    # By 100 and not by 0.01: the quotient of whole hundredths is the number that 0.01 m steps are written as.
+    # by 100 and not by 0.01: the quotient is the float nearest to the decimal number
     return np.rint(nearest * 100.0) / 100.0
 
 
 def _cross(blocks: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Where the beams enter and leave each rectangle (slab test): two arrays (blocks, 64) of metres along the beam.
-
-    ``blocks``: (2 axes, blocks, 4) of the unit's place on the axis, half the size, and the axis' x and y.
-    """
+    ``blocks``: (2 axes, blocks, 4) of the unit's place on the axis, half the size, and the axis' x and y."""
     place, half, along, aside = blocks[:, :, :, None].transpose(2, 0, 1, 3)
     slope = along * _COS
     slope += aside * _SIN
@@ -103,24 +93,17 @@ def raw(distances: np.ndarray) -> np.ndarray:
 
 
 def sectors(distances: np.ndarray) -> np.ndarray:
-    """SECTOR_LIDAR: float32 (8,), 1.0 where one of the sector's eight beams is shorter than 0.5 m, else 0.0.
-
-    Sector 0 looks left ahead (30 to 63 degrees), then round over left, rear and right; the last one right ahead.
-    """
+    """SECTOR_LIDAR: float32 (8,), 1.0 where one of the sector's eight beams is shorter than 0.5 m, else 0.0."""
     return (distances.reshape(SECTORS, -1).min(axis=1) < SECTOR_LIMIT_M).astype(np.float32)
 
 
 def discretized(distances: np.ndarray, num_sectors: int, num_values: int, clipping_dist: float) -> np.ndarray:
-    """DISCRETIZED_SECTOR_LIDAR: float32 (num_sectors * num_values,), a one-hot group for each sector.
-
-    Of each sector (64 / ``num_sectors`` beams in a row) the nearest reading counts. ``clipping_dist`` is shared out in
-    ``num_values`` equal steps; the first is the nearest. A sector with nothing nearer than ``clipping_dist`` is all
-    zeros: the original drops the class of "nothing".
-    """
+    """DISCRETIZED_SECTOR_LIDAR: float32 (num_sectors * num_values,), for each sector a one-hot group of its nearest
+    reading in ``num_values`` equal steps of ``clipping_dist``; zeros where nothing is nearer."""
     groups = np.zeros(num_sectors * num_values, np.float32)
     for sector, nearest in enumerate(distances.reshape(num_sectors, -1).min(axis=1).tolist()):
         if nearest < clipping_dist:
-            # Readings are whole centimetres and steps often too: a reading on the edge of two is in the farther one.
+            # a reading on the edge of two steps is in the farther one
             step = int(nearest * (num_values / clipping_dist) + 1e-9)
             if step < num_values:
                 groups[sector * num_values + step] = 1.0

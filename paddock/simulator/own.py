@@ -1,16 +1,13 @@
-"""A race driven in this very process, networks and all, as racers do at home: no sandbox, for it is their own car. And
-a race driven again from the commands in its traces, where the networks are not at hand.
+"""Drives a race in this process without a sandbox, or drives it again from its traces."""
 
-Started with the pins of :mod:`paddock.exact`, a run comes to the same trace as on the site, to the bit.
-"""
+# In a process with the pins of :mod:`paddock.exact` a run has the same trace as on the site, to the bit.
 
 from __future__ import annotations
 
 import csv
 import io
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from typing import Any
 
 import numpy as np
 
@@ -24,22 +21,22 @@ from paddock.rules.race import RaceRules
 from .action import CONTINUOUS, Action, ActionSpace
 from .camera.theme import OFFICIAL, THEMES
 from .deciding import Policy
-from .race import CompetitorRun, Entrant, Progress, RaceResult, run_race
+from .race import Entrant, RaceSettings, run_race
+from .results import CompetitorRun, Progress, RaceResult
 from .sensors import policy_header
 from .stage import PreparedTrack
 
 
 @dataclass(frozen=True)
 class OwnRun:
-    """What a race came to. ``ways``: for each car, how many of its steps were answered in each of the ways of
-    :data:`paddock.network.policy_wire.WAYS`; they differ from processor to processor and are no part of the result."""
+    """A driven race. ``ways``: for each car, its steps by the ways of :data:`paddock.network.policy_wire.WAYS`; they
+    differ between processors and are no part of the result."""
 
     result: RaceResult
     ways: list[list[int]]
 
     @property
-    def cars(self) -> list[RaceResult | CompetitorRun]:
-        """The first car and its rivals, in their order."""
+    def cars(self) -> list[CompetitorRun]:
         return [self.result, *self.result.rivals]
 
 
@@ -50,11 +47,11 @@ def drive(
     look: str = OFFICIAL.name,
     on_progress: Callable[[Progress], None] | None = None,
 ) -> OwnRun:
-    """Race ``cars``, the first of them against the others, on a track that lies in the direction of the rules.
+    """Race ``cars`` on a track that lies in the direction of the rules; again with exact answers where the bound of a
+    network did not hold.
 
-    As the site does it, once more with exact answers where the bound of a network did not hold. Raises UserFault for
-    boxes and bots without room, and for a car alone whose network fails; Refused (:mod:`paddock.network.session`) for
-    one that was not admitted.
+    Raises UserFault for boxes and bots without room, and for a car alone whose network fails; Refused
+    (:mod:`paddock.network.session`) for one that was not admitted.
     """
     run = _driven(track, rules, cars, look, on_progress)
     if any(ways[EXCEEDED] for ways in run.ways):
@@ -72,41 +69,28 @@ def _driven(
     look: str,
     on_progress: Callable[[Progress], None] | None,
 ) -> OwnRun:
-    policies = [_policy(car) for car in cars]
-    first, *rivals = [_entrant(car.metadata, policy) for car, policy in zip(cars, policies, strict=True)]
-    result = run_race(
-        track,
-        rules,
-        first.action_space,
-        first.sensors,
-        first.policy,
-        on_progress=on_progress,
-        rivals=rivals,
-        lidar_config=first.lidar_config,
-        ground=PreparedTrack(track, rules.direction, THEMES[look]),
-    )
+    policies, entrants = [], []
+    for car in cars:
+        space = ActionSpace.from_metadata(car.metadata)
+        facts = NetworkFacts.from_dict(car.facts)
+        policy = Policy(load(car.onnx, facts), policy_header(car.metadata, space))
+        sensors, lidar_config = sorted(car.metadata["sensor"]), car.metadata.get("lidar_config")
+        policies.append(policy)
+        entrants.append(Entrant(space, sensors, policy.answer, lidar_config))
+    ground = PreparedTrack(track, rules.direction, THEMES[look])
+    result = run_race(RaceSettings(track, rules, entrants, on_progress=on_progress, ground=ground))
     return OwnRun(result, [list(policy.counts.values()) for policy in policies])
-
-
-def _policy(car: OwnCar) -> Policy:
-    header = policy_header(car.metadata, ActionSpace.from_metadata(car.metadata))
-    return Policy(load(car.onnx, NetworkFacts.from_dict(car.facts)), header)
-
-
-def _entrant(metadata: Mapping[str, Any], policy: Policy) -> Entrant:
-    space = ActionSpace.from_metadata(metadata)
-    return Entrant(space, sorted(metadata["sensor"]), policy.answer, metadata.get("lidar_config"))
 
 
 @dataclass(frozen=True)
 class RecordedCommands(ActionSpace):
-    """An action space that answers nobody: what was commanded in each control step, row by row of a trace."""
+    """An action space that ignores the network and returns the recorded command of each control step."""
 
     commands: tuple[Action, ...] = ()
 
     @classmethod
     def of_trace(cls, trace_csv: bytes) -> RecordedCommands:
-        """Those of a sim-trace of ours. Raises ValueError for anything else."""
+        """The commands of a sim-trace of ours. Raises ValueError for anything else."""
         try:
             rows = csv.DictReader(io.StringIO(trace_csv.decode("utf-8")))
             commands = [
@@ -122,21 +106,16 @@ class RecordedCommands(ActionSpace):
         return cls(CONTINUOUS, commands=tuple(commands))
 
     def decode(self, output: np.ndarray | list[float] | int, step: int = 0) -> Action:
-        """The command of the step; of a step behind the last row the last one, so that the run comes to an end."""
+        """The command of the step; after the last row the last command, so that the run comes to an end."""
         return self.commands[min(step, len(self.commands)) - 1]
 
 
 def drive_again(track: TrackGeometry, rules: RaceRules, traces: Sequence[bytes]) -> RaceResult:
-    """The race whose cars got the commands in these sim-traces (CSV), by the same physics, referee and rules.
+    """Drive the commands of these sim-traces (CSV) again, without sensors.
 
-    No car sees anything, so this is quick. Each trace comes out again, to the last bit, if this engine made it and its
-    figures are true; a car that was taken off the track while others drove on is not repeated so. Raises ValueError for
-    what is no trace.
+    Each trace is reproduced to the last bit if this engine made it; a car that retired while others drove on is not.
+    Raises ValueError for anything but a trace.
     """
-    first, *rivals = [Entrant(RecordedCommands.of_trace(trace), (), _blind) for trace in traces]
+    cars = [Entrant(RecordedCommands.of_trace(trace), (), lambda readings: 0) for trace in traces]
     rules = replace(rules, speed_commands=())  # the traces have the speeds that were driven
-    return run_race(track, rules, first.action_space, first.sensors, first.policy, rivals=rivals)
-
-
-def _blind(readings: dict[str, np.ndarray]) -> np.ndarray:
-    return np.zeros(2, np.float32)
+    return run_race(RaceSettings(track, rules, cars))

@@ -1,7 +1,6 @@
-"""Every number of the car's physics, in one frozen, named, versioned set. Change a figure and you change lap times:
-raise the set's ``version`` with it, and ``ENGINE_ID`` in :mod:`paddock.simulator.engine` once results are out."""
+"""Every number of the car's physics, in one frozen, named and versioned set."""
 
-from __future__ import annotations
+# Raise the set's ``version`` with every change, and ``ENGINE_ID`` (:mod:`.engine`) once results are published.
 
 import math
 from dataclasses import dataclass
@@ -9,10 +8,10 @@ from dataclasses import dataclass
 
 @dataclass(frozen=True)
 class CarPhysics:
-    """One car. Lengths in metres, masses in kg, times in seconds, angles in degrees where the name says so.
+    """One car. Lengths in metres, masses in kg, times in seconds, angles in degrees if the name ends so.
 
     Geometry and masses: deepracer-simapp, urdf/deepracer (macros.xacro, racecar.xacro). Response: fitted on recorded
-    drives of the official simulator (15 Hz sim-traces), where the car follows its commands almost kinematically.
+    drives of the official simulator (15 Hz sim-traces).
     """
 
     name: str
@@ -31,8 +30,7 @@ class CarPhysics:
     chassis_mass: float = 5.98
     wheel_mass: float = 0.34055
     hinge_mass: float = 0.1
-    # Spin axis is y, five times the bare wheel's 0.00041226 for the motor behind it: so light a wheel under so heavy a
-    # car needs twice the solver iterations to roll straight.
+    # Spin axis is y, five times the bare wheel's 0.00041226 for its motor: else the car needs twice the iterations.
     wheel_inertia: tuple[float, float, float] = (0.00026046, 0.0020613, 0.00026046)
     hinge_inertia: float = 0.0001
     chassis_inertia: tuple[float, float, float] = (0.0195, 0.0543, 0.0690)  # a box of 0.324 x 0.188 x 0.06 m
@@ -44,10 +42,10 @@ class CarPhysics:
 
     # Response: fitted on the recorded drives (docs/simulator.md, "The car against recorded drives").
     effective_wheelbase: float = 0.285  # m; a steering angle a demands the curvature tan(a) / this
-    curvature_limit: float = 1.82  # 1/m, standing; what the grip lets through falls with speed
+    curvature_limit: float = 1.82  # 1/m, standing
     curvature_limit_falloff: float = 0.11  # (s/m)^2; the limit at speed v is curvature_limit / (1 + this * v^2)
     curvature_limit_sharpness: float = 3.2  # the greater, the more abruptly the limit cuts in
-    steering_lag_s_per_mps: float = 0.068  # lag of the demanded curvature: so many seconds for each m/s of speed
+    steering_lag_s_per_mps: float = 0.068  # lag of the demanded curvature: seconds for each m/s of speed
     steering_dead_ticks: int = 3  # ticks between a command and the first movement of the steering
     speed_rise_s: float = 0.01
     speed_fall_s: float = 0.07
@@ -56,19 +54,19 @@ class CarPhysics:
     braking: float = 13.0  # m/s^2, at most
     speed_gain: float = 1.029  # simapp divides by a wheel radius of 0.035 m, and the wheel has 0.036 m
 
-    # Tyres and motors: strong enough that the body follows the response above without a slide of its own.
+    # Tyres and motors: strong enough that the body follows the response above without sliding.
     friction: float = 4.0  # wheel x ground; Bullet multiplies the two
-    wheel_torque: float = 2.5  # N m, each wheel; it never runs out: a move may take the impulse of a whole step
-    motor_gain: float = 0.1  # share of what is missing that a motor takes away in a move: a step is nearly a ramp
+    wheel_torque: float = 2.5  # N m, each wheel
+    motor_gain: float = 0.1  # share of the difference that a motor removes in a move: a step is nearly a ramp
     steering_torque: float = 10.0  # N m; joint effort limit of macros.xacro
-    max_joint_velocity: float = 1000.0  # rad/s; Bullet's default of 100 caps the car at 3.6 m/s in silence
-    mass_height: float = 0.008  # m above the ground, chassis; a higher one lifts the front axle under full torque
+    max_joint_velocity: float = 1000.0  # rad/s; Bullet's default of 100 caps the car at 3.6 m/s
+    mass_height: float = 0.008  # m above the ground, chassis; higher lifts the front axle under full torque
 
     # World.
     gravity: float = 9.81
     tick_hz: int = 120  # the response's clock
     ticks_per_step: int = 8  # control at 15 Hz, the rate of the official camera
-    ticks_per_move: int = 2  # Bullet moves the bodies at 60 Hz; at 30 Hz wheels leave the ground under wild commands
+    ticks_per_move: int = 2  # Bullet moves the bodies at 60 Hz; at 30 Hz wheels leave the ground
     solver_iterations: int = 11  # with 10 the car pulls to a side by twice as much
 
     @property
@@ -82,18 +80,17 @@ class CarPhysics:
         return self.tick_hz / self.ticks_per_step
 
     def moves(self, ticks: int) -> int:
-        """How often Bullet moves the bodies in so many ticks: for equal times, none longer than ``ticks_per_move``."""
+        """The number of Bullet's moves in so many ticks, each of at most ``ticks_per_move``."""
         return -(-ticks // self.ticks_per_move)
 
     def curvature(self, demand: float, speed: float) -> float:
-        """Curvature (1/m) that a demanded one comes to at ``speed`` m/s: the same where it is small, cut off smoothly
-        at what the grip allows."""
+        """The driven curvature (1/m) for a demanded one at ``speed`` m/s, cut off smoothly by the grip."""
         limit = self.curvature_limit / (1.0 + self.curvature_limit_falloff * speed * speed)
         sharpness = self.curvature_limit_sharpness
         return demand / (1.0 + (abs(demand) / limit) ** sharpness) ** (1.0 / sharpness)
 
     def demand(self, curvature: float, speed: float) -> float:
-        """The inverse of :meth:`curvature`; a curvature at or beyond the limit is taken as nearly the limit."""
+        """The inverse of :meth:`curvature`, up to nearly the limit."""
         limit = self.curvature_limit / (1.0 + self.curvature_limit_falloff * speed * speed)
         sharpness = self.curvature_limit_sharpness
         share = min(abs(curvature) / limit, 0.95)
@@ -105,3 +102,9 @@ class CarPhysics:
 
 
 PADDOCK_CAR = CarPhysics(name="paddock-car", version=3)
+STEP_MS = 1000.0 * PADDOCK_CAR.ticks_per_step / PADDOCK_CAR.tick_hz
+
+
+def milliseconds(steps: float) -> int:
+    """Whole milliseconds after ``steps`` control steps, rounded."""
+    return round(steps * STEP_MS)

@@ -1,7 +1,5 @@
 """A scripted driver for tests and benchmarks."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np
@@ -20,15 +18,10 @@ _BEFORE_BOX_M, _AFTER_BOX_M = 2.0, 0.45  # from its base to a box's middle: ther
 
 
 class CentreLinePilot:
-    """Follows a line at a constant offset from the centre line, by pose instead of by picture.
+    """Follows a line at a constant offset from the centre line, by pose instead of by picture; one for each run::
 
-    Use it as a policy together with its own ``action_space`` and ``sensors``::
-
-        pilot = CentreLinePilot(track, direction="cw")
-        run_race(track, rules, pilot.action_space, pilot.sensors, pilot)
-
-    It answers like a continuous network: two values in [-1, 1]. It keeps the last place on the track between calls, so
-    give each run a new one.
+    pilot = CentreLinePilot(track, direction="cw")
+    run_race(RaceSettings(track, rules, [Entrant(pilot.action_space, pilot.sensors, pilot)]))
     """
 
     sensors = (POSE,)
@@ -44,8 +37,8 @@ class CentreLinePilot:
         offset: float = 0.0,
         layout: Layout = EMPTY,
     ) -> None:
-        """``speed`` in m/s on straights (it slows down before bends), ``offset`` in metres to the left of the centre
-        line. Past the boxes of ``layout`` it drives in the other lane."""
+        """``speed``: m/s on straights; ``offset``: metres to the left of the centre line. Past the boxes of ``layout``
+        it drives in the other lane."""
         self._track = track.in_direction(direction)
         self._speed = speed
         self._offset = offset
@@ -61,12 +54,11 @@ class CentreLinePilot:
             place = track.project(x, y)
         self._index = place.index
 
-        # Pure pursuit: aim at a point so far ahead that the lag of the steering does not make it weave.
+        # pure pursuit
         aim_m = place.distance + _AHEAD_M + _AHEAD_S * rolling
         aim_x, aim_y, _ = track.point_at(aim_m, self._offset_for(place.distance, aim_m))
         bearing = math.remainder(math.atan2(aim_y - y, aim_x - x) - yaw, 2 * math.pi)
         curvature = 2 * math.sin(bearing) / max(math.hypot(aim_x - x, aim_y - y), 0.05)
-        # Steady curvature needs a demand that the grip cuts off to it.
         angle = math.degrees(math.atan(physics.demand(curvature, rolling) * physics.effective_wheelbase))
         steering = min(max(angle, -physics.max_steering_deg), physics.max_steering_deg)
 
@@ -81,7 +73,7 @@ class CentreLinePilot:
         )
 
     def _offset_for(self, metres: float, aim_m: float) -> float:
-        """Offset of the line at ``aim_m`` for a car at ``metres``: the middle of the lane beside the first box near."""
+        """Offset at ``aim_m`` of the line for a car at ``metres``: beside the first box near the middle of its lane."""
         track = self._track
         for box in self._boxes:
             if (box.metres - metres + _AFTER_BOX_M) % track.length < _BEFORE_BOX_M + _AFTER_BOX_M:

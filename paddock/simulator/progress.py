@@ -1,23 +1,18 @@
-"""How far a car has come along the track since the start, unwrapped: a lap counts once, and only when it was driven."""
-
-from __future__ import annotations
+"""Measures a car's progress along the track and counts laps that were really driven."""
 
 import numpy as np
 
 from paddock.geometry.track import Projection, TrackGeometry
 
-STRIDE_M = 0.3  # the nose moves at most this far in a control step: 4 m/s for 1/15 s and the swing of a turn
+STRIDE_M = 0.3  # the greatest move of the nose in a control step: 4 m/s for 1/15 s and the swing of a turn
 _SAMPLE_M = 0.05
 _MARGIN = 1.5  # the nose may hang over a border while a wheel is still on the road
-_WINDOW_M = 2.0  # a projection is never looked for farther along the track than this from the last one
+_WINDOW_M = 2.0  # the greatest distance between two projections along the track
 
 
 class Reach:
-    """The greatest distance along the centre line that one stride on the road can gain, by waypoint.
-
-    On the inside of a hairpin the centre line turns faster than the car moves; elsewhere this is about a stride. A
-    larger jump of the projection was not driven on this road: the car left it for another part of the track.
-    """
+    """The greatest distance along the centre line that one stride on the road can gain, by waypoint: about a stride,
+    more inside a hairpin. A larger jump of the projection means that the car left this part of the track."""
 
     def __init__(self, track: TrackGeometry) -> None:
         count = max(8, int(np.ceil(track.length / _SAMPLE_M)))
@@ -32,24 +27,16 @@ class Reach:
                 # Both ends of such a pair may be where the stride starts.
                 near |= np.roll(near, lag)
                 gain[near] = np.maximum(gain[near], lag * step)
-        # A waypoint stands for its neighbourhood, since a projection names the segment only.
+        # a projection names the segment only
         spread = int(np.ceil(2 * STRIDE_M / step))
         wide = np.max([np.roll(gain, shift) for shift in range(-spread, spread + 1)], axis=0)
         index = np.minimum((track.cumulative / step).astype(int), count - 1)
-        self.gains: list[float] = (_MARGIN * wide[index]).tolist()
-
-    def at(self, index: int) -> float:
-        """Metres along the centre line from the segment ``index``."""
-        return self.gains[index]
+        self.gains: list[float] = (_MARGIN * wide[index]).tolist()  # metres from each segment
 
 
 def clear_distance(track: TrackGeometry) -> float:
-    """Metres round the centre line within which every point is on the road; 0.0 where nothing is sure.
-
-    The centre line lies between the borders and crosses neither, so from one of its points nobody leaves the road by
-    going less far than to the nearest border. Of two lines that do not cross, the nearest points are a waypoint of one
-    and a point of the other. Lines of an open track are taken as closed too, which never tells of more room.
-    """
+    """Metres round the centre line within which every point is on the road: the least distance to a border. Lines of an
+    open track count as closed, which never gives more room."""
     centre, *borders = track.lines
     return min(min(_least_distance(centre, border), _least_distance(border, centre)) for border in borders)
 
@@ -64,41 +51,35 @@ def _least_distance(points: np.ndarray, line: np.ndarray) -> float:
 
 
 class Odometer:
-    """Unwrapped progress of one car's nose.
-
-    ``metres`` counts from the finish line at the start of the run: the second lap begins at one track length, also on
-    an open track, where the car is put back to its start. It falls when the car reverses, so that crossing the line
-    backwards and forwards again scores nothing.
-    """
+    """Unwrapped progress of one car's nose. ``metres``: from the finish line at the start of the run; the second lap
+    begins at one track length, also on an open track. It falls when the car reverses."""
 
     def __init__(self, track: TrackGeometry, reach: Reach) -> None:
         self._track = track
-        self._gains = reach.gains
+        self.gains = reach.gains
         self.metres = 0.0
         self.place: Projection = track.project(*track.point_at(0.0)[:2])
-        self.seen = self.place  # where the nose was last seen, credited or not
+        self.seen = self.place  # the last projection, credited or not
         self._patience = 1
 
     def put(self, x: float, y: float, near_m: float) -> None:
-        """The car was put where its nose is at (x, y), about ``near_m`` metres (unwrapped) along the track."""
+        """The car was placed with its nose at (x, y), about ``near_m`` metres (unwrapped) along the track."""
         hint = self._track.project(*self._track.point_at(self._track.along(near_m))[:2]).index
         self.place = self.seen = self._track.project(x, y, hint)
         self.metres = near_m + self._wrap(self.place.distance - near_m)
         self._patience = 1
 
     def move(self, x: float, y: float) -> bool:
-        """The nose is at (x, y) after one control step; False where it cannot have driven there along this road.
-
-        Then nothing is credited, and the car is expected back near the last credited place.
-        """
+        """The nose is at (x, y) after one control step; False, and nothing credited, where the car cannot have driven
+        there along this road."""
         before, _, _, index = self.place
         track = self._track
         place = self.seen = track.project(x, y, index)
         gained = place[0] - before
         if not track.is_open:
-            length = track.length  # _wrap, written out: this is asked in every step
+            length = track.length  # _wrap, written out for speed
             gained = (gained + length / 2) % length - length / 2
-        if abs(gained) > self._patience * self._gains[index]:
+        if abs(gained) > self._patience * self.gains[index]:
             self._patience += 1  # a nose that hung over the inside of a hairpin may catch up
             return False
         self._patience = 1
@@ -106,13 +87,8 @@ class Odometer:
         self.place = place
         return True
 
-    @property
-    def gains(self) -> list[float]:
-        """See :class:`Reach`."""
-        return self._gains
-
     def settle(self, metres: float, place: Projection) -> None:
-        """The nose has come here, step by step, and each was credited."""
+        """The nose moved here in credited steps."""
         self.metres, self.place, self.seen = metres, place, place
         self._patience = 1
 

@@ -1,12 +1,8 @@
-"""A whole race, of one car or of several in one world: policies in, laps and traces out."""
+"""Runs a whole race of one or several cars in one world: policies in, laps and traces out."""
 
-from __future__ import annotations
-
-import math
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import asdict, dataclass, field
+from dataclasses import dataclass
 from time import perf_counter
-from typing import Any
 
 import numpy as np
 
@@ -20,45 +16,26 @@ from .camera.theme import OFFICIAL, Theme
 from .competitor import Competitor
 from .cruise import Cruise
 from .engine import ENGINE_ID, versions
+from .layout import LayoutDocument
 from .physics import PADDOCK_CAR, CarPhysics
 from .randomisation import Disturbance
-from .referee import LAPS_DONE, RETIRED, Lap
-from .speeds import commanded_speeds
+from .referee import LAPS_DONE, RETIRED
+from .results import CarProgress, CompetitorRun, Fault, Progress, RaceResult, RivalProgress
 from .stage import PreparedTrack, Simulation
-from .trace import LABELS, Trace
 from .world import World
 
-# Answers as paddock.simulator.action.ActionSpace.decode takes them.
+# Maps the sensor readings by name to the input of paddock.simulator.action.ActionSpace.decode.
 Policy = Callable[[dict[str, np.ndarray]], np.ndarray | list[float] | int]
 
 
 @dataclass(frozen=True)
-class LapResult:
-    """One lap. Times in whole simulated milliseconds; ``sector_ms`` has three values when the lap is complete, else
-    those of the sectors driven. ``time_ms`` of an incomplete lap is the time spent in it."""
-
-    number: int
-    start_ms: int
-    time_ms: int
-    complete: bool
-    off_tracks: int
-    crashes: int
-    resets: int
-    immobilised: int
-    reversals: int
-    sector_ms: list[int]
-    completion_percentage: int
-    status: str  # a label of LABELS
-
-    def to_dict(self) -> dict[str, Any]:
-        """Plain JSON values."""
-        return asdict(self)
-
-
-@dataclass(frozen=True)
 class Entrant:
-    """A car that races and who drives it. ``policy`` gets a dict of sensor readings and returns the network's
-    output. ``places``: as for :func:`run_race`."""
+    """A car in a race and its policy.
+
+    ``action_space``: maps the network's output to steering and speed. ``sensors``: their names. ``lidar_config``: of a
+    LIDAR, None for the default. ``places``: an array for each sensor that receives its readings; ``policy`` then gets
+    this very dict in every step, or fresh arrays where its car is disturbed. None: fresh arrays in every step.
+    """
 
     action_space: ActionSpace
     sensors: Sequence[str]
@@ -68,137 +45,67 @@ class Entrant:
 
 
 @dataclass(frozen=True)
-class RivalProgress:
-    """How another car stands while a race runs. ``retired`` tells of a car whose policy failed."""
+class RaceSettings:
+    """Everything that :func:`run_race` takes.
 
-    lap: int
-    percent: float
-    total_ms: int
-    x: float
-    y: float
-    off_tracks: int
-    crashes: int
-    retired: bool
+    ``track``: in its own direction; the rules name the direction driven. ``cars``: 1 to MAX_CARS in the order of the
+    grid; laps, trace and progress of a result are those of the first. ``start_m``: metres from the track's first
+    waypoint to the finish line; boxes stay (default: of the rules). ``disturbance``: changes of light, start, sensors
+    or latency; for one car alone. ``ground``: the track, prepared for this direction and theme (default: prepared
+    here). ``world``: an unused world with these physics, which the caller closes.
 
+    ``on_progress``: called every ``progress_every_steps`` control steps (1/15 s each) while ``progress_due`` returns
+    True, and at the end.
 
-@dataclass(frozen=True)
-class Progress:
-    """How a race stands while it runs, seen by its first car. ``bots``: x and y of each, metres."""
-
-    lap: int
-    laps: int
-    lap_ms: int
-    total_ms: int
-    percent: float
-    x: float
-    y: float
-    off_tracks: int
-    crashes: int
-    resets: int
-    last_lap_ms: int | None
-    bots: list[tuple[float, float]] = field(default_factory=list)
-    rivals: list[RivalProgress] = field(default_factory=list)
-
-    def to_dict(self) -> dict[str, Any]:
-        """Plain JSON values."""
-        return asdict(self)
-
-
-@dataclass(frozen=True)
-class CompetitorRun:
-    """What one car of several came to. ``retired``: the fault of its policy as ``{"code", "params"}``, or None."""
-
-    laps: list[LapResult]
-    end_reason: str  # "laps_done", "time_up", "resets_used" or "retired"
-    simulated_ms: int
-    steps: int
-    trace: Trace
-    retired: dict[str, Any] | None = None
-
-
-@dataclass(frozen=True)
-class RaceResult:
-    """What a race came to; laps, trace and the like are those of the first car. Everything but ``seconds`` is the same
-    on every run.
-
-    ``layout``: ``{"boxes": [{"fraction", "lane", "x", "y", "yaw"}], "bots": [[(x, y, yaw), ...], ...]}``, for each bot
-    one place for each row of the first car's trace, in metres and radians to a thousandth. ``order``: the cars from the
-    winner on, 0 being the first car and 1 the first of ``rivals``.
+    Raises ValueError for too many cars, and for several with a disturbance.
     """
 
-    laps: list[LapResult]
-    end_reason: str  # "laps_done", "time_up", "resets_used" or, with rivals, "retired"
-    simulated_ms: int
-    steps: int
-    trace: Trace
-    engine: str
-    versions: dict[str, str]
-    seconds: dict[str, float] = field(compare=False)  # of wall time in physics, camera, policy, other: a diagnostic
-    layout: dict[str, Any] = field(default_factory=dict)
-    rivals: list[CompetitorRun] = field(default_factory=list)
-    order: list[int] = field(default_factory=lambda: [0])
-    retired: dict[str, Any] | None = None
+    track: TrackGeometry
+    rules: RaceRules
+    cars: Sequence[Entrant]
+    theme: Theme = OFFICIAL
+    physics: CarPhysics = PADDOCK_CAR
+    start_m: float | None = None
+    disturbance: Disturbance | None = None
+    ground: PreparedTrack | None = None
+    world: World | None = None
+    on_progress: Callable[[Progress], None] | None = None
+    progress_every_steps: int = 15
+    progress_due: Callable[[], bool] = lambda: True
+
+    def __post_init__(self) -> None:
+        if not 1 <= len(self.cars) <= MAX_CARS:
+            raise ValueError(f"1 to {MAX_CARS} cars race in one world, not {len(self.cars)}")
+        if len(self.cars) > 1 and self.disturbance is not None:
+            raise ValueError("a disturbance needs a car that races alone")
 
 
-def run_race(
-    track: TrackGeometry,
-    rules: RaceRules,
-    action_space: ActionSpace,
-    sensors: Sequence[str],
-    policy: Policy,
-    on_progress: Callable[[Progress], None] | None = None,
-    progress_every_steps: int = 15,
-    *,
-    rivals: Sequence[Entrant] = (),
-    lidar_config: Mapping[str, float] | None = None,
-    theme: Theme = OFFICIAL,
-    physics: CarPhysics = PADDOCK_CAR,
-    start_m: float | None = None,
-    ground: PreparedTrack | None = None,
-    disturbance: Disturbance | None = None,
-    progress_due: Callable[[], bool] = lambda: True,
-    world: World | None = None,
-    places: dict[str, np.ndarray] | None = None,
-) -> RaceResult:
-    """Race one car, alone or against ``rivals`` in the same world, and return the result.
+def run_race(settings: RaceSettings) -> RaceResult:
+    """Race one car, or several in the same world.
 
-    All cars look before any of them acts. They start from a grid (see :meth:`paddock.simulator.stage.Simulation.add`)
-    and are timed by the same rules from the same signal over the same line; the race is over when no car drives any
-    more.
+    All cars observe before any of them acts. Several start from a grid (see
+    :meth:`paddock.simulator.stage.Simulation.add`); the same rules time all of them from the same signal over the same
+    line. The race ends when no car drives any more.
 
-    ``policy`` gets a dict of sensor readings and returns the network's output. It may raise: the race of a car alone is
-    then over without a result, and so it is for any error but a UserFault; of several cars the one whose policy raises
-    a UserFault retires, and its laps stand. ``on_progress`` is told every ``progress_every_steps`` control steps where
-    ``progress_due`` then says so, and at the end. ``start_m`` (None: that of the rules) moves start and finish along
-    the track, but no box. ``ground``: that of this track, direction and theme, where somebody has built it up already.
-    ``disturbance``: what is other than usual for a car alone; no race of several has one. ``world``: one with these
-    physics that nobody has used; whoever hands it over closes it, when there is time. ``places``: an
-    array for each sensor, which gets the readings; ``policy`` then gets this very dict in every step, or a dict of
-    fresh arrays where its car is disturbed; without, it gets fresh arrays.
-
-    Raises UserFault where boxes or bots have no room, ValueError for more cars than a world takes and for several that
-    are to be disturbed.
+    An error of a policy passes through; among several cars a UserFault retires the car instead, and its laps stand.
+    Raises UserFault where boxes or bots have no room.
     """
-    if len(rivals) >= MAX_CARS:
-        raise ValueError(f"at most {MAX_CARS} cars race in one world, not {1 + len(rivals)}")
-    if rivals and disturbance is not None:
-        raise ValueError("only a car alone is disturbed")
     begun = perf_counter()
-    entrants = [Entrant(action_space, sensors, policy, lidar_config, places), *rivals]
-    with Simulation(ground or PreparedTrack(track, rules.direction, theme), rules, physics, world) as stage:
-        begins_m = rules.start_m if start_m is None else start_m
-        race = _Race(stage, entrants, begins_m, rules.speed_commands, disturbance)
+    on_progress, every, is_due = settings.on_progress, settings.progress_every_steps, settings.progress_due
+    ground = settings.ground or PreparedTrack(settings.track, settings.rules.direction, settings.theme)
+    with Simulation(ground, settings.rules, settings.physics, settings.world) as stage:
+        race = _Race(stage, settings)
         first = race.cars[0]
         while not race.over:
             race.step()
-            if on_progress is not None and race.steps % progress_every_steps == 0 and not race.over and progress_due():
+            if on_progress is not None and race.steps % every == 0 and not race.over and is_due():
                 race.settle()
-                on_progress(progress_of(first, stage))
+                on_progress(_progress_of(first, stage))
         if on_progress is not None:
-            on_progress(progress_of(first, stage))
-        results = [
+            on_progress(_progress_of(first, stage))
+        own, *rivals = [
             CompetitorRun(
-                laps=lap_results(car),
+                laps=car.lap_results(),
                 end_reason=car.referee.end_reason or "",
                 simulated_ms=car.referee.time_ms,
                 steps=car.referee.step,
@@ -208,15 +115,14 @@ def run_race(
             for number, car in enumerate(race.cars)
         ]
         physics_s = stage.world.seconds
-        layout = stage.layout.to_dict() | {"bots": _bot_paths(stage)}
+        bots = [
+            [(round(pose.x, 3), round(pose.y, 3), round(pose.yaw, 3)) for pose in path]
+            for path in zip(*stage.bot_rows, strict=True)
+        ]
+        layout: LayoutDocument = {**stage.layout.to_dict(), "bots": bots}
     total_s = perf_counter() - begun
-    own = results[0]
     return RaceResult(
-        laps=own.laps,
-        end_reason=own.end_reason,
-        simulated_ms=own.simulated_ms,
-        steps=own.steps,
-        trace=own.trace,
+        **vars(own),
         engine=ENGINE_ID,
         versions=versions(),
         seconds={
@@ -226,25 +132,34 @@ def run_race(
             "other": total_s - physics_s - race.camera_s - race.policy_s,
         },
         layout=layout,
-        rivals=results[1:],
+        rivals=rivals,
         order=race.order(),
-        retired=own.retired,
     )
 
 
-class _Race:
-    """A race while it runs."""
+class CommandedSpeeds:
+    """The log of one car's speed commands, followed as its clock goes on."""
 
-    def __init__(
-        self,
-        stage: Simulation,
-        entrants: Sequence[Entrant],
-        start_m: float,
-        commands: Sequence[SpeedCommand],
-        disturbance: Disturbance | None = None,
-    ) -> None:
+    def __init__(self, commands: Sequence[SpeedCommand]) -> None:
+        self._coming = list(reversed(commands))
+        self._now: SpeedCommand | None = None
+
+    def __call__(self, action: Action, time_ms: int) -> Action:
+        """The model's action with the speed that is commanded at ``time_ms`` of the run."""
+        while self._coming and self._coming[-1].at_ms <= time_ms:
+            self._now = self._coming.pop()
+        return action if self._now is None else action._replace(speed_mps=self._now.speed_of(action.speed_mps))
+
+
+class _Race:
+    def __init__(self, stage: Simulation, settings: RaceSettings) -> None:
+        entrants, commands = settings.cars, settings.rules.speed_commands
+        start_m = settings.rules.start_m if settings.start_m is None else settings.start_m
+        if any(one.car >= len(entrants) for one in commands):
+            most = max(one.car for one in commands)
+            raise ValueError(f"speed_commands name car {most}, and there are {len(entrants)}")
         self._stage = stage
-        self._disturbance = disturbance
+        self._disturbance = disturbance = settings.disturbance
         self._entrants = entrants
         alone = len(entrants) == 1
         self.cars = [
@@ -254,15 +169,17 @@ class _Race:
         if disturbance is not None and disturbance.moves_the_start:
             (car,), track = self.cars, stage.ground.track
             car.begin_at(disturbance.place(car.referee.pose, track.width_at(start_m % track.length)))
-        self.retired: list[dict[str, Any] | None] = [None] * len(entrants)
-        self._speeds = commanded_speeds(commands, len(entrants))
+        self.retired: list[Fault | None] = [None] * len(entrants)
+        self._speeds = {
+            number: CommandedSpeeds([one for one in commands if one.car == number])
+            for number in {one.car for one in commands}
+        }
         self.steps = 0
         self.over = False
         self._cruise = Cruise.of(self.cars[0]) if alone and not self._speeds and stage.bots is None else None
         self.camera_s = self.policy_s = 0.0
 
     def step(self) -> None:
-        """One control step of all cars."""
         if len(self.cars) == 1:
             self._step_alone()
             return
@@ -272,12 +189,12 @@ class _Race:
             action = None
             if not (car.done or car.pausing):
                 try:
-                    action = self._ask(number, car)
+                    action = self._action(number, car)
                 except UserFault as fault:
                     self.retired[number] = {"code": fault.code, "params": fault.params}
                     failed.append(car)
             actions.append(action)
-        for car in failed:  # after all have looked
+        for car in failed:  # after all have observed
             self._stage.retire(car)
         if failed:
             self.over = self._all_done()
@@ -287,15 +204,14 @@ class _Race:
             self.over = self._all_done()
 
     def _step_alone(self) -> None:
-        """The same where there is one: what it raises goes through."""
         car, cruise = self.cars[0], self._cruise
         if cruise is not None and cruise.on:
-            action = self._ask(0, car)
+            action = self._action(0, car)
             car.car.command(action.steering_deg, action.speed_mps)
             self._stage.world.step()
             cruise.step(action)
         else:
-            self._stage.step((None if car.referee.pause_steps > 0 else self._ask(0, car),))
+            self._stage.step((None if car.referee.pause_steps > 0 else self._action(0, car),))
         self.steps += 1
         if cruise is None or not cruise.on:
             self.over = car.referee.end_reason is not None
@@ -303,26 +219,26 @@ class _Race:
                 cruise.begin()
 
     def settle(self) -> None:
-        """Cars and their referees are asked now."""
+        """Bring the cars and their referees up to date."""
         if self._cruise is not None:
             self._cruise.settle()
 
     def _all_done(self) -> bool:
         return all([car.done for car in self.cars])
 
-    def _ask(self, number: int, car: Competitor) -> Action:
-        """What a car is told to do, by its network and by who commands its speed."""
+    def _action(self, number: int, car: Competitor) -> Action:
+        """The command of a car, from its network and from speed commands of its racer."""
         entrant = self._entrants[number]
         disturbance = self._disturbance
-        looked = perf_counter()
+        begun = perf_counter()
         readings = car.observe(entrant.places)
         if disturbance is not None:
             readings = disturbance.observe(readings)
-        asked = perf_counter()
+        observed = perf_counter()
         output = entrant.policy(readings)
         answered = perf_counter()
-        self.camera_s += asked - looked
-        self.policy_s += answered - asked
+        self.camera_s += observed - begun
+        self.policy_s += answered - observed
         action = entrant.action_space.decode(output, self.steps + 1)
         if disturbance is not None:
             action = disturbance.act(action)
@@ -342,72 +258,34 @@ class _Race:
         return sorted(range(len(self.cars)), key=rank)
 
 
-def _bot_paths(stage: Simulation) -> list[list[tuple[float, float, float]]]:
-    """For each bot its places, one for each row of the first car's trace."""
-    return [
-        [(round(pose.x, 3), round(pose.y, 3), round(pose.yaw, 3)) for pose in path]
-        for path in zip(*stage.bot_rows, strict=True)
-    ]
-
-
-def lap_results(car: Competitor) -> list[LapResult]:
-    """The laps driven so far, the unfinished one last."""
-    return [_lap_result(lap, car) for lap in car.referee.laps]
-
-
-def _lap_result(lap: Lap, car: Competitor) -> LapResult:
-    complete = lap.end_ms is not None
-    end_ms = lap.end_ms if lap.end_ms is not None else car.referee.time_ms
-    starts = [lap.start_ms, *lap.sector_ends_ms]
-    return LapResult(
-        number=lap.number,
-        start_ms=lap.start_ms,
-        time_ms=end_ms - lap.start_ms,
-        complete=complete,
-        off_tracks=lap.off_tracks,
-        crashes=lap.crashes,
-        resets=lap.resets,
-        immobilised=lap.immobilised,
-        reversals=lap.reversals,
-        sector_ms=[after - before for before, after in zip(starts, lap.sector_ends_ms, strict=False)],
-        completion_percentage=100 if complete else max(0, math.floor(car.referee.percent)),
-        status=LABELS["lap_complete" if complete else car.status],
-    )
-
-
-def progress_of(car: Competitor, stage: Simulation) -> Progress:
-    """The state of a running race for those who watch ``car``."""
+def _progress_of(car: Competitor, stage: Simulation) -> Progress:
     referee = car.referee
     lap = referee.lap
     finished = [done.end_ms - done.start_ms for done in referee.laps if done.end_ms is not None]
-    x, y = referee.nose
     return Progress(
-        lap=lap.number,
+        **vars(_car_progress(car)),
         laps=referee.rules.laps,
         lap_ms=(lap.end_ms or referee.time_ms) - lap.start_ms,
-        total_ms=referee.time_ms,
-        percent=round(referee.percent, 2),
-        x=round(x, 3),
-        y=round(y, 3),
-        off_tracks=sum(done.off_tracks for done in referee.laps),
-        crashes=referee.crashes,
         resets=referee.resets,
         last_lap_ms=finished[-1] if finished else None,
         bots=[(round(pose.x, 3), round(pose.y, 3)) for pose in stage.bots.poses] if stage.bots else [],
-        rivals=[_rival_progress(other) for other in stage.competitors if other is not car],
+        rivals=[
+            RivalProgress(**vars(_car_progress(other)), retired=other.referee.end_reason == RETIRED)
+            for other in stage.competitors
+            if other is not car
+        ],
     )
 
 
-def _rival_progress(car: Competitor) -> RivalProgress:
+def _car_progress(car: Competitor) -> CarProgress:
     referee = car.referee
     x, y = referee.nose
-    return RivalProgress(
+    return CarProgress(
         lap=referee.lap.number,
-        percent=round(referee.percent, 2),
         total_ms=referee.time_ms,
+        percent=round(referee.percent, 2),
         x=round(x, 3),
         y=round(y, 3),
         off_tracks=sum(lap.off_tracks for lap in referee.laps),
         crashes=referee.crashes,
-        retired=referee.end_reason == RETIRED,
     )

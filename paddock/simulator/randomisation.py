@@ -1,9 +1,8 @@
-"""Domain randomisation: what an episode changes about the world, so that a policy does not hang on one picture of it.
+"""Domain randomisation of episodes, and the variations of a lap that a car's report drives."""
 
-deepracer-simapp (ENABLE_DOMAIN_RANDOMIZATION) draws the light and the colours of boxes and bots for each episode. Here
-each of five things has a strength of its own, and every draw comes from the generator of the episode. Races have none
-of it; a car's report drives under some of it (:mod:`.variations`).
-"""
+# After deepracer-simapp (ENABLE_DOMAIN_RANDOMIZATION), which draws the light and the colours of boxes and bots for each
+# episode. Every draw comes from the generator of the episode. Races do not use it, a car's report does
+# (:class:`Variation`).
 
 from __future__ import annotations
 
@@ -14,30 +13,35 @@ from dataclasses import dataclass, field
 
 import cv2
 import numpy as np
+from numpy.random import default_rng  # imported before the sandbox's lock
+
+from paddock.errors import UserFault
+from paddock.geometry.track import TrackGeometry
+from paddock.rules.report import ALL, COLOURS, LIGHT, SENSORS, START, VARIATIONS, kind_of, percent_of
 
 from .action import Action
 from .camera.theme import Theme
 from .car import Pose
 from .lidar import LEAST_M, RAW_LIMIT_M
+from .physics import PADDOCK_CAR, CarPhysics
 
-# What a strength of 1 comes to.
-LIGHT_LEAST, LIGHT_MOST = 0.35, 1.5  # the light is between so much and so many times the usual
-COLOUR_GREYS = 45.0  # each surface's grey moves by so much at most
-START_OFFSET, START_TURN_DEG = 0.25, 20.0  # so much of the road's width to either side, and so many degrees
+# The effect of a strength of 1.
+LIGHT_LEAST, LIGHT_MOST = 0.35, 1.5  # factors of the brightness
+COLOUR_GREYS = 45.0  # the greatest change of a surface's grey
+START_OFFSET, START_TURN_DEG = 0.25, 20.0  # share of the road's width to either side; degrees
 CAMERA_GREYS, LIDAR_SHARE = 12.0, 0.05  # standard deviation of a pixel, and of a distance as a share of it
-LATENCY_STEPS = 3  # an action is carried out so many control steps later at most
+LATENCY_STEPS = 3  # the longest delay of an action, in control steps
 
-_PICTURES = 4  # of noise that an episode draws and takes by turns: as good as new ones, and a tenth of the time
+_PICTURES = 4  # pictures of noise that an episode uses by turns
 _STOPPED = Action(0.0, 0.0, None)
 
 
 @dataclass(frozen=True)
 class Randomisation:
-    """How much of each an episode changes: 0 nothing, 1 as much as is sensible.
+    """The strength of each change, 0 to 1.
 
-    ``light``: brightness of the camera's picture. ``colours``: the grey of road, lines, field, walls, boxes and cars,
-    each by itself. ``start``: to the side of the centre line and turned. ``sensors``: noise on camera and lidar.
-    ``latency``: control steps from an action to what the car does. Raises ValueError for what is no strength.
+    ``light``: brightness of the camera's picture. ``colours``: the grey of each surface. ``start``: offset from the
+    centre line and heading. ``sensors``: noise on camera and lidar. ``latency``: delay of actions. Raises ValueError.
     """
 
     light: float = 0.0
@@ -57,7 +61,7 @@ class Randomisation:
 
     @classmethod
     def of(cls, strengths: Randomisation | Mapping[str, float] | None) -> Randomisation:
-        """The strengths by their names; None is nothing. Raises ValueError that says which names there are."""
+        """The strengths by their names. Raises ValueError with the known names."""
         if isinstance(strengths, Randomisation):
             return strengths
         known = [one.name for one in dataclasses.fields(cls)]
@@ -67,7 +71,7 @@ class Randomisation:
         return cls(**given)
 
     def draw(self, rng: np.random.Generator, theme: Theme) -> Disturbance:
-        """What one episode is like."""
+        """The changes of one episode."""
         return Disturbance(
             greys=self._greys(rng, theme),
             aside=rng.uniform(-1.0, 1.0) * START_OFFSET * self.start if self.start else 0.0,
@@ -79,7 +83,7 @@ class Randomisation:
         )
 
     def _greys(self, rng: np.random.Generator, theme: Theme) -> np.ndarray | None:
-        """The grey that each grey of the usual picture becomes, uint8 (256,); None for the same."""
+        """The new grey of each usual grey, uint8 (256,); None for no change."""
         if not (self.light or self.colours):
             return None
         greys = np.arange(256.0)
@@ -101,11 +105,8 @@ class Randomisation:
 
 @dataclass
 class Disturbance:
-    """What is other than usual in one episode. See :class:`Randomisation` for what is drawn.
-
-    ``greys``: the table of greys; ``aside``: a share of the road's width to the left; ``turn``: radians to the left;
-    ``noise``: int16 (pictures, rows, columns); ``latency``: control steps.
-    """
+    """The changes of one episode. ``greys``: a table of greys; ``aside``: a share of the road's width to the left;
+    ``turn``: radians to the left; ``noise``: int16 (pictures, rows, columns); ``latency``: control steps."""
 
     greys: np.ndarray | None = None
     aside: float = 0.0
@@ -119,11 +120,11 @@ class Disturbance:
 
     @property
     def moves_the_start(self) -> bool:
-        """Whether a car starts elsewhere than usual."""
+        """Whether the car starts off the centre line or turned."""
         return bool(self.aside or self.turn)
 
     def place(self, pose: Pose, width: float) -> Pose:
-        """Where a car starts that would at ``pose``, on a road of so many metres."""
+        """The start of a car that would start at ``pose``, on a road of ``width`` metres."""
         left = self.aside * width
         return Pose(
             pose.x - left * math.sin(pose.yaw),
@@ -132,22 +133,25 @@ class Disturbance:
         )
 
     def act(self, action: Action) -> Action:
-        """What the car does now that it is told ``action``."""
+        """The delayed action that the car executes now, when it receives ``action``."""
         if not self.latency:
             return action
         self._waiting.append(action)
         return self._waiting.pop(0) if len(self._waiting) > self.latency else _STOPPED
 
     def observe(self, readings: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
-        """What the sensors say in place of ``readings``."""
+        """The disturbed readings; of the lidars the raw one alone."""
         if self.greys is None and self.noise is None:
             return readings
-        return {name: self._sensed(name, reading) for name, reading in readings.items()}
-
-    def _sensed(self, name: str, reading: np.ndarray) -> np.ndarray:
-        if reading.ndim == 3:
-            return self._seen(reading)
-        return self._felt(reading) if name == "LIDAR" and self.rng is not None else reading
+        disturbed = {}
+        for name, reading in readings.items():
+            if reading.ndim == 3:
+                reading = self._seen(reading)
+            elif name == "LIDAR" and self.rng is not None:
+                noise = self.rng.standard_normal(reading.shape, np.float32) * np.float32(self.lidar_noise)
+                reading = np.clip(reading * (np.float32(1.0) + noise), np.float32(LEAST_M), np.float32(RAW_LIMIT_M))
+            disturbed[name] = reading
+        return disturbed
 
     def _seen(self, picture: np.ndarray) -> np.ndarray:
         if self.greys is not None:
@@ -162,12 +166,6 @@ class Disturbance:
             channels.append(cv2.add(plane, noise, dtype=cv2.CV_8U))
         return np.stack(channels, axis=2)
 
-    def _felt(self, metres: np.ndarray) -> np.ndarray:
-        """The raw lidar; those in sectors say only whether something is near."""
-        assert self.rng is not None, "only sensors with noise are asked"
-        noise = self.rng.standard_normal(metres.shape, np.float32) * np.float32(self.lidar_noise)
-        return np.clip(metres * (np.float32(1.0) + noise), np.float32(LEAST_M), np.float32(RAW_LIMIT_M))
-
 
 NOTHING, USUAL = Randomisation(), Disturbance()
 
@@ -176,3 +174,60 @@ def _surfaces(theme: Theme) -> set[float]:
     """The greys of all that a camera sees."""
     flat: Sequence[int] = (theme.road, theme.line, theme.dash, theme.field, theme.wall, theme.sky)
     return {float(grey) for grey in (*flat, *theme.box, *theme.car, theme.car_window, theme.car_wheel)}
+
+
+# The changes of each kind; START and ALL also begin anywhere on the lap.
+_CHANGES: Mapping[str, tuple[str, ...]] = {
+    **{kind: (kind,) for kind in (START, LIGHT, COLOURS, SENSORS)},
+    ALL: (START, LIGHT, COLOURS, SENSORS),
+}
+
+
+@dataclass(frozen=True)
+class Variation:
+    """One variation. ``number``: from 0; ``percent``: its strength; ``start_m``: where the lap begins and ends, metres
+    after the finish line."""
+
+    number: int
+    kind: str
+    percent: int
+    start_m: float
+    seed: int
+
+    def disturbance(self, theme: Theme) -> Disturbance:
+        """The changes of one drive, to be drawn anew for each drive."""
+        strength = self.percent / 100.0
+        drawn = Randomisation(**dict.fromkeys(_CHANGES[self.kind], strength))
+        return drawn.draw(default_rng((self.seed, self.number)), theme)
+
+
+def variations(seed: int, length_m: float) -> list[Variation]:
+    found = []
+    for number in range(VARIATIONS):
+        kind = kind_of(number)
+        anywhere = float(default_rng((seed, number, 1)).uniform(0.0, length_m))
+        start_m = round(anywhere, 3) % length_m if START in _CHANGES[kind] else 0.0
+        found.append(Variation(number, kind, percent_of(number), start_m, seed))
+    return found
+
+
+def check_placed(track: TrackGeometry, variation: Variation, theme: Theme, physics: CarPhysics = PADDOCK_CAR) -> None:
+    """Raises UserFault ``variation_not_placed`` where the car would not stand on the road with all its wheels."""
+    if START not in _CHANGES[variation.kind]:
+        return
+    disturbance = variation.disturbance(theme)
+    width = track.width_at(variation.start_m % track.length)
+    pose = disturbance.place(Pose(*track.point_at(variation.start_m)), width)
+    wheels = [
+        pose.ahead(axle, side)
+        for axle in (physics.front_axle_x, physics.rear_axle_x)
+        for side in (physics.half_track, -physics.half_track)
+    ]
+    if not all(track.on_road(*wheel) for wheel in wheels):
+        raise UserFault(
+            "variation_not_placed",
+            number=variation.number + 1,
+            track=track.name,
+            start_m=f"{variation.start_m:.2f}",
+            width_m=f"{width:.2f}",
+        )

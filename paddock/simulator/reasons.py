@@ -1,12 +1,11 @@
-"""Why a race cannot be laid out or driven, and a recorded drive not replayed."""
+"""The reasons for which a race cannot be set up or driven, or a recorded drive not replayed."""
 
 from paddock.errors.reasons import gettext_noop as _
 from paddock.errors.reasons import register
 
 register(
     "On the track",
-    "user",
-    {
+    invalid={
         "non_finite_action": _(
             "The network returned NaN or infinity in step %(step)s. Check its weights and train it again."
         ),
@@ -15,9 +14,7 @@ register(
 
 register(
     "Recorded drives",
-    "user",
-    {
-        "trace_too_large": _("The trace is larger than %(limit_mb)s MB. Send fewer episodes."),
+    invalid={
         "trace_not_csv": _("Not a sim-trace. Expected: a UTF-8 text file with comma-separated values."),
         "trace_columns_missing": _(
             "The trace has no column %(columns)s. Its first line must name the columns as the official simulator does."
@@ -30,12 +27,14 @@ register(
         "trace_out_of_order": _("Line %(row)s of the trace is older than the line before. Sort the rows by time."),
         "trace_too_short": _("The trace cannot be replayed: no car drives for %(needed_s)s s after its first rows."),
     },
+    too_large={
+        "trace_too_large": _("The trace is larger than %(limit_mb)s MB. Send fewer episodes."),
+    },
 )
 
 register(
     "Races",
-    "user",
-    {
+    invalid={
         # boxes and bots that a track has no room for
         "track_needs_loop": _(
             "Several cars or bots need a loop, and this is a point-to-point track. Choose another "

@@ -1,14 +1,9 @@
-"""The judge of one car: progress, laps, sectors, faults and where a car is put back.
+"""The referee of one car: progress, laps, sectors, faults and resets."""
 
-Rules: deepracer-simapp, reset/rules/*.py and agent_ctrl/rollout_agent_ctrl.py. Where this referee is stricter than the
-original it says why.
-"""
-
-from __future__ import annotations
+# Rules: deepracer-simapp, reset/rules/*.py and agent_ctrl/rollout_agent_ctrl.py.
 
 import math
 from collections.abc import Callable
-from dataclasses import dataclass, field
 from typing import NamedTuple
 
 from paddock.geometry.track import TrackGeometry
@@ -16,53 +11,34 @@ from paddock.rules.race import INNER, LANES, OUTER, RaceRules, penalty_steps
 
 from .boxes import BEYOND_M, BoxWatch
 from .car import Pose
-from .clock import STEP_MS, milliseconds
 from .layout import EMPTY, Layout, other_lane
-from .physics import CarPhysics
+from .physics import STEP_MS, CarPhysics, milliseconds
 from .progress import Odometer, Reach
+from .results import Lap
 from .trace import CRASHED, IMMOBILIZED, IN_PROGRESS, LAP_COMPLETE, OFF_TRACK, PARK, PAUSE, REVERSED, TIME_UP
 
 SECTORS = 3  # virtual_event: three sectors a lap, here thirds of the length
-PATIENCE_STEPS = 15  # reset/constants.py: steps until a car that stands or reverses is put back
+PATIENCE_STEPS = 15  # reset/constants.py: steps until a car that stands or reverses is reset
 STANDSTILL_M = 0.0003  # a step of at most this is no movement
-SURELY_M = 2 * STANDSTILL_M  # a step of more than this along one axis is one, however distances are rounded
+SURELY_M = 2 * STANDSTILL_M  # a step of more than this along one axis is movement, however distances are rounded
 
 # Why a run ended; the other reason is TIME_UP. Only a car among others retires.
 LAPS_DONE, RESETS_USED, RETIRED = "laps_done", "resets_used", "retired"
 
 _FAULTS = {CRASHED: "crashes", OFF_TRACK: "off_tracks", IMMOBILIZED: "immobilised", REVERSED: "reversals"}
 
-_SEARCH_M, _SEARCH_STEP_M = 6.0, 0.1  # how far from its proper place a car may be put because others stand there
-
-
-@dataclass
-class Lap:
-    """One lap as it is driven. Times are milliseconds since the start of the run."""
-
-    number: int
-    start_ms: int
-    end_ms: int | None = None  # None until the line is crossed
-    off_tracks: int = 0
-    crashes: int = 0
-    resets: int = 0
-    immobilised: int = 0
-    reversals: int = 0
-    sector_ends_ms: list[int] = field(default_factory=list)
+_SEARCH_M, _SEARCH_STEP_M = 6.0, 0.1  # the search for a free place around the proper one
 
 
 class PutBack(NamedTuple):
-    """Where a car goes after a fault, and how far along the track (unwrapped metres) that is."""
+    """The new place of a car after a fault, and its unwrapped metres along the track."""
 
     pose: Pose
     metres: float
 
 
-def _always(pose: Pose) -> bool:
-    return True
-
-
 class Referee:
-    """Judges one car after every control step; says its status and, after a fault, where to put it."""
+    """Judges one car after every control step; gives its status and, after a fault, its new place."""
 
     def __init__(
         self,
@@ -74,19 +50,18 @@ class Referee:
         clear_m: float = 0.0,
         *,
         layout: Layout = EMPTY,
-        free: Callable[[Pose], bool] = _always,
+        free: Callable[[Pose], bool] = lambda pose: True,
         grid: int | None = None,
     ) -> None:
-        """``start_m``: where the line of this run is, metres after the track's finish; of an open track, whose lines
-        stay at its ends, where the car is on its first lap. ``clear_m``: how near to the
-        centre line everything is road (0.0: every wheel is looked at, always). ``free``: whether a place is free of
-        other cars. ``grid``: the car's place among several at the start; without, it starts on the line at the centre
-        of the road (or as near as boxes and other cars leave room)."""
+        """``start_m``: the line of this run, metres after the track's finish; on an open track, whose lines stay at its
+        ends, the start of the first lap. ``clear_m``: the distance from the centre line within which everything is road
+        (0.0: every wheel is checked). ``free``: whether a place is free of other cars. ``grid``: the car's place on the
+        starting grid; None for a start on the line."""
         self.track = track
         self.rules = rules
         self._physics = physics
         self._nose_x = physics.nose_x
-        # No wheel is farther from the nose than the rear ones.
+        # the rear wheels are the farthest from the nose
         self._wheel_m = math.hypot(physics.nose_x - physics.rear_axle_x, physics.half_track)
         self._clear_m = clear_m - self._wheel_m  # of the nose
         self._clear_from, self._clear_to = -math.inf, math.inf
@@ -120,16 +95,13 @@ class Referee:
         self._wheels_on: list[bool] = []
         self.line_m = self._next_line()
 
-    # --- what others read ---------------------------------------------------------------------------------------
-
     @property
     def lap(self) -> Lap:
-        """The lap being driven; after the end, the last one."""
+        """The present lap; after the end, the last one."""
         return self.laps[-1]
 
     @property
     def done(self) -> bool:
-        """True when the run is over."""
         return self.end_reason is not None
 
     @property
@@ -153,10 +125,8 @@ class Referee:
             return self.lap.end_ms
         return milliseconds(self.step)
 
-    # --- a car that cruises, see :mod:`.cruise` ---
-
-    def goes_by(self) -> dict[str, float]:
-        """What stays the same through a run."""
+    def constants(self) -> dict[str, float]:
+        """The constants of a run for :mod:`.cruise`."""
         physics = self._physics
         return {
             **{"nose_m": self._nose_x, "front_m": physics.front_axle_x, "rear_m": physics.rear_axle_x},
@@ -166,8 +136,7 @@ class Referee:
 
     @property
     def is_calm(self) -> bool:
-        """Whether the car drives on a lap with nothing the matter: no pause, no end, no place that it was not credited
-        with."""
+        """Whether the car is on a lap without a pause, a fault or an uncredited place."""
         odometer = self.odometer
         return (
             self.end_reason is None
@@ -189,16 +158,14 @@ class Referee:
         wheels: list[bool],
         all_wheels: bool,
     ) -> None:
-        """The car drove on to where it is now, with nothing to judge on the way. ``poses``, ``noses``: a step ago and
-        now; ``wheels``: where the car is not ``clear`` of the borders, whether each is on the road."""
+        """The car drove to its present place without an event. ``poses``, ``noses``: a step ago and now; ``wheels``: of
+        a car that is not ``clear`` of the borders, whether each is on the road."""
         self.step, self.reversing, self._standing, self._before_m = step, reversing, 0, before_m
         (self._before, self.pose), self.noses, self.nose = poses, noses, noses[1]
         self._clear, self._wheels_on, self.all_wheels_on_track = clear, wheels, all_wheels
 
-    # --- judging --------------------------------------------------------------------------------------------------
-
     def place(self, pose: Pose, near_m: float) -> None:
-        """The car was put at ``pose``, about ``near_m`` metres (unwrapped) from the finish; standing still."""
+        """The car was placed at ``pose``, about ``near_m`` metres (unwrapped) from the finish, standing still."""
         self.nose = nose = pose.ahead(self._physics.nose_x)
         self.odometer.put(*nose, near_m)
         self.pose = pose
@@ -207,7 +174,7 @@ class Referee:
         self.all_wheels_on_track = all(self.wheels(pose))
 
     def begin_at(self, pose: Pose) -> None:
-        """The run begins at ``pose`` instead, on the same stretch of road, where nothing stands in the way."""
+        """The run begins at ``pose`` instead, on the same stretch of road, if it is free."""
         if self._is_free(pose):
             self.place(pose, self._before_m)
             self._before_m, self._before = self.odometer.metres, pose
@@ -224,7 +191,7 @@ class Referee:
         return self.status
 
     def retire(self) -> None:
-        """The car drives no further; what it has driven stands."""
+        """End the run of the car; its laps stand."""
         self._end(RETIRED, PARK)
 
     def judge(self, pose: Pose, rammed: bool = False) -> PutBack | None:
@@ -244,7 +211,7 @@ class Referee:
         self.pose = pose
         older, newer = self.noses
         self.noses = (newer, nose)
-        # One axis alone tells of most movements.
+        # one axis is enough for most movements
         if (abs(x - newer[0]) > SURELY_M or abs(y - newer[1]) > SURELY_M) and (
             abs(x - older[0]) > SURELY_M or abs(y - older[1]) > SURELY_M
         ):
@@ -256,7 +223,7 @@ class Referee:
         self.reversing = self.reversing + 1 if metres < before_m else 0
         if metres >= self.boxes.next_m:
             self.boxes.moved(metres)
-        # The common case, and four exact tests less.
+        # the common case saves four exact tests
         distance, offset, _, _ = odometer.seen
         if -self._clear_m < offset < self._clear_m and self._clear_from < distance < self._clear_to:
             self._clear = self.all_wheels_on_track = True
@@ -266,9 +233,9 @@ class Referee:
             self.all_wheels_on_track = all(self._wheels_on)
 
     def verdict(self, rammed: bool = False) -> PutBack | None:
-        """Judge the step that :meth:`move` told of; ``rammed``: the car ran into another from behind. Returns where to
-        put it after a fault, else None: the caller then calls :meth:`place` with it and :meth:`wait` once a control
-        step until ``pause_steps`` are over.
+        """Judge the step that :meth:`move` recorded; ``rammed``: the car ran into another from behind. Returns its new
+        place after a fault: the caller then calls :meth:`place` with it and :meth:`wait` once a control step until
+        ``pause_steps`` are over.
 
         Order of verdicts: time up, lap complete, crashed, off track, immobilised, reversed.
         """
@@ -290,10 +257,8 @@ class Referee:
             self._owed = rammed  # judged in the lap that begins: by then the two may be apart
             return self._back_to_start() if self.track.is_open or self.rules.standing_laps else None
         if self.boxes.hit(self.pose):
-            # From where it is now: it stands on the road that it drove.
             return self._put_back(self.odometer.metres) if self._fault(CRASHED) else None
         if rammed:
-            # Paused in place, without a new place.
             return PutBack(self.pose, self.odometer.metres) if self._fault(CRASHED) else None
         if not self._clear and (not any(self._wheels_on) or self.is_elsewhere(*self.odometer.seen[:2])):
             fault = OFF_TRACK
@@ -306,8 +271,7 @@ class Referee:
             return None
         if not self._fault(fault):
             return None
-        # The base goes where the nose was. A car that only stands must not creep round the track like that: its nose
-        # stays where it is.
+        # The base goes where the nose was; a car that only stands keeps its place.
         return self._put_back(self._before_m - (self._physics.nose_x if fault == IMMOBILIZED else 0.0))
 
     def _next_lap(self, start_ms: int) -> Lap:
@@ -317,8 +281,7 @@ class Referee:
         return lap
 
     def _back_to_start(self) -> PutBack:
-        """The road is at its end, or laps are not driven without a stop: the next lap begins from rest at the start, a
-        control step later. No reset."""
+        """The next lap begins from rest at the start, a control step later, without a reset."""
         self.pause_steps = 1
         metres = self.lap_start_m + self.track.length
         start = PutBack(Pose(*self.track.point_at(self.start_m)), metres)
@@ -336,17 +299,13 @@ class Referee:
         ]
 
     def is_elsewhere(self, distance: float, offset: float) -> bool:
-        """True where every wheel is beyond the border of the part of the road that the car is driving, whose nose is
-        there.
-
-        The wheels may still be on the road, on another part of it that lies alongside. The original would let such a
-        car drive on there; here it left the track.
-        """
+        """Whether every wheel is beyond the border of this part of the road. The wheels may be on another part of it
+        alongside, where the original would let the car drive on."""
         left, right = self.track.half_widths_at(distance)
         return not -right - self._wheel_m <= offset <= left + self._wheel_m
 
     def _cross_lines(self, before_m: float, metres: float) -> None:
-        """Write down the sector and finish lines passed in this step, at the share of the step where it happened."""
+        """Record the sector and finish lines passed in this step, interpolated within it."""
         lap = self.lap
         while lap.end_ms is None and metres >= self.line_m:
             share = (self.line_m - before_m) / (metres - before_m) if metres > before_m else 1.0
@@ -357,11 +316,11 @@ class Referee:
             self.line_m = self._next_line()
 
     def _next_line(self) -> float:
-        """Unwrapped distance of the end of the sector being driven."""
+        """Unwrapped distance of the end of the present sector."""
         return self.lap_start_m + self.track.length * (len(self.lap.sector_ends_ms) + 1) / SECTORS
 
     def _fault(self, status: str) -> bool:
-        """Count a fault; True where a reset is left for it, which is then used."""
+        """Count a fault and use a reset; False where none is left."""
         self.status = status
         if status == CRASHED:
             self.crashes += 1
@@ -376,10 +335,8 @@ class Referee:
         return True
 
     def _put_back(self, metres: float) -> PutBack:
-        """The centre of the lane nearer to the car one step ago, at ``metres`` (after an off-track the progress of that
-        step: such a car may be nearer to another part of the track). Boxes near by move it, see
-        :meth:`paddock.simulator.boxes.BoxWatch.put_back`. Never so near to the line that the car would stand across
-        it."""
+        """The centre of the lane nearer to the car one step ago, at ``metres`` but before the line. Boxes near by move
+        it, see :meth:`paddock.simulator.boxes.BoxWatch.put_back`."""
         limit = self.lap_start_m + self.track.length - self._physics.nose_x - 0.01
         metres = max(min(metres, limit), self._least_m)
         places = [self._lane_centre(metres, lane) for lane in LANES]
@@ -391,8 +348,8 @@ class Referee:
         return self._free_place(min(metres, limit), lane, limit)
 
     def _free_place(self, metres: float, lane: str, limit: float) -> PutBack:
-        """The proper place if nothing stands there, else the nearest that is free: in the other lane, behind (but not
-        before a box that was passed), at last ahead (but not beyond a box or the line)."""
+        """The proper place or the nearest free one: in the other lane, then behind (but not before a passed box), then
+        ahead (but not beyond a box or the line)."""
         proper = PutBack(Pose(*self._lane_centre(metres, lane)), metres)
         if self._is_free(proper.pose):
             return proper
@@ -410,7 +367,7 @@ class Referee:
 
     @property
     def _least_m(self) -> float:
-        """Nobody is put before this: an open track has nothing before its start."""
+        """The least place for a car: an open track has nothing before its start."""
         return self.lap_start_m if self.track.is_open else -math.inf
 
     def _lane_centre(self, metres: float, lane: str) -> tuple[float, float, float]:
@@ -420,8 +377,8 @@ class Referee:
         return self.boxes.free(pose) and self._free(pose)
 
     def _start(self, start_m: float, grid: int | None) -> PutBack:
-        """Where the car starts. On a grid: ``duel_gap_m`` behind the car before, odd ones in the inner, even ones in
-        the outer lane (deepracer-simapp, START_POS_OFFSET)."""
+        """The start of the car. On a grid: ``duel_gap_m`` behind the car before, odd ones in the inner lane
+        (deepracer-simapp, START_POS_OFFSET)."""
         if grid is not None:
             metres = start_m - self.rules.duel_gap_m * grid
             return PutBack(Pose(*self.track.lane_centre(metres, INNER if grid % 2 else OUTER)), metres)

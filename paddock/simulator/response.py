@@ -1,4 +1,4 @@
-"""How a car answers its commands: what speed and what curve its motors are told, tick by tick."""
+"""The response of a car to its commands: motor targets for speed and steering, tick by tick."""
 
 from __future__ import annotations
 
@@ -10,12 +10,11 @@ from .physics import CarPhysics
 
 
 class Response:
-    """The drive train and the steering between a command and the motors; plain arithmetic, no Bullet.
+    """The drive train and the steering between a command and the motors, without Bullet.
 
-    A command waits out its dead time, one for steering and one for speed. The speed then follows it with a lag of its
-    own for rising and for falling, within the acceleration and braking that the car is capable of; the demanded
-    curvature follows with a lag too, and the curve really driven is the demand cut off smoothly by the grip
-    (:meth:`~paddock.simulator.physics.CarPhysics.curvature`).
+    A command waits for its dead time, one for steering and one for speed. The speed then follows with one lag for
+    rising and one for falling, within the car's acceleration and braking; the demanded curvature follows with a lag
+    too, cut off smoothly by the grip (:meth:`~paddock.simulator.physics.CarPhysics.curvature`).
     """
 
     def __init__(self, physics: CarPhysics, speed: float = 0.0, demand: float = 0.0) -> None:
@@ -31,7 +30,7 @@ class Response:
         self._step_speed_down = physics.braking / physics.tick_hz
         self._rise = physics.gain(physics.speed_rise_s)
         self._fall = physics.gain(physics.speed_fall_s)
-        self._commanded = (  # in one piece: it is asked in every step
+        self._commanded = (  # for command(), in one piece
             *(physics.max_steering_deg, physics.min_speed, physics.max_speed, physics.effective_wheelbase),
             *(physics.steering_dead_ticks, physics.speed_dead_ticks, physics.speed_gain),
         )
@@ -43,14 +42,13 @@ class Response:
         return self.physics.curvature(self.demand, self.speed)
 
     def copy(self) -> Response:
-        """A car in the same state that goes its own way from here."""
         twin = copy.copy(self)
         twin._steering = deque(self._steering)
         twin._speeds = deque(self._speeds)
         return twin
 
     def command(self, steering_deg: float, speed: float) -> None:
-        """Take a command (degrees to the left, m/s), clipped to what the car can do."""
+        """Take a command (degrees to the left, m/s), clipped to the limits of the car."""
         limit, least, most, wheelbase, steering_dead, speed_dead, gain = self._commanded
         tick = self._tick
         if steering_deg > limit:
@@ -66,7 +64,7 @@ class Response:
         self._speeds.append((tick + speed_dead, speed * gain))
 
     def advance(self, ticks: int) -> None:
-        """Move on by so many ticks (1/120 s)."""
+        """Advance by ``ticks`` (1/120 s)."""
         speed, wanted_speed = self.speed, self._wanted_speed
         demand, wanted = self.demand, self._wanted_demand
         steering, speeds = self._steering, self._speeds

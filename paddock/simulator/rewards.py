@@ -1,6 +1,4 @@
-"""Reward functions in the field's form: ``reward_function(params) -> float`` with the documented keys."""
-
-from __future__ import annotations
+"""The parameters of reward functions in the field's form, ``reward_function(params) -> float``."""
 
 import math
 from bisect import bisect_right
@@ -31,8 +29,8 @@ def follow_centre_line(params: Params) -> float:
 
 
 def avoid_objects(params: Params) -> float:
-    """The guide's example for object avoidance and head-to-head: stay on the road (weight 1) and keep away from the
-    next object while it is in the same lane (weight 4)."""
+    """The guide's example for object avoidance and head-to-head: stay on the road (weight 1) and away from the next
+    object in the same lane (weight 4)."""
     inside = params["all_wheels_on_track"] and 0.5 * params["track_width"] - params["distance_from_center"] >= 0.05
     avoided = 1.0
     if params["objects_location"]:
@@ -50,8 +48,8 @@ def reward_params(
 ) -> Params:
     """The ``params`` of a car's present state (deepracer-simapp, agent_ctrl/constants.py, RewardParam).
 
-    ``speed`` and ``steering_angle`` are those of the last command, x and y those of the nose. ``waypoints`` is handed
-    over as it is. ``objects``: see :meth:`Objects.params`; without (a time trial) its keys have their defaults.
+    ``speed`` and ``steering_angle`` are those of the last command, x and y those of the nose. ``objects``: see
+    :meth:`Objects.params`; without, its keys have their defaults.
     """
     referee = car.referee
     track, place = referee.track, referee.odometer.place
@@ -94,14 +92,11 @@ def _nothing() -> Params:
 
 
 class Objects:
-    """What stands and drives around one car, as the object keys of ``params`` (deepracer-simapp,
-    track_geom/track_data.py, get_object_reward_params).
-
-    The lists keep the order of the stage: boxes as the track meets them, then bots, then other cars.
-    """
+    """The object keys of ``params`` (deepracer-simapp, track_geom/track_data.py, get_object_reward_params), in the
+    order of :meth:`.stage.Simulation.solids`."""
 
     def __init__(self, track: TrackGeometry, car_speed_mps: float = 0.0) -> None:
-        """``car_speed_mps``: the speed that bots are told to drive, which counts for every car among the objects."""
+        """``car_speed_mps``: of bots, which counts for every car among the objects."""
         self._track = track
         self._car_speed = car_speed_mps
         self._seen: list[tuple[Solid, Projection]] = []
@@ -118,14 +113,14 @@ class Objects:
             "objects_left_of_center": [place.offset > 0 for place in places],
             "object_in_camera": in_camera(pose, solids[ahead]),
             "objects_speed": [self._car_speed if solid.look == CAR else 0.0 for solid in solids],
-            # Radians, and 0 for boxes, as the original's code has it (its documentation says degrees).
+            # Radians, and 0 for boxes, as the original's code has it (its documentation has degrees).
             "objects_heading": [solid.yaw if solid.look == CAR else 0.0 for solid in solids],
             "objects_distance_from_center": [abs(place.offset) for place in places],
             "objects_distance": [place.distance for place in places],
         }
 
     def _projected(self, solids: Sequence[Solid]) -> list[Projection]:
-        """Where the solids are along the track; those that have not moved are not looked for again."""
+        """The projections of the solids, cached for those that have not moved."""
         seen, project = self._seen, self._track.project
         known = len(seen) == len(solids)
         self._seen = [
@@ -138,8 +133,8 @@ class Objects:
 
 
 def _neighbours(distances: list[float], distance: float, is_open: bool) -> tuple[int, int]:
-    """Indices of the object behind and of the one ahead along the track; the same twice for a single one, and on an
-    open track before the first one and beyond the last."""
+    """Indices of the object behind and of the one ahead along the track; the same twice for a single one and at the
+    ends of an open track."""
     order = sorted(range(len(distances)), key=distances.__getitem__)
     after = bisect_right([distances[number] for number in order], distance)
     if is_open:

@@ -1,10 +1,9 @@
-"""A track with its world and the cars on it. A race and the Gymnasium environment drive on the same stage."""
+"""A track with its world and cars, shared by races and Gymnasium environments."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from functools import cached_property
-from types import TracebackType
 
 from paddock.geometry.track import TrackGeometry
 from paddock.rules.race import RaceRules
@@ -26,7 +25,7 @@ from .world import World, new_world
 
 
 class PreparedTrack:
-    """What is prepared once for a track and shared by every run on it: the driven direction, its scene, its reach."""
+    """A track in the driven direction with everything that its runs share."""
 
     def __init__(self, track: TrackGeometry, direction: str = "ccw", theme: Theme = OFFICIAL) -> None:
         self.track = track.in_direction(direction)
@@ -35,11 +34,11 @@ class PreparedTrack:
 
     @cached_property
     def scene(self) -> Scene:
-        """Drawn when the first camera needs it."""
+        """Drawn on first use."""
         return Scene.of(self.track, self.theme)
 
     def readings(self, sensors: Sequence[str], lidar_config: Mapping[str, float] | None = None) -> dict[str, Reading]:
-        """See :func:`paddock.simulator.sensors.make_sensors`; made once, for all cars with the same sensors."""
+        """:func:`paddock.simulator.sensors.make_sensors`, cached for all cars with the same sensors."""
         key = tuple(sensors), tuple(sorted((lidar_config or {}).items()))
         if key not in self._readings:
             self._readings[key] = make_sensors(sensors, lambda: self.scene, lidar_config)
@@ -47,17 +46,14 @@ class PreparedTrack:
 
     @cached_property
     def reach(self) -> Reach:
-        """See :class:`paddock.simulator.progress.Reach`."""
         return Reach(self.track)
 
     @cached_property
     def clear_m(self) -> float:
-        """See :func:`paddock.simulator.progress.clear_distance`."""
         return clear_distance(self.track)
 
     @cached_property
     def lanes(self) -> LanePaths:
-        """See :class:`paddock.simulator.bots.LanePaths`."""
         return LanePaths(self.track)
 
 
@@ -68,10 +64,10 @@ class Simulation:
     def __init__(
         self, ground: PreparedTrack, rules: RaceRules, physics: CarPhysics = PADDOCK_CAR, world: World | None = None
     ) -> None:
-        """``world``: one of the same ``physics`` that several stages share; their cars neither meet nor see each other.
-        Who shares it moves it, between :meth:`command` and :meth:`judge` of all its stages, and closes it.
+        """``world``: of the same ``physics``, shared by several stages, whose cars neither meet nor see each other; its
+        owner moves it between :meth:`command` and :meth:`judge` of all stages, and closes it.
 
-        Raises UserFault where boxes or bots have no room, see :func:`paddock.simulator.layout.lay_out`.
+        Raises UserFault as :func:`paddock.simulator.layout.lay_out`.
         """
         self.ground = ground
         self.competitors: list[Competitor] = []
@@ -100,9 +96,8 @@ class Simulation:
         *,
         grid: int | None = None,
     ) -> Competitor:
-        """A car on the centre line, its base ``start_m`` metres after the finish (deepracer-simapp starts at 0), or as
-        near as boxes and bots leave room; that is where its laps begin and end. With ``grid`` its place in the starting
-        grid behind that line, from 0: 0.75 m apart, in the outer and inner lane by turns.
+        """A car on the centre line, its base ``start_m`` metres after the finish, or as near as boxes and bots leave
+        room; its laps begin and end there. ``grid``: its place on the starting grid behind that line, from 0.
 
         Raises UserFault ``track_needs_loop`` for a grid on an open track.
         """
@@ -127,21 +122,19 @@ class Simulation:
         return mine
 
     def clear(self, rules: RaceRules | None = None) -> None:
-        """Take all cars off the track for another run, which is then as one on a new stage; bots go back to their
-        starts. With ``rules`` (another seed), under these."""
+        """Take all cars off the track and lay it out for another run, which equals one on a new stage."""
         self.vacate()
         self._lay(rules or self.rules, self.world.physics.control_hz)
 
     def vacate(self) -> None:
-        """Take all cars off the track."""
         for competitor in self.competitors:
             if competitor.car in self.world.cars:
                 self.world.give_back(competitor.car)
         self.competitors.clear()
 
     def solids(self, competitor: Competitor) -> tuple[Solid, ...]:
-        """What ``competitor`` can see on the track besides itself: boxes in driving order, bots, then other cars in the
-        order in which they were added. Cars that stand out a penalty are seen, cars that are done are off the track."""
+        """The blocks that ``competitor`` can see: boxes in driving order, bots, then other cars on the track in the
+        order in which they were added."""
         if len(self.competitors) == 1:
             return self._solids
         return self._solids + tuple(
@@ -153,12 +146,12 @@ class Simulation:
         if self.bots is None and len(self.competitors) == 1:
             self._step_alone(*actions)
             return
-        if self.command(actions):  # while all stand still the world stands still with them
+        if self.command(actions):  # while all cars stand the world stands
             self.world.step()
         self.judge()
 
     def _step_alone(self, action: Action | None) -> None:
-        """The same of one car without bots, with fewer questions: it is the step of nearly every run."""
+        """The same for one car without bots, faster."""
         competitor = self.competitors[0]
         referee = competitor.referee
         if referee.end_reason is not None:
@@ -173,7 +166,7 @@ class Simulation:
         competitor.judge()
 
     def command(self, actions: Sequence[Action | None]) -> bool:
-        """The first part of a step: hand out the actions. True where a car drives, so that the world must move on."""
+        """The first part of a step: hand out the actions. True where a car drives, so that the world must move."""
         competitors = self.competitors
         if self.bots is not None and not competitors[0].done:
             self.bot_rows.append(self.bots.poses)
@@ -190,7 +183,7 @@ class Simulation:
         return driving
 
     def judge(self) -> None:
-        """The last part of a step: bots move, and every car is judged where it is now."""
+        """The last part of a step: move the bots and judge every car."""
         competitors = self.competitors
         if self.bots is None and len(competitors) == 1:
             competitor = competitors[0]
@@ -201,12 +194,12 @@ class Simulation:
             self._judge_all()
 
     def retire(self, competitor: Competitor) -> None:
-        """Take a car off the track; its run ends, what it has driven stands."""
+        """Take a car off the track and end its run; its laps stand."""
         competitor.retire()
         self._leave(competitor)
 
     def _judge_all(self) -> None:
-        """Bots and cars all move, then the contacts between them are judged, then each car."""
+        """Move all bots and cars, then judge the contacts between them, then each car."""
         self._traffic.step()
         self._solids = self._standing_solids()
         active = [competitor for competitor in self.competitors if not competitor.done]
@@ -221,7 +214,7 @@ class Simulation:
             if competitor.done:
                 self._leave(competitor)
             elif paused and not competitor.pausing:
-                # The world may have moved on under it, and a car at rest settles by some micrometres.
+                # the world may have moved, and a car at rest settles by some micrometres
                 competitor.car.place(competitor.referee.pose)
 
     def _leave(self, competitor: Competitor) -> None:
@@ -238,7 +231,5 @@ class Simulation:
     def __enter__(self) -> Simulation:
         return self
 
-    def __exit__(
-        self, kind: type[BaseException] | None, value: BaseException | None, trace: TracebackType | None
-    ) -> None:
+    def __exit__(self, *_exception: object) -> None:
         self.close()

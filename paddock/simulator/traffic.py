@@ -1,19 +1,15 @@
-"""Several cars on one track, submitted ones and bots: who may stand where, and whose fault it is when two touch.
+"""Decides contacts of cars on one track: the car at fault, and cars that pass through others."""
 
-Of two cars that touch, the one behind is at fault: the one that has come less far along the track, looked at the
-shorter way round it (deepracer-simapp compares the normalised progress, which goes wrong at the finish line). Cars do
-not push each other in the physical world: a crash stops the one at fault on the spot, and whoever stands out a penalty
-is passed through, until the two are clear of each other again.
-"""
-
-from __future__ import annotations
+# Of two cars that touch, the one behind is at fault, measured the shorter way round (deepracer-simapp compares the
+# normalised progress, which fails at the finish line). A crash stops the car at fault on the spot; other cars pass
+# through a car that serves a penalty until the two are clear of each other again.
 
 from collections.abc import Callable, Sequence
 
 from .bots import Bots
 from .car import Pose
 from .competitor import Competitor
-from .contact import cars_touch
+from .solids import cars_touch
 
 _GAP_M = 0.1  # left free round a car that is put back
 
@@ -40,8 +36,8 @@ class Traffic:
             self._bots.step(cars)
 
     def rammed(self) -> Sequence[bool]:
-        """For each competitor whether it ran into another car or a bot in this step, from behind. Bots that were hit or
-        are at fault begin their pause."""
+        """For each competitor whether it ran into another car or a bot from behind. Bots in a new contact begin their
+        pause."""
         competitors = self._contestants
         faults = [False] * len(competitors)
         for number, competitor in enumerate(competitors):
@@ -54,8 +50,8 @@ class Traffic:
         return faults
 
     def free_for(self, competitor: Callable[[], Competitor | None]) -> Callable[[Pose], bool]:
-        """Whether ``competitor()`` (None: one that is about to be added) may be put at a pose without touching another
-        car or a bot, wherever those stand or are about to be put."""
+        """A test whether ``competitor()`` (None before it is added) may be put at a pose without touching a car or a
+        bot."""
 
         def free(pose: Pose) -> bool:
             mine = competitor()

@@ -1,12 +1,9 @@
-"""The same environments for many cars at once: all in one Bullet world, where none meets or sees another.
+"""Vector environments: many cars in one Bullet world, which neither meet nor see each other."""
 
-Each car's observations, rewards and ends are those of a single environment with the same seed and actions, to the last
-bit. ``gymnasium.make_vec("Paddock/TimeTrial-v1", num_envs=16, ...)`` makes one.
-"""
+# Each car's observations, rewards and ends equal those of a single environment with the same seed and actions.
+# ``gymnasium.make_vec("Paddock/TimeTrial-v1", num_envs=16, ...)`` creates one.
 
-from __future__ import annotations
-
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from copy import deepcopy
 from dataclasses import replace
 from itertools import chain
@@ -21,7 +18,7 @@ from paddock.exact import is_pinned
 
 from .action import Action
 from .competitor import Competitor
-from .envs.drive import OPTIONS, Drive, NotCopied, StepOutcome, check_options
+from .envs.drive import OPTIONS, Drive, EpisodeInfo, NotCopied, StepOutcome, check_options
 from .envs.setting import Readings, Setting, head_to_head, object_avoidance, time_trial
 from .envs.single import RENDER_MODES, RacingEnv, picture
 from .stage import PreparedTrack
@@ -38,10 +35,8 @@ class RacingVectorEnv(NotCopied, VectorEnv[Readings | np.ndarray, np.ndarray, np
     an episode already returns the next one's first observation, and the last one as ``final_obs`` and ``final_info``
     in the infos. DISABLED: the caller resets, all or by ``options={"reset_mask": ...}``.
 
-    Seeds: ``reset(seed=7)`` seeds the cars with 7, 8, 9, ...; a list gives each its own.
-
-    ``reward_function`` may be a list of as many functions as there are cars: one that keeps something from step to step
-    must not be shared.
+    Seeds: ``reset(seed=7)`` seeds the cars with 7, 8, 9, ...; a list gives each its own. ``reward_function`` may be a
+    list with one function for each car, for functions that keep a state.
     """
 
     make_setting: ClassVar[Callable[..., Setting]]  # of a child: one of :mod:`.envs.setting`
@@ -57,16 +52,17 @@ class RacingVectorEnv(NotCopied, VectorEnv[Readings | np.ndarray, np.ndarray, np
         **options: Any,
     ) -> None:
         """``options``: those of a single environment. ``copy=False`` returns the same observation arrays from every
-        call, which saves a copy of them. ``numbers_only=True`` leaves out of the infos what is not a number
-        (``status``, ``laps``, ``end_reason``), as TorchRL's reader of SAME_STEP environments wants them.
+        call. ``numbers_only=True`` leaves ``status``, ``laps`` and ``end_reason`` out of the infos, as TorchRL's reader
+        of SAME_STEP environments needs.
 
-        Raises ValueError for fewer cars than one, an unknown autoreset mode or render mode, and too few or too many
+        Raises ValueError for fewer cars than one, an unknown autoreset mode or render mode, and a wrong number of
         reward functions.
         """
         if num_envs < 1:
             raise ValueError(f"num_envs must be at least 1, not {num_envs}")
         if render_mode not in (None, *RENDER_MODES):
             raise ValueError(f"render_mode must be None or 'rgb_array', not {render_mode!r}")
+        options = {**(options.pop("config", None) or {}), **options}
         rewards = options.get("reward_function")
         if isinstance(rewards, Sequence):
             if len(rewards) != num_envs:
@@ -89,7 +85,7 @@ class RacingVectorEnv(NotCopied, VectorEnv[Readings | np.ndarray, np.ndarray, np
         self._world: World | None = None
         self._drives: list[Drive] = []
         self._rngs: list[np.random.Generator | None] = [None] * num_envs
-        self._over = np.zeros(num_envs, np.bool_)  # cars whose episode is over and not yet begun anew
+        self._over = np.zeros(num_envs, np.bool_)  # cars between two episodes
         self._observations: Readings = {
             name: np.zeros((num_envs, *space.shape), space.dtype) for name, space in setting.boxes.items()
         }
@@ -112,14 +108,12 @@ class RacingVectorEnv(NotCopied, VectorEnv[Readings | np.ndarray, np.ndarray, np
         for number in np.flatnonzero(mask).tolist():
             if seeds[number] is not None or self._rngs[number] is None:
                 self._rngs[number], _ = gymnasium.utils.seeding.np_random(seeds[number])
-            infos = self._add_info(infos, self._told(self._begin(number, options)), number)
+            infos = self._add_info(infos, self._visible_info(self._begin(number, options)), number)
         return self._seen(), infos
 
     def step(self, actions: np.ndarray) -> tuple[Readings | np.ndarray, np.ndarray, np.ndarray, np.ndarray, _Infos]:
-        """One control step of every car. See the class for what follows the end of an episode.
-
-        Raises ValueError for too many actions, too few, or one that is not in the action space; then no car has moved.
-        """
+        """One control step of every car. Raises ValueError for a wrong number of actions, or one that is not in the
+        action space; then no car has moved."""
         if self._world is None or not all(drive.began for drive in self._drives):
             raise gymnasium.error.ResetNeeded("call reset() before step()")
         waiting = self._over.copy()
@@ -130,11 +124,11 @@ class RacingVectorEnv(NotCopied, VectorEnv[Readings | np.ndarray, np.ndarray, np
             self._drives[number].take(action)
         if not waiting.all():
             self._world.step()
-        # Whose episode is over begins anew only now: a car at its start must not move on with the others.
+        # new episodes begin after the step: a car at its start must not move with the others
         rewards = np.zeros(self.num_envs, np.float64)
         terminated, truncated = np.zeros(self.num_envs, np.bool_), np.zeros(self.num_envs, np.bool_)
         infos: _Infos = {}
-        told: list[dict[str, Any]] = []
+        episode_infos: list[_Infos] = []
         for number, drive in enumerate(self._drives):
             if waiting[number]:
                 info = self._begin(number, {})
@@ -145,19 +139,16 @@ class RacingVectorEnv(NotCopied, VectorEnv[Readings | np.ndarray, np.ndarray, np
                 if self.autoreset_mode is AutoresetMode.SAME_STEP and (outcome.terminated or outcome.truncated):
                     infos = self._add_info(infos, self._final(number, outcome), number)
                     info = self._begin(number, {})
-            told.append(self._told(info))
+            episode_infos.append(self._visible_info(info))
         if self.autoreset_mode is not AutoresetMode.SAME_STEP:
             self._over = terminated | truncated
-        return self._seen(), rewards, terminated, truncated, self._merge(infos, told)
+        return self._seen(), rewards, terminated, truncated, self._merge(infos, episode_infos)
 
     def render(self) -> tuple[np.ndarray, ...] | None:
         """The last frame of each car, in render mode ``rgb_array``."""
         if self.render_mode is None or not self._drives:
             return None
-        return tuple(
-            picture({name: batch[number] for name, batch in self._observations.items()})
-            for number in range(self.num_envs)
-        )
+        return tuple(picture(self.readings(number)) for number in range(self.num_envs))
 
     @property
     def exact(self) -> bool:
@@ -165,25 +156,23 @@ class RacingVectorEnv(NotCopied, VectorEnv[Readings | np.ndarray, np.ndarray, np
         return is_pinned()
 
     def car(self, number: int) -> Competitor:
-        """The car of sub-environment ``number`` in its present episode: its referee, and the rows of its trace."""
+        """The car of sub-environment ``number`` in its present episode."""
         return self._drives[number].car
 
     def readings(self, number: int) -> Readings:
-        """What the sensors of one car say now: views, which the next step changes."""
+        """The present readings of one car: views, which the next step changes."""
         return {name: batch[number] for name, batch in self._observations.items()}
 
     def ground(self, number: int) -> PreparedTrack:
-        """What the car of sub-environment ``number`` drives on in its present episode."""
+        """The track of sub-environment ``number`` in its present episode."""
         return self._drives[number].stage.ground
 
     def close_extras(self, **kwargs: Any) -> None:
-        """Free the world."""
         if self._world is not None:
             self._world.close()
         self._world, self._drives = None, []
 
     def _decoded(self, actions: Any, waiting: np.ndarray) -> dict[int, Action]:
-        """What each car that is not ``waiting`` is told to do."""
         given = len(actions) if isinstance(actions, Sequence) or getattr(actions, "ndim", 0) > 0 else None
         if given != self.num_envs:
             found = "none" if given is None else given
@@ -197,7 +186,7 @@ class RacingVectorEnv(NotCopied, VectorEnv[Readings | np.ndarray, np.ndarray, np
                     raise ValueError(f"car {number}: {error}") from error
         return decoded
 
-    def _begin(self, number: int, options: dict[str, Any]) -> dict[str, Any]:
+    def _begin(self, number: int, options: Mapping[str, Any]) -> EpisodeInfo:
         drive, rng = self._drives[number], self._rngs[number]
         assert rng is not None, "reset() draws one for each car"
         info = drive.begin(rng, options)
@@ -205,17 +194,14 @@ class RacingVectorEnv(NotCopied, VectorEnv[Readings | np.ndarray, np.ndarray, np
         self._put(number, drive.observe())
         return info
 
-    def _told(self, info: dict[str, Any]) -> dict[str, Any]:
-        if not self._numbers_only:
-            return info
-        return {key: value for key, value in info.items() if isinstance(value, int | float)}
+    def _visible_info(self, info: EpisodeInfo) -> _Infos:
+        return {key: value for key, value in info.items() if not self._numbers_only or isinstance(value, int | float)}
 
-    def _merge(self, infos: _Infos, told: list[dict[str, Any]]) -> _Infos:
-        """The info of every car in Gymnasium's form: an array and a mask for each key. Its own way to it, a value at a
-        time, would be a tenth of a step."""
-        for key in dict.fromkeys(chain.from_iterable(told)):
-            values = [info.get(key) for info in told]
-            given = np.array([key in info for info in told])
+    def _merge(self, infos: _Infos, episode_infos: list[_Infos]) -> _Infos:
+        """The info of every car in Gymnasium's form: an array and a mask for each key, at once for speed."""
+        for key in dict.fromkeys(chain.from_iterable(episode_infos)):
+            values = [info.get(key) for info in episode_infos]
+            given = np.array([key in info for info in episode_infos])
             if all(type(value) in (int, float, bool) for value in values):
                 infos[key] = np.array(values, dtype=type(values[0]))
             else:
@@ -225,10 +211,10 @@ class RacingVectorEnv(NotCopied, VectorEnv[Readings | np.ndarray, np.ndarray, np
             infos[f"_{key}"] = given
         return infos
 
-    def _final(self, number: int, outcome: StepOutcome) -> dict[str, Any]:
-        """The last observation and info of an episode, which the next one's take the place of."""
-        last = {name: batch[number].copy() for name, batch in self._observations.items()}
-        return {"final_obs": self.setting.present(last), "final_info": self._told(outcome.info)}
+    def _final(self, number: int, outcome: StepOutcome) -> _Infos:
+        """The last observation and info of an episode."""
+        last = {name: reading.copy() for name, reading in self.readings(number).items()}
+        return {"final_obs": self.setting.present(last), "final_info": self._visible_info(outcome.info)}
 
     def _put(self, number: int, readings: Readings) -> None:
         for name, reading in readings.items():
@@ -263,12 +249,12 @@ class TimeTrialVectorEnv(RacingVectorEnv):
 
 
 class ObjectAvoidanceVectorEnv(RacingVectorEnv):
-    """Many cars of ``Paddock/ObjectAvoidance-v1``, with the same arguments; each has boxes of its own."""
+    """Many cars of ``Paddock/ObjectAvoidance-v1``, with the same arguments; each has its own boxes."""
 
     make_setting = staticmethod(object_avoidance)
 
 
 class HeadToHeadVectorEnv(RacingVectorEnv):
-    """Many cars of ``Paddock/HeadToHead-v1``, with the same arguments; each has bots of its own."""
+    """Many cars of ``Paddock/HeadToHead-v1``, with the same arguments; each has its own bots."""
 
     make_setting = staticmethod(head_to_head)

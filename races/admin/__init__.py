@@ -1,7 +1,5 @@
-"""Races in the admin site: schedule, change what may change, cancel, clone; results are read, never edited."""
+"""Races in the admin site: schedule, edit, cancel and clone them; results are read-only."""
 
 from .duels import DrawAdmin, DuelAdmin
 from .race import RaceAdmin
 from .results import EntryAdmin, OwnEvaluationAdmin, SubmissionAdmin
-
-__all__ = ["DrawAdmin", "DuelAdmin", "EntryAdmin", "OwnEvaluationAdmin", "RaceAdmin", "SubmissionAdmin"]

@@ -1,6 +1,4 @@
-"""What the admin pages of this room share: actions with a reason, rows that are only looked at."""
-
-from __future__ import annotations
+"""Shared parts of this room's admin pages: actions with a reason, read-only rows."""
 
 from collections.abc import Callable
 from typing import Any
@@ -16,13 +14,8 @@ from core.forms import explain
 from paddock.errors import PaddockError
 
 
-def sentence(fault: PaddockError) -> str:
-    """The fault in the reader's language."""
-    return explain(fault)
-
-
 class WithReason(ComparedChanges, ModelAdmin):
-    """Actions that ask for a reason on a page of their own, which says what will follow."""
+    """Actions with a separate page that asks for a reason and lists the consequences."""
 
     def with_reason(
         self,
@@ -36,8 +29,7 @@ class WithReason(ComparedChanges, ModelAdmin):
         note: str,
         done: Callable[[int], str],
     ) -> HttpResponse | None:
-        """The page that asks; once it was answered, ``call`` every row with the reason, log it with the ``note`` before
-        the reason, and say in the words of ``done`` how many went through."""
+        """Ask for a reason, then ``call`` every row with it, log it after the ``note``, and report the successes."""
         reason = request.POST.get("reason")
         if reason is not None and reason.strip():
             self.message_user(
@@ -56,13 +48,13 @@ class WithReason(ComparedChanges, ModelAdmin):
         return render(request, "admin/races/reason.html", context, status=200 if reason is None else 422)
 
     def each(self, request: HttpRequest, queryset: QuerySet, call: Any, note: str) -> int:
-        """``call`` every row, log it, and say what was refused; returns how many went through."""
+        """``call`` every row, log it, and show refusals; returns the number of successes."""
         done = 0
         for row in queryset:
             try:
                 call(row)
             except PaddockError as fault:
-                self.message_user(request, f"{row}: {sentence(fault)}", messages.ERROR)
+                self.message_user(request, f"{row}: {explain(fault)}", messages.ERROR)
             else:
                 self.log_change(request, row, note)
                 done += 1

@@ -1,7 +1,5 @@
 """Draws and duels: looked at, never edited. Heats are driven, repeated and counted by the platform."""
 
-from __future__ import annotations
-
 from django.contrib import admin
 from django.db.models import QuerySet
 from django.http import HttpRequest
@@ -15,8 +13,6 @@ from .actions import seconds
 
 @admin.register(Draw)
 class DrawAdmin(ReadOnly, admin.ModelAdmin):
-    """Which races have drawn their duels, and which are through."""
-
     list_display = ("race", "entrants", "drawn_at", "over_at")
     list_filter = (("over_at", admin.EmptyFieldListFilter), "race__duel_format")
     list_select_related = ("race",)
@@ -25,8 +21,6 @@ class DrawAdmin(ReadOnly, admin.ModelAdmin):
 
 
 class DuelCompetitorInline(ReadOnly, admin.TabularInline):
-    """The cars of a heat."""
-
     model = DuelCompetitor
     fields = ("grid", "entry", "place", "points", "laps", "time", "forfeited", "retired_code")
     readonly_fields = fields
@@ -42,8 +36,6 @@ class DuelCompetitorInline(ReadOnly, admin.TabularInline):
 
 @admin.register(Duel)
 class DuelAdmin(ReadOnly, admin.ModelAdmin):
-    """Every heat, how often it was run, and what came of it."""
-
     list_display = ("race", "round", "number", "state", "evaluation", "tries", "decided_at")
     list_filter = ("state", "race__duel_format")
     list_select_related = ("race", "evaluation")

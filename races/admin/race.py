@@ -1,7 +1,5 @@
 """Scheduling, changing, cancelling and cloning races."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from types import new_class
 from typing import Any
@@ -17,33 +15,36 @@ from django.utils.html import format_html
 from django.utils.translation import gettext as _
 from django.utils.translation import gettext_lazy, ngettext
 
+from core.forms import explain
 from core.times import written
 from paddock.errors import PaddockError
-from paddock.rules.race import LAYOUT, RULES, RUN_RULES
+from paddock.rules.race import BOX_RULES, LAYOUT, RULES, RUN_RULES
 
+from ..entries.services.standings import recompute_race
+from ..entries.terms import keep_terms, one_form
 from ..errors import problem
-from ..fields import BoxesField
-from ..layout import check_layout
 from ..models import Race, RaceKind, RaceState, RaceType, Visibility
 from ..models.rules import usual
+from ..models.sensors import OFFERABLE
+from ..pages import services
+from ..pages.services import edition_of, has_submissions
 from ..rules.fields import rule_fields
-from ..sensors import OFFERABLE
-from ..services import (
-    cancel_race,
-    clone_race,
-    edit_race,
-    recompute_race,
-    reset_invitation,
+from ..rules.form_fields import BoxesField
+from ..rules.layout import check_layout
+from ..rules.validation import (
+    EDITABLE_FIELDS,
+    LAID_OUT_BY,
+    PHYSICAL_FIELDS,
+    RULE_FIELDS,
+    TEXT_FIELDS,
+    check_times,
 )
-from ..services.races import edition_of, free_slug, has_submissions
-from ..services.terms import keep_terms, one_form
-from ..validation import EDITABLE_FIELDS, LAID_OUT_BY, PHYSICAL_FIELDS, RULE_FIELDS, TEXT_FIELDS, check_times
-from .actions import WithReason, sentence
+from .actions import WithReason
 
 _ELSEWHERE = ("direction", *LAYOUT)
-# What a race keeps without a column: the form of a model does not know it.
+# The rules of a race without a column, which a ModelForm does not include.
 _INSIDE = tuple(name for name, rule in RULES.items() if not rule.column)
-# What only races of real cars have; an empty field leaves it as it is.
+# The fields of races of real cars; an empty one changes nothing.
 _OF_REAL_CARS = ("session_s", "minimum_lap_ms")
 _Inside = new_class("Inside", (forms.ModelForm,), exec_body=lambda body: body.update(rule_fields(_INSIDE)))
 
@@ -88,12 +89,13 @@ class RaceAdminForm(_Inside):  # type: ignore[misc, valid-type]
             self.add_error(None, problem("race_changed_meanwhile"))
             return
         submissions = stored is not None and has_submissions(stored)
-        self._tell(lambda: check_times(self.instance, now=timezone.now(), before=stored, submissions=submissions))
+        now = timezone.now()
+        self._add_errors_of(lambda: check_times(self.instance, now=now, before=stored, submissions=submissions))
         if not LAID_OUT_BY & set(self.errors):
-            self._tell(lambda: check_layout(self.instance))
+            self._add_errors_of(lambda: check_layout(self.instance))
 
-    def _tell(self, check: Callable[[], None]) -> None:
-        """Run ``check`` and show what it refuses beside the fields."""
+    def _add_errors_of(self, check: Callable[[], None]) -> None:
+        """Run ``check`` and add its errors to their fields."""
         try:
             check()
         except ValidationError as error:
@@ -103,7 +105,7 @@ class RaceAdminForm(_Inside):  # type: ignore[misc, valid-type]
 
 
 class StateFilter(admin.SimpleListFilter):
-    """Races by what they are at this moment."""
+    """Races by their current state."""
 
     title = gettext_lazy("state")
     parameter_name = "state"
@@ -123,16 +125,18 @@ class StateFilter(admin.SimpleListFilter):
         return queryset if wanted is None else queryset.filter(wanted)
 
 
-def _said(name: str, form: forms.ModelForm) -> Any:
-    """A field's value; of a rule that was left empty what it usually is."""
+def _value(name: str, form: forms.ModelForm) -> Any:
+    """A field's value, the default for an empty rule."""
     value = form.cleaned_data[name]
     return usual(name) if value is None and name in RULES else value
 
 
+def _section(title: Any, *fields: str, description: Any = "") -> Any:
+    return title, {"fields": fields, "description": description}
+
+
 @admin.register(Race)
 class RaceAdmin(WithReason):
-    """See the module's docstring."""
-
     form = RaceAdminForm
     list_display = ("name", "kind", "division", "track", "state", "opens_at", "closes_at", "racers", "organiser")
     list_filter = (StateFilter, "kind", "division", "ranking_method", "race_type", "visibility", "track")
@@ -143,51 +147,33 @@ class RaceAdmin(WithReason):
     raw_id_fields = ("beside",)
     actions = ("cancel", "clone", "new_invitations", "work_out_anew")
     fieldsets = (
-        (
-            None,
-            {
-                "fields": (
-                    "name",
-                    "slug",
-                    "kind",
-                    "division",
-                    "organiser",
-                    "group",
-                    "team_entries",
-                    "description",
-                    "edition",
-                )
-            },
+        _section(
+            None, "name", "slug", "kind", "division", "organiser", "group", "team_entries", "description", "edition"
         ),
-        (gettext_lazy("Prize and terms"), {"fields": ("prize", "sponsor", "terms")}),
-        (gettext_lazy("Time and place"), {"fields": ("opens_at", "closes_at", "track", "direction")}),
-        (
+        _section(gettext_lazy("Prize and terms"), "prize", "sponsor", "terms"),
+        _section(gettext_lazy("Time and place"), "opens_at", "closes_at", "track", "direction"),
+        _section(
             gettext_lazy("Ranking"),
-            {
-                "fields": tuple(name for name in RULES if name not in (*RUN_RULES, *LAYOUT, "sensors")),
-                "description": gettext_lazy("Fixed, like the next section, after the first submission."),
-            },
+            *(name for name in RULES if name not in (*RUN_RULES, *LAYOUT, "sensors")),
+            description=gettext_lazy("Fixed, like the next section, after the first submission."),
         ),
-        (
+        _section(
             gettext_lazy("Rules on the track"),
-            {
-                "fields": (*(name for name in RUN_RULES if name in RULES and name not in _ELSEWHERE), "sensors"),
-            },
+            *(name for name in RUN_RULES if name in RULES and name not in _ELSEWHERE),
+            "sensors",
         ),
-        (
+        _section(
             gettext_lazy("Object avoidance"),
-            {
-                "fields": ("boxes", "random_boxes", "box_distance_m"),
-                "description": gettext_lazy("Boxes in fixed places, or a number of boxes placed by the seed."),
-            },
+            *BOX_RULES,
+            description=gettext_lazy("Boxes in fixed places, or a number of boxes placed by the seed."),
         ),
-        (
+        _section(
             gettext_lazy("Head-to-head"),
-            {"fields": tuple(name for name in LAYOUT if RULES[name].race_types == (RaceType.HEAD_TO_HEAD,))},
+            *(name for name in LAYOUT if RULES[name].race_types == (RaceType.HEAD_TO_HEAD,)),
         ),
-        (gettext_lazy("Real cars"), {"fields": (*PHYSICAL_FIELDS, "beside")}),
-        (gettext_lazy("Visibility"), {"fields": ("visibility", "invitation_link")}),
-        (gettext_lazy("State"), {"fields": ("state", "cancel_reason", "board", "created_at")}),
+        _section(gettext_lazy("Real cars"), *PHYSICAL_FIELDS, "beside"),
+        _section(gettext_lazy("Visibility"), "visibility", "invitation_link"),
+        _section(gettext_lazy("State"), "state", "cancel_reason", "board", "created_at"),
     )
 
     def get_queryset(self, request: HttpRequest) -> QuerySet[Race]:
@@ -210,31 +196,31 @@ class RaceAdmin(WithReason):
     def save_model(self, request: HttpRequest, obj: Race, form: forms.ModelForm, change: bool) -> None:
         now = timezone.now()
         if not change:
-            obj.slug = obj.slug or free_slug(obj.name)
+            obj.slug = obj.slug or services.free_slug(obj.name)
             obj.created_at = now
             obj.terms = one_form(obj.terms)
             obj.save(force_insert=True)
             keep_terms(obj, now)
             return
-        changes = {name: _said(name, form) for name in form.changed_data if name in EDITABLE_FIELDS}
+        changes = {name: _value(name, form) for name in form.changed_data if name in EDITABLE_FIELDS}
         try:
-            edit_race(race=obj, now=now, edition=form.cleaned_data.get("edition") or None, **changes)
+            services.edit_race(race=obj, now=now, edition=form.cleaned_data.get("edition") or None, **changes)
         except PaddockError as fault:  # a car was submitted, or the race opened, while the form was open
-            self.message_user(request, sentence(fault), messages.ERROR)
+            self.message_user(request, explain(fault), messages.ERROR)
             request.is_refused = True  # type: ignore[attr-defined]
 
     def response_change(self, request: HttpRequest, obj: Race) -> HttpResponse:
-        if getattr(request, "is_refused", False):  # which has been said; that it was changed would not be so
+        if getattr(request, "is_refused", False):  # it shows the fault instead of "changed successfully"
             return HttpResponseRedirect(request.get_full_path())
         return super().response_change(request, obj)
 
-    def get_actions(self, request: HttpRequest) -> dict:
-        actions = super().get_actions(request)
+    def get_actions(self, request: HttpRequest, *where: Any, **named: Any) -> dict[str, Any]:
+        actions = super().get_actions(request, *where, **named)
         actions.pop("delete_selected", None)
         return actions
 
     def has_delete_permission(self, request: HttpRequest, obj: Race | None = None) -> bool:
-        """Only a race that nobody has entered; others are cancelled."""
+        """Only a race without entries; others are cancelled."""
         return super().has_delete_permission(request, obj) and (obj is None or not obj.entries.exists())
 
     @admin.display(description=gettext_lazy("state"))
@@ -263,7 +249,7 @@ class RaceAdmin(WithReason):
         return self.with_reason(
             request,
             queryset,
-            lambda race, reason: cancel_race(race=race, reason=reason, now=timezone.now()),
+            lambda race, reason: services.cancel_race(race=race, reason=reason, now=timezone.now()),
             action="cancel",
             title=_("Cancel races"),
             consequence=_(
@@ -277,18 +263,20 @@ class RaceAdmin(WithReason):
     @admin.action(description=gettext_lazy("Copy to the next month"), permissions=["add"])
     def clone(self, request: HttpRequest, queryset: QuerySet[Race]) -> None:
         def clone_one(race: Race) -> None:
-            made = clone_race(race=race, now=timezone.now())
+            made = services.clone_race(race=race, now=timezone.now())
             self.log_addition(request, made, f"Cloned from {race.slug}")
             address = reverse("admin:races_race_change", args=[made.pk])
-            told = format_html(_('<a href="{}">{}</a> opens at {}.'), address, made, written(made.opens_at))
-            self.message_user(request, told)
+            message = format_html(_('<a href="{}">{}</a> opens at {}.'), address, made, written(made.opens_at))
+            self.message_user(request, message)
 
         self.each(request, queryset, clone_one, "Cloned to the next month")
 
     @admin.action(description=gettext_lazy("Replace the invitation link"), permissions=["change"])
     def new_invitations(self, request: HttpRequest, queryset: QuerySet[Race]) -> None:
         secret = queryset.filter(visibility=Visibility.INVITATION, kind=RaceKind.COMMUNITY)
-        done = self.each(request, secret, lambda race: reset_invitation(race=race), "Replaced the invitation link")
+        done = self.each(
+            request, secret, lambda race: services.reset_invitation(race=race), "Replaced the invitation link"
+        )
         self.message_user(request, ngettext("%d link was replaced.", "%d links were replaced.", done) % done)
 
     @admin.action(description=gettext_lazy("Recalculate the standings"), permissions=["change"])

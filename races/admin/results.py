@@ -1,7 +1,5 @@
 """Entries and submissions: looked at, removed with a reason, run again; never edited."""
 
-from __future__ import annotations
-
 from django.contrib import admin
 from django.db.models import Q, QuerySet
 from django.http import HttpRequest, HttpResponse
@@ -9,16 +7,13 @@ from django.utils import timezone
 from django.utils.translation import gettext as _
 from django.utils.translation import gettext_lazy, ngettext
 
-from accounts.who import racer_of
+from accounts.request_racer import racer_of
 from core.admin import ReadOnly
 
+from ..boards.selectors.board import rank_of
+from ..entries.services.entries import remove_entry, restore_entry
+from ..entries.services.submissions import repeat_submission
 from ..models import Entry, OwnEvaluation, Race, Submission
-from ..selectors import rank_of
-from ..services import (
-    remove_entry,
-    repeat_submission,
-    restore_entry,
-)
 from .actions import WithReason, seconds
 
 
@@ -43,7 +38,7 @@ class LeftFilter(admin.SimpleListFilter):
 
 @admin.register(Entry)
 class EntryAdmin(ReadOnly, WithReason):
-    """Who is in which race with what standing. Stewards remove and restore; nobody edits a result."""
+    """Entries and their standings. Stewards remove and restore entries; nobody edits a result."""
 
     list_display = ("race", "racer", "classified", "score", "best_lap", "resets", "submission_count", "left")
     list_filter = ("classified", "is_baseline", LeftFilter, "race__kind", "race__division")
@@ -100,8 +95,6 @@ class EntryAdmin(ReadOnly, WithReason):
 
 @admin.register(Submission)
 class SubmissionAdmin(ReadOnly, WithReason):
-    """Every car that was sent, and how its run ended."""
-
     list_display = ("race", "racer", "number", "evaluation", "state", "is_void", "refunded", "submitted_at")
     list_filter = ("evaluation__state", "is_void", "refunded", "submitted_at", "entry__race__kind")
     list_select_related = ("entry__race", "entry__racer", "evaluation")
@@ -134,7 +127,7 @@ class SubmissionAdmin(ReadOnly, WithReason):
 
 @admin.register(OwnEvaluation)
 class OwnEvaluationAdmin(ReadOnly, admin.ModelAdmin):
-    """Runs that racers asked for themselves, and those that they have deleted within a day."""
+    """Runs requested by racers, and those deleted within a day."""
 
     list_display = ("owner", "evaluation", "race", "submit_if_better", "submission", "asked_at", "deleted_at")
     list_filter = ("submit_if_better", ("deleted_at", admin.EmptyFieldListFilter))

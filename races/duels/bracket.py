@@ -1,30 +1,25 @@
-"""Single elimination: who meets whom as the rounds go on.
+"""Single elimination: the pairings of each round.
 
-Cars are their seeds, 1 for the best. A tie is two heats, one from each starting order; whoever wins it goes on. A race
-may have ties of one heat, the better seed in front, or of the best of three: the third is driven only where both have
-won one (or a heat was void), and in front stands who did better in the first two. Where a round has fewer cars than
+Cars are their seeds, 1 for the best. A tie is two heats, one from each starting order; its winner goes on. A race may
+have ties of one heat, the better seed in front, or best of three: the third heat is driven only after one win each (or
+a void heat), with the better car of the first two in front. Where a round has fewer cars than
 places, the best seeds have a bye.
 """
-
-from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 from .points import HeatDrive, points_lap_time
 
-LEGS = 2  # heats in a tie, unless a race says otherwise
+LEGS = 2  # heats in a tie by default
 TO_WIN = 2  # of the best of three
 
 
 @dataclass(frozen=True)
 class Tie:
-    """Two places of a bracket that meet.
-
-    ``round`` and ``number`` count from 1, from the top of the tree. ``cars``: the seeds known to be in it, the
-    better one first (two, one or none). ``bye``: nobody else will come, its one car goes on. ``winner``: None while it
-    is open.
-    """
+    """Two places of a bracket that meet. ``round`` and ``number`` count from 1, from the top of the tree. ``cars``: the
+    seeds known to be in it, the better one first (two, one or none). ``bye``: its only car goes on. ``winner``: None
+    while it is open."""
 
     round: int
     number: int
@@ -45,10 +40,8 @@ def round_count(entrants: int) -> int:
 
 
 def seeding(entrants: int) -> list[int]:
-    """The seeds from the top of the tree to its bottom, byes included as seeds above ``entrants``.
-
-    The two best can only meet in the final, the four best only from the semi-finals on, and so forth.
-    """
+    """The seeds from the top of the tree to its bottom, byes included as seeds above ``entrants``. The two best can
+    only meet in the final, the four best only from the semi-finals on, and so forth."""
     order = [1]
     while len(order) < 1 << round_count(entrants):
         last = 2 * len(order) + 1
@@ -57,10 +50,8 @@ def seeding(entrants: int) -> list[int]:
 
 
 def bracket(entrants: int, winners: Mapping[tuple[int, int], int]) -> list[list[Tie]]:
-    """All rounds of a bracket; ``winners``: the seed that won the tie (round, number), for those that are decided.
-
-    Byes need no winner. Raises ValueError when a winner is not in its tie.
-    """
+    """All rounds of a bracket; ``winners``: the seed that won the tie (round, number), for those that are decided. Byes
+    need no winner. Raises ValueError when a winner is not in its tie."""
     waiting: list[int | None] = [seed if seed <= entrants else None for seed in seeding(entrants)]
     rounds = []
     for number in range(1, round_count(entrants) + 1):
@@ -79,10 +70,8 @@ def bracket(entrants: int, winners: Mapping[tuple[int, int], int]) -> list[list[
 
 
 def tie_winner(cars: Sequence[int], heats: Sequence[Mapping[int, HeatDrive]]) -> int:
-    """Who goes on after the heats of a tie: more points, then more laps and less time for them, then the better seed.
-
-    ``heats``: what each car did in each heat, by seed.
-    """
+    """The winner of a tie: by points, then more laps, then less time for them, then the better seed. ``heats``: the
+    drive of each car in each heat, by seed."""
 
     def key(car: int) -> tuple:
         drives = [heat[car] for heat in heats]
@@ -96,17 +85,14 @@ Heats = Mapping[tuple[int, int], Mapping[int, HeatDrive]]
 
 
 def winners_of(heats: Heats, legs: int = LEGS) -> dict[tuple[int, int], int]:
-    """The winner of each tie (round, number) of ``legs`` heats that is decided.
-
-    ``heats``: what each seed did in heat (round, number), for those that are decided.
-    """
+    """The winner of each tie (round, number) of ``legs`` heats that is decided. ``heats``: the drives by seed of each
+    decided heat (round, number)."""
     ties = _by_tie(heats, legs)
     return {tie: tie_winner(list(driven[0]), driven) for tie, driven in ties.items() if _is_decided(driven, legs)}
 
 
 def deciders(heats: Heats, legs: int) -> dict[tuple[int, int], tuple[int, ...]]:
-    """The starting order of each third heat (round, number) that is to be driven yet: who did better in the first two
-    stands in front."""
+    """The starting order of each undriven third heat (round, number): in front the better car of the first two."""
     found = {}
     for (round_, tie), driven in _by_tie(heats, legs).items():
         if len(driven) == LEGS < legs and not _is_decided(driven, legs):

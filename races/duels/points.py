@@ -1,19 +1,9 @@
-"""What a heat is worth, and how cars stand after many.
+"""The points of heats and the table after them.
 
-Points of a heat, by the number of cars that were drawn for it: one for every car left behind.
-
-| cars | 1st | 2nd | 3rd | 4th |
-|------|-----|-----|-----|-----|
-| 2    | 1   | 0   |     |     |
-| 3    | 2   | 1   | 0   |     |
-| 4    | 3   | 2   | 1   | 0   |
-
-So a heat of four counts like the three duels that it is for each car. A car that retires by its own fault, or whose
-racer has left the race, has lost to every other: it stands behind them and scores nothing. In a bracket the points on
-the board are ties won (a bye counts as one), so that whoever comes further stands higher; the table decides the ties.
+A heat gives one point for every car beaten, so a heat of four counts like the three duels that it is for each car. A
+car that retires by its own fault, or whose racer has left the race, has lost to every other: it stands behind them and
+scores nothing. In a bracket the points on the board are ties won (a bye counts as one); the table decides the ties.
 """
-
-from __future__ import annotations
 
 from collections.abc import Collection, Iterable, Sequence
 from dataclasses import dataclass
@@ -23,7 +13,7 @@ POINTS: dict[int, tuple[int, ...]] = {2: (1, 0), 3: (2, 1, 0), 4: (3, 2, 1, 0)}
 
 @dataclass(frozen=True)
 class HeatDrive:
-    """What one car did in one heat: its place from 1, complete laps and their total time in milliseconds."""
+    """One car's drive in a heat: its place from 1, complete laps and their total time in milliseconds."""
 
     place: int
     points: int
@@ -46,12 +36,9 @@ class HeatsTotal:
 
 
 def places(order: Sequence[int], lost: Collection[int] = ()) -> dict[int, tuple[int, int]]:
-    """For each car of a heat its place and its points.
-
-    ``order``: every car drawn for the heat, as they stood at the end; ``lost``: those that retired or never started.
-    They stand behind the others, in the same order among themselves. Raises KeyError for a number of cars that no heat
-    takes, ValueError for a car named twice.
-    """
+    """For each car of a heat its place and its points. ``order``: every car drawn for the heat, as they stood at the
+    end; ``lost``: those that retired or never started. They stand behind the others, in the same order among
+    themselves. Raises KeyError for a number of cars that no heat takes, ValueError for a car named twice."""
     if len(set(order)) != len(order):
         raise ValueError(f"a car stands twice in {order}")
     table = POINTS[len(order)]

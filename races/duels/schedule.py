@@ -4,8 +4,6 @@ A heat is a tuple of seeds in starting order, the front place first. A round is 
 twice, so that the heats of a round may be driven in any order or at once.
 """
 
-from __future__ import annotations
-
 from itertools import combinations
 
 Heat = tuple[int, ...]
@@ -42,7 +40,7 @@ def _pairs(entrants: int) -> list[list[Heat]]:
         heats: list[Heat] = []
         for table, (one, other) in enumerate(zip(chairs[:half], reversed(chairs[half:]), strict=True)):
             if one is not None and other is not None:
-                # who sits where alternates, so that nobody stands in front all through a half
+                # alternate the seats, so that no car starts in front all through a half
                 heats.append((other, one) if (number if table == 0 else table) % 2 else (one, other))
         first.append(heats)
         chairs[1:] = [chairs[-1], *chairs[1:-1]]

@@ -1,6 +1,5 @@
-"""A race, who is in it, and what they sent."""
+"""Races, their entries and submissions."""
 
-from .car import RaceCar, RefusedCar, car_of
 from .choices import (
     Division,
     DuelFormat,
@@ -31,12 +30,12 @@ from .live import (
     SlotState,
 )
 from .live_reaction import LiveReaction, ReactionKind
-from .own import OwnEvaluation
 from .race import Race, new_invitation
 from .redrive import Redrive, RedriveState, Retiming
 from .rules import default_sensors
-from .submission import Submission
+from .submission import RaceCar, RefusedCar, Submission, car_of
 from .terms import RaceTerms, TermsAcceptance
+from .test_run import OwnEvaluation
 from .timing import (
     Crossing,
     CrossingVerdict,
@@ -50,60 +49,3 @@ from .timing import (
     TimingSensor,
 )
 from .watched import WatchedRace
-
-__all__ = [
-    "COUNTDOWN",
-    "HEAT_CARS",
-    "PLAYED_BEHIND",
-    "REVEALED_AFTER",
-    "BoardCount",
-    "Crossing",
-    "CrossingVerdict",
-    "Division",
-    "Draw",
-    "Duel",
-    "DuelCompetitor",
-    "DuelFormat",
-    "DuelState",
-    "Entry",
-    "Guest",
-    "Lane",
-    "LapCorrection",
-    "LapNote",
-    "LiveEvent",
-    "LiveLog",
-    "LiveOrder",
-    "LiveRacer",
-    "LiveReaction",
-    "LiveSlot",
-    "LiveState",
-    "MeasuredLap",
-    "Opponents",
-    "OwnEvaluation",
-    "Race",
-    "RaceCar",
-    "RaceKind",
-    "RaceState",
-    "RaceTerms",
-    "RaceType",
-    "RankingMethod",
-    "ReactionKind",
-    "Redrive",
-    "RedriveState",
-    "RefusedCar",
-    "Retiming",
-    "SlotPhase",
-    "SlotState",
-    "Source",
-    "Submission",
-    "TeamEntries",
-    "TermsAcceptance",
-    "TimedSession",
-    "Timekeeper",
-    "TimingSensor",
-    "Visibility",
-    "WatchedRace",
-    "car_of",
-    "default_sensors",
-    "new_invitation",
-]

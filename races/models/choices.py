@@ -1,16 +1,14 @@
 """The words that a race chooses from."""
 
-from __future__ import annotations
+from typing import Any
 
 from django.db import models
 from django.utils.translation import gettext_lazy as _
 
-from paddock.rules.race import INNER, OUTER
+from paddock.rules.race import INNER, OUTER, RANKING_METHODS
 
 
 class RaceKind(models.TextChoices):
-    """Who holds a race."""
-
     LEAGUE = "league", _("league")
     COMMUNITY = "community", _("community")
 
@@ -24,15 +22,13 @@ class Division(models.TextChoices):
 
 
 class RaceType(models.TextChoices):
-    """What stands or drives on the track besides the car."""
-
     TIME_TRIAL = "time_trial", _("time trial")
     OBJECT_AVOIDANCE = "object_avoidance", _("object avoidance")
     HEAD_TO_HEAD = "head_to_head", _("head-to-head")
 
 
 class Opponents(models.TextChoices):
-    """Whom a head-to-head race is driven against. Other races have none."""
+    """The opponents in a head-to-head race. Other races have none."""
 
     BOTS = "bots", _("bot cars")
     MODELS = "models", _("the other racers' cars")
@@ -52,24 +48,22 @@ class Lane(models.TextChoices):
     OUTER = OUTER, _("outer lane")
 
 
-class RankingMethod(models.TextChoices):
-    """What a board ranks by. The rules are the classes in races.ranking."""
+# Names of the ranking methods for code; fields take their choices from ranking_choices.
+RankingMethod: Any = models.TextChoices(  # type: ignore[call-overload]
+    "RankingMethod", [(rule.code.upper(), (rule.code, rule.label)) for rule in RANKING_METHODS.values()]
+)
 
-    AVERAGE = "average", _("average lap")
-    BEST = "best", _("best lap")
-    TOTAL = "total", _("total time")
+
+def ranking_choices() -> list[tuple[str, Any]]:
+    return [(rule.code, rule.label) for rule in RANKING_METHODS.values()]
 
 
 class Visibility(models.TextChoices):
-    """Who sees a race and may join it."""
-
     PUBLIC = "public", _("public")
     INVITATION = "invitation", _("by invitation link")
 
 
 class TeamEntries(models.TextChoices):
-    """What teams are in a race."""
-
     NONE = "", _("teams play no part")
     SEVERAL = "several", _("for teams, with any number of cars each")
     ONE = "one", _("for teams, with one car each")

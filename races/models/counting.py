@@ -1,7 +1,5 @@
 """How many rows stand where on a board, so that a rank is not counted row by row."""
 
-from __future__ import annotations
-
 from django.db import models
 
 from .race import Race
@@ -17,11 +15,9 @@ EVERYBODY, CLASSIFIED = 0, 1
 
 
 class BoardCount(models.Model):
-    """The entries on a race's board in one bucket of ``rank_score``: all ``rows``, and those of ``racers``, which house
-    cars are not. Written by the database itself.
+    """The entries on a race's board in one bucket of ``rank_score``: all ``rows``, and ``racers`` without house cars.
 
-    Triggers (:mod:`races.board_triggers`) change these rows in the statement that changes an entry, whoever writes it,
-    so they are right whenever a transaction ends.
+    Triggers (:mod:`races.boards.triggers`) change these rows with each statement that changes an entry.
     """
 
     race = models.ForeignKey(Race, models.CASCADE, related_name="board_counts", db_index=False)

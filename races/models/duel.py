@@ -1,7 +1,5 @@
 """Models against models: the draw of a race, its heats, and the cars in them."""
 
-from __future__ import annotations
-
 from django.db import models
 from django.db.models import Q
 from django.utils.translation import gettext_lazy as _
@@ -13,7 +11,7 @@ from .race import Race
 
 
 class Draw(models.Model):
-    """That a race's qualifying is over and its heats are scheduled. ``entrants``: how many cars have a seed."""
+    """The draw of a race: qualifying is over, heats are scheduled. ``entrants``: the number of seeded cars."""
 
     race = models.OneToOneField(Race, models.CASCADE, primary_key=True, related_name="draw", verbose_name=_("race"))
     entrants = models.PositiveSmallIntegerField(_("cars drawn"))
@@ -41,10 +39,9 @@ class Duel(models.Model):
     """One heat: two to four cars in one world, or in none when all but one have left the race (a walkover).
 
     In a bracket, heats 2n - 1 and 2n of a round are tie n (with ties of one heat or three: n, or 3n - 2 to 3n).
-    ``evaluation``: its last run; ``tries``: how many there were.
     """
 
-    # no index of its own: the unique one over race, round and number begins with it
+    # no separate index: the unique one over race, round and number begins with it
     race = models.ForeignKey(Race, models.CASCADE, related_name="duels", verbose_name=_("race"), db_index=False)
     round = models.PositiveSmallIntegerField(_("round"))
     number = models.PositiveSmallIntegerField(_("number"))
@@ -84,7 +81,6 @@ class Duel(models.Model):
 
     @property
     def is_final(self) -> bool:
-        """Whether nothing will change any more."""
         return self.state in (DuelState.DECIDED, DuelState.VOID)
 
     @property
@@ -100,7 +96,7 @@ class DuelCompetitor(models.Model):
     queued, so it did not start. ``retired_code``: the reason that took it off the track.
     """
 
-    # no index of its own: the unique one over duel and entry begins with it
+    # no separate index: the unique one over duel and entry begins with it
     duel = models.ForeignKey(Duel, models.CASCADE, related_name="cars", verbose_name=_("duel"), db_index=False)
     entry = models.ForeignKey(Entry, models.CASCADE, related_name="duel_cars", verbose_name=_("entry"))
     grid = models.PositiveSmallIntegerField(_("starting place"))

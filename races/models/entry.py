@@ -1,6 +1,4 @@
-"""Who is in a race, and where they stand in it."""
-
-from __future__ import annotations
+"""A race's entries and their standings."""
 
 from django.conf import settings
 from django.db import models
@@ -9,28 +7,29 @@ from django.db.models.functions import Coalesce
 from django.utils import timezone
 from django.utils.translation import gettext_lazy as _
 
-from ..ranking import LAST, LIVE_LEAD, MOST_DRIVEN, NO_LAP_MS, NO_RESULT, NOT_CLASSIFIED, SEEDS
+from core.database.columns import OneLineField
+
+from ..ranks import LAST, LIVE_LEAD, MOST_DRIVEN, NO_LAP_MS, NO_RESULT, NOT_CLASSIFIED, SEEDS
 from .race import Race
 
-# What the numbers of submissions hold. A race without a limit ends there.
+# The largest submission number: the limit of a race without one.
 MOST_SUBMISSIONS = 32_000
 
 
 class Entry(models.Model):
-    """A racer in a race, with their standing: the best counted submission, and once duels are drawn what these gave.
+    """A racer in a race, with their standing: the best counted submission, and once duels are drawn their points.
 
-    The standing columns are written in the transaction that records a result, by ``races.services`` alone.
-    A board is one index read in order: ``rank_score``, ``rank_lap``, ``resets``, ``achieved_at``, ``id``, smaller first
-    (see races.ranking). Who withdrew or was removed keeps the row with all that was driven, and is on no board.
+    ``races.entries.services`` alone writes the standing, with the result. A board reads one index in order
+    (races.boards.ranking). A withdrawn or removed racer keeps the row and all results, and is on no board.
     """
 
-    # no index of its own: the unique one over race and racer begins with it
+    # no separate index: the unique one over race and racer begins with it
     race = models.ForeignKey(Race, models.CASCADE, related_name="entries", verbose_name=_("race"), db_index=False)
     racer = models.ForeignKey(settings.AUTH_USER_MODEL, models.CASCADE, related_name="entries", verbose_name=_("racer"))
     entered_at = models.DateTimeField(_("entered"), default=timezone.now)
     withdrawn_at = models.DateTimeField(_("withdrawn"), null=True, blank=True)
     removed_at = models.DateTimeField(_("removed by the organiser"), null=True, blank=True)
-    removal_reason = models.CharField(_("reason for removing"), max_length=255, blank=True)
+    removal_reason = OneLineField(_("reason for removing"), max_length=255, blank=True)
     is_baseline = models.BooleanField(_("house car, not ranked"), default=False)
 
     submission_count = models.PositiveSmallIntegerField(
@@ -51,7 +50,7 @@ class Entry(models.Model):
         verbose_name=_("best session"),
         help_text=_("In a race of real cars."),
     )
-    guest_name = models.CharField(
+    guest_name = OneLineField(
         _("name of the guest"), max_length=64, blank=True, default="", db_default="", editable=False
     )
     model = models.ForeignKey(
@@ -94,7 +93,7 @@ class Entry(models.Model):
         help_text=_("Score from the live event, which ranks ahead of all others."),
     )
 
-    # In a race of duels, from the draw on; what stands above is then how the car qualified.
+    # In a race of duels, from the draw on; the fields above then hold the qualifying.
     seed = models.PositiveSmallIntegerField(
         _("seed"), null=True, blank=True, help_text=_("Qualifying place at the time of the draw.")
     )
@@ -163,12 +162,11 @@ class Entry(models.Model):
 
     @property
     def shown_name(self) -> str:
-        """What stands on the board: the racer's alias, of a guest the name that was typed."""
+        """The name on the board: the racer's alias, for a guest the typed name."""
         return self.guest_name or self.racer.alias
 
     @property
     def is_withdrawn(self) -> bool:
-        """Whether the racer has withdrawn or was removed."""
         return self.withdrawn_at is not None
 
     @property
@@ -178,5 +176,5 @@ class Entry(models.Model):
 
     @property
     def rank_key(self) -> tuple:
-        """What the board sorts by, smaller first; only comparable between entries that have a result."""
+        """The sort key of the board, smaller first; comparable only between entries with a result."""
         return self.rank_score, self.rank_lap, self.resets, self.achieved_at, self.pk

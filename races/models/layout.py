@@ -1,8 +1,8 @@
-"""What stands or drives on the track of a race: which values go together, in the database and in words."""
+"""Valid combinations of a race's layout values, as database constraints and as messages."""
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, TypedDict
 
 from django.core.exceptions import ValidationError
 from django.db import models
@@ -13,13 +13,18 @@ from paddock.rules.race import BOX_FRACTIONS, LANES, MAX_BOTS, MAX_BOXES, RULES
 
 from ..errors import problem
 from .choices import DuelFormat, Opponents, RaceType
-from .rules import within
+from .rules import Ruled, within
 
 if TYPE_CHECKING:
     from django.db.backends.base.base import BaseDatabaseWrapper
     from django.db.models.sql.compiler import SQLCompiler
 
-    from .race import Race
+
+class FixedBox(TypedDict):
+    """A box in a fixed place, as ``Race.boxes`` holds it."""
+
+    fraction: float
+    lane: str
 
 
 class _Length(Func):
@@ -48,10 +53,7 @@ CONSTRAINTS = (
         name="race_boxes_are_fixed_or_drawn",
     ),
     models.CheckConstraint(condition=LessThanOrEqual(_Length("boxes"), MAX_BOXES), name="race_box_count"),
-    models.CheckConstraint(
-        condition=within("box_distance_m"),
-        name="race_box_distance_range",
-    ),
+    models.CheckConstraint(condition=within("box_distance_m"), name="race_box_distance_range"),
     models.CheckConstraint(
         condition=Q(opponents="", bots=0, duel_format="")
         | Q(opponents="bots", bots__gte=1, bots__lte=MAX_BOTS, duel_format="")
@@ -59,34 +61,27 @@ CONSTRAINTS = (
         | Q(opponents="models", bots=0, duel_format="bracket", duel_cars=2),
         name="race_opponents_are_bots_or_models",
     ),
-    models.CheckConstraint(
-        condition=within("bot_speed_mps"),
-        name="race_bot_speed_range",
-    ),
+    models.CheckConstraint(condition=within("bot_speed_mps"), name="race_bot_speed_range"),
     models.CheckConstraint(condition=within("duel_cars"), name="race_duel_cars_range"),
 )
 
 
-def problems_of(race: Race) -> dict[str, ValidationError]:
-    """What contradicts itself in a race's boxes, bots and opponents, by the field to change. Values alone: whether the
-    boxes have room on the track is for :func:`races.layout.check_layout`."""
+def problems_of(race: Ruled) -> dict[str, ValidationError]:
+    """Contradictions in a race's boxes, bots and opponents, by field; their room on the track is checked elsewhere."""
     problems = _range_problems(race)
     if race.race_type == RaceType.OBJECT_AVOIDANCE:
         problems |= _box_problems(race)
     else:
-        if race.boxes:
-            problems["boxes"] = problem("race_has_no_boxes")
-        if race.random_boxes:
-            problems["random_boxes"] = problem("race_has_no_boxes")
+        problems |= {name: problem("race_has_no_boxes") for name in ("boxes", "random_boxes") if getattr(race, name)}
     if race.race_type == RaceType.HEAD_TO_HEAD:
         problems |= _opponent_problems(race)
     else:
-        for field in ("opponents", "bots", "duel_format"):
-            if getattr(race, field):
-                problems[field] = problem("race_has_no_opponents")
+        given = (name for name in ("opponents", "bots", "duel_format") if getattr(race, name))
+        problems |= {name: problem("race_has_no_opponents") for name in given}
     return problems
 
 
+_CHANGE_TIMES = ("bot_lane_change_least_ms", "bot_lane_change_most_ms")
 _RANGES = {
     "box_distance_m": "race_box_distance",
     "bot_speed_mps": "race_bot_speed",
@@ -94,36 +89,26 @@ _RANGES = {
     "duel_heats": "race_duel_heats",
     "bot_lane_change_m": "race_bot_lane_change",
     "duel_gap_m": "race_duel_gap",
+    **dict.fromkeys(_CHANGE_TIMES, "race_bot_change_time"),
 }
-_CHANGE_TIMES = ("bot_lane_change_least_ms", "bot_lane_change_most_ms")
 
 
-def _range_problems(race: Race) -> dict[str, ValidationError]:
-    """Values that no type of race may have; None, which is not a value of its field, is told by the field."""
+def _range_problems(race: Ruled) -> dict[str, ValidationError]:
+    """Values out of range for every type of race; fields themselves report None."""
     problems = {}
     for name, code in _RANGES.items():
         value = getattr(race, name)
         least, most = RULES[name].bounds
+        scale = 1000 if RULES[name].unit == "ms" else 1
         if isinstance(value, int | float) and not least <= value <= most:
-            problems[name] = problem(code, least=f"{least:g}", most=f"{most:g}")
-    return problems | _change_time_problems(race)
-
-
-def _change_time_problems(race: Race) -> dict[str, ValidationError]:
-    """The two times between lane changes of bots: each within its bounds, the least no more than the most."""
-    problems = {}
-    for name in _CHANGE_TIMES:
-        value = getattr(race, name)
-        low, high = RULES[name].bounds
-        if isinstance(value, int | float) and not low <= value <= high:
-            problems[name] = problem("race_bot_change_time", least=f"{low / 1000:g}", most=f"{high / 1000:g}")
-    least, most = (getattr(race, name) for name in _CHANGE_TIMES)
-    if not problems and isinstance(least, int) and isinstance(most, int) and least > most:
+            problems[name] = problem(code, least=f"{least / scale:g}", most=f"{most / scale:g}")
+    low, high = (getattr(race, name) for name in _CHANGE_TIMES)
+    if not problems.keys() & {*_CHANGE_TIMES} and isinstance(low, int) and isinstance(high, int) and low > high:
         problems[_CHANGE_TIMES[1]] = problem("race_bot_change_times")
     return problems
 
 
-def _box_problems(race: Race) -> dict[str, ValidationError]:
+def _box_problems(race: Ruled) -> dict[str, ValidationError]:
     if not _is_list_of_places(race.boxes):
         return {"boxes": problem("race_boxes_shape", lanes=" | ".join(LANES))}
     if race.boxes and race.random_boxes:
@@ -157,7 +142,7 @@ def _is_list_of_places(boxes: object) -> bool:
     )
 
 
-def _opponent_problems(race: Race) -> dict[str, ValidationError]:
+def _opponent_problems(race: Ruled) -> dict[str, ValidationError]:
     if race.opponents == Opponents.BOTS:
         problems = {}
         if isinstance(race.bots, int) and not 1 <= race.bots <= MAX_BOTS:

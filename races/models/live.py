@@ -1,9 +1,9 @@
-"""A race's live event: its times and format, who takes part, the running order, and what its organisers did."""
+"""A race's live event: times, format, racers, running order and the log of its organisers' actions."""
 
 from __future__ import annotations
 
 from datetime import datetime, timedelta
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from django.conf import settings
 from django.core.validators import MaxValueValidator, MinValueValidator
@@ -12,8 +12,13 @@ from django.db.models import F, Q
 from django.utils import timezone
 from django.utils.translation import gettext_lazy as _
 
+from core.database.columns import OneLineField
+
 from .entry import Entry
 from .race import Race
+
+if TYPE_CHECKING:
+    from evaluation.models import Evaluation
 
 LOBBY = timedelta(hours=1)
 COUNTDOWN = timedelta(seconds=10)
@@ -42,8 +47,6 @@ UNDER_WAY = (LiveState.RUNNING, LiveState.PAUSED)
 
 
 class LiveOrder(models.TextChoices):
-    """In which order racers drive, until somebody moves them."""
-
     SLOWEST_FIRST = "slowest_first", _("slowest first")
     FASTEST_FIRST = "fastest_first", _("fastest first")
     AS_ENTERED = "as_entered", _("in entry order")
@@ -52,11 +55,10 @@ class LiveOrder(models.TextChoices):
 class LiveEvent(models.Model):
     """A race's live event: its racers drive one after the other, and everybody watches each run at the same instant.
 
-    ``version`` counts what organisers did: whoever acts says which version they saw, so that two of them do one thing
-    once. That the lobby is open is a function of the time (:meth:`in_lobby`). ``last_at``: when something last was done
-    or shown; an event that is left alone ends by itself. ``clock_at``: when the clock last saw the
-    present run on track. ``start_m`` and ``seed``: of its runs (:mod:`races.live_rules`); None in
-    events from before: the race's.
+    ``version`` counts the organisers' actions: each action names the version it was based on, so two organisers do one
+    thing once. The time alone opens the lobby (:meth:`in_lobby`). ``last_at``: time of the last action
+    or run; an idle event ends by itself. ``clock_at``: when the clock last saw the present run on track. ``start_m``,
+    ``seed``: of its runs (:mod:`races.rules.live_start`); None in older events: the race's.
     """
 
     race = models.OneToOneField(Race, models.CASCADE, related_name="live_event", verbose_name=_("race"))
@@ -94,12 +96,12 @@ class LiveEvent(models.Model):
         _("racers set their car's speed"),
         default=False,
         db_default=False,
-        help_text=_("Before a run and while it is played; what they command is part of the result."),
+        help_text=_("Before a run and while it is shown. Speed commands count in the result."),
     )
 
     state = models.CharField(_("state"), max_length=9, choices=LiveState.choices, default=LiveState.PLANNED)
     version = models.PositiveIntegerField(_("version"), default=1)
-    message = models.CharField(_("message to spectators"), max_length=200, blank=True, default="")
+    message = OneLineField(_("message to spectators"), max_length=200, blank=True, default="")
     winner = models.ForeignKey(
         Entry, models.SET_NULL, null=True, blank=True, related_name="+", verbose_name=_("winner")
     )
@@ -147,24 +149,22 @@ class LiveEvent(models.Model):
 
     @property
     def is_over(self) -> bool:
-        """Whether nothing is driven any more."""
         return self.state in OVER
 
     def in_lobby(self, now: datetime) -> bool:
-        """Whether the lobby is open and the event has not begun."""
         return self.state == LiveState.PLANNED and now >= self.lobby_opens_at
 
 
 class LiveRacer(models.Model):
-    """A racer of the race in its live event: the model they drive, and whether they said that they are here.
+    """A racer of the race in its live event: the model they drive and their roll call.
 
     ``model``: None until they choose one; then they drive what their result in the race came from.
     ``qualified_rank``, ``qualified_ms``: place and score in the race when the event began.
-    ``deputy``: who besides them commands the car's speed. ``speed``: how their runs begin, ``{"mode", "value", "by"}``;
-    None: as the model wants. ``speed_at``: when a command for the car was last taken.
+    ``deputy``: another racer with command of the car's speed. ``speed``: the start setting of their runs,
+    ``{"mode", "value", "by"}``; None: the model's own speed. ``speed_at``: time of the last accepted command.
     """
 
-    # no index of its own: the unique one over event and entry begins with it
+    # no separate index: the unique one over event and entry begins with it
     event = models.ForeignKey(
         LiveEvent, models.CASCADE, related_name="racers", verbose_name=_("live event"), db_index=False
     )
@@ -196,7 +196,7 @@ class LiveRacer(models.Model):
 
 
 class SlotState(models.TextChoices):
-    """The states of a place in the running order. What is RUNNING counts down and then drives: the time tells which."""
+    """The states of a place in the running order. A RUNNING slot counts down and then drives: the time decides."""
 
     WAITING = "waiting", _("waiting")
     CALLED = "called", _("called")
@@ -211,8 +211,6 @@ TO_COME = (SlotState.WAITING, SlotState.CALLED)
 
 
 class SlotPhase(models.TextChoices):
-    """What spectators see of a running slot."""
-
     COUNTDOWN = "countdown", _("starts at once")
     ON_TRACK = "on_track", _("on track")
 
@@ -307,35 +305,40 @@ class LiveSlot(models.Model):
 
     @property
     def entries(self) -> list[Entry]:
-        """Who drives: a racer alone, or those of a heat, the front car (number 0 of its run) first."""
+        """The drivers: a racer alone, or those of a heat, the front car (number 0 of its run) first."""
         if self.racer is not None:
             return [self.racer.entry]
         return [] if self.duel is None else [car.entry for car in self.duel.cars.all()]
 
     @property
     def starting(self) -> list[Entry]:
-        """The same without who had left the race when the heat was computed: they are not in its run."""
+        """The drivers in the run: without those that had left the race when the heat was computed."""
         if self.duel is None:
             return self.entries
         return [car.entry for car in self.duel.cars.all() if not car.forfeited]
 
     @property
-    def who(self) -> str:
-        """The names of who drives."""
+    def driver_names(self) -> str:
         return " – ".join(entry.racer.alias for entry in self.entries)
 
+    @property
+    def shown_run(self) -> Evaluation | None:
+        """The run of a slot that was shown; None before, and for a walkover."""
+        if self.state != SlotState.DONE:
+            return None
+        if self.duel is not None:
+            return self.duel.evaluation
+        return None if self.submission is None else self.submission.evaluation
+
     def phase_at(self, now: datetime) -> str:
-        """What spectators see: of a running slot whether it counts down or drives, else its state."""
+        """The visible phase: countdown or on track for a running slot, else its state."""
         if self.state != SlotState.RUNNING or self.starts_at is None:
             return self.state
         return SlotPhase.COUNTDOWN if now < self.starts_at else SlotPhase.ON_TRACK
 
 
 class LiveLog(models.Model):
-    """Something that was done in a live event: by whom (None: by the clock), when, and how to undo it.
-
-    ``undo``: what stood before and after (:mod:`races.services.live.undo`); None for what cannot be undone.
-    """
+    """An action in a live event. ``by``: None for the clock. ``undo``: values before and after; None for final ones."""
 
     event = models.ForeignKey(LiveEvent, models.CASCADE, related_name="log", verbose_name=_("live event"))
     at = models.DateTimeField(_("time"))

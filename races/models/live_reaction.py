@@ -1,7 +1,5 @@
 """How often spectators of a live event sent each reaction."""
 
-from __future__ import annotations
-
 from django.db import models
 from django.db.models import Q
 from django.utils.translation import gettext_lazy as _
@@ -10,8 +8,6 @@ from .live import LiveEvent
 
 
 class ReactionKind(models.TextChoices):
-    """The reactions there are."""
-
     CLAP = "clap", _("applause")
     FIRE = "fire", _("fast")
     WOW = "wow", _("astonished")
@@ -21,9 +17,9 @@ class ReactionKind(models.TextChoices):
 
 
 class LiveReaction(models.Model):
-    """A count: who sent what is kept nowhere."""
+    """The count of a reaction; its senders are not stored."""
 
-    # no index of its own: the unique one over event and kind begins with it
+    # no separate index: the unique one over event and kind begins with it
     event = models.ForeignKey(
         LiveEvent, models.CASCADE, related_name="reactions", verbose_name=_("live event"), db_index=False
     )

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 from datetime import datetime
+from functools import reduce
+from operator import and_
 
 from django.conf import settings
 from django.core.exceptions import ValidationError
@@ -14,15 +16,16 @@ from django.utils import timezone
 from django.utils.crypto import get_random_string
 from django.utils.translation import gettext_lazy as _
 
-from core.constraints import ChecksTogether
-from core.validators import ONE_LINE
-from paddock.rules.race import RULES
+from core.database.columns import MultiLineField, OneLineField
+from core.database.constraints import ChecksTogether
+from paddock.rules.race import PENALTIES, RULES
+from paddock.rules.ranked import counts_all_laps
 
 from ..errors import problem
-from ..sensors import OFFERABLE, sensors_make_sense
 from . import layout
 from .choices import Division, RaceKind, RaceState, RaceType, TeamEntries, Visibility
 from .rules import inside_a_race, lap_problems, laps_constraints, with_rules, within
+from .sensors import OFFERABLE, sensors_make_sense
 
 
 def _are(kind: type, *values: object) -> bool:
@@ -30,7 +33,7 @@ def _are(kind: type, *values: object) -> bool:
 
 
 def _unless_imported(*constraints: models.CheckConstraint) -> list[models.CheckConstraint]:
-    """The same constraints for races that are driven here; what was driven elsewhere is as it was recorded."""
+    """The same constraints for races driven here; imported races stay as recorded."""
     return [
         models.CheckConstraint(
             condition=Q(imported_at__isnull=False) | one.condition,  # type: ignore[operator]  # any condition is taken
@@ -65,13 +68,11 @@ class Race(ChecksTogether, with_rules(RULES, inside_a_race)):  # type: ignore[mi
     slug = models.SlugField(_("address"), unique=True, max_length=80)
     kind = models.CharField(_("kind"), max_length=9, choices=RaceKind.choices, default=RaceKind.COMMUNITY)
     division = models.CharField(_("division"), max_length=4, choices=Division.choices, blank=True)
-    name = models.CharField(_("name"), max_length=64, validators=[ONE_LINE])
-    description = models.TextField(_("description"), blank=True, max_length=2000)
-    prize = models.CharField(_("prize"), blank=True, max_length=200, validators=[ONE_LINE], default="", db_default="")
-    sponsor = models.CharField(
-        _("sponsor"), blank=True, max_length=64, validators=[ONE_LINE], default="", db_default=""
-    )
-    terms = models.TextField(
+    name = OneLineField(_("name"), max_length=64)
+    description = MultiLineField(_("description"), blank=True, max_length=2000)
+    prize = OneLineField(_("prize"), blank=True, max_length=200, default="", db_default="")
+    sponsor = OneLineField(_("sponsor"), blank=True, max_length=64, default="", db_default="")
+    terms = MultiLineField(
         _("terms to accept"),
         blank=True,
         max_length=MOST_TERMS,
@@ -134,13 +135,13 @@ class Race(ChecksTogether, with_rules(RULES, inside_a_race)):  # type: ignore[mi
         null=True,
         blank=True,
         related_name="physical_races",
-        verbose_name=_("simulated race beside it"),
-        help_text=_("Its results stand beside those of the real cars."),
+        verbose_name=_("simulated counterpart"),
+        help_text=_("Its results are shown beside those of the real cars."),
     )
     opens_at = models.DateTimeField(_("opens"))
     closes_at = models.DateTimeField(_("closes"))
     cancelled_at = models.DateTimeField(_("cancelled"), null=True, blank=True, editable=False)
-    cancel_reason = models.CharField(_("reason for cancelling"), max_length=255, blank=True, editable=False)
+    cancel_reason = OneLineField(_("reason for cancelling"), max_length=255, blank=True, editable=False)
     created_at = models.DateTimeField(_("created"), default=timezone.now, editable=False)
     imported_at = models.DateTimeField(
         _("imported"),
@@ -157,7 +158,7 @@ class Race(ChecksTogether, with_rules(RULES, inside_a_race)):  # type: ignore[mi
     fastest_sector_2_ms = models.PositiveIntegerField(_("fastest sector 2"), null=True, blank=True, editable=False)
     fastest_sector_3_ms = models.PositiveIntegerField(_("fastest sector 3"), null=True, blank=True, editable=False)
 
-    # A race has one engine: that of its counted results. The first of them says which; see races.services.redrives.
+    # A race has one engine: that of its first counted result; see races.entries.services.redrives.
     engine = models.CharField(_("engine"), max_length=32, blank=True, editable=False)
     next_engine = models.CharField(
         _("being repeated with"),
@@ -184,7 +185,7 @@ class Race(ChecksTogether, with_rules(RULES, inside_a_race)):  # type: ignore[mi
             *_unless_imported(
                 *_LAPS,
                 models.CheckConstraint(
-                    condition=within("off_track_penalty_ms") & within("collision_penalty_ms"),
+                    condition=reduce(and_, map(within, PENALTIES)),
                     name="race_penalty_range",
                 ),
                 *layout.CONSTRAINTS,
@@ -252,6 +253,10 @@ class Race(ChecksTogether, with_rules(RULES, inside_a_race)):  # type: ignore[mi
         problems |= layout.problems_of(self)
         if problems:
             raise ValidationError(problems)
+
+    @property
+    def counts_all_laps(self) -> bool:
+        return counts_all_laps(self.ranking_method)
 
     @property
     def fastest_sectors_ms(self) -> tuple[int | None, int | None, int | None]:

@@ -1,6 +1,4 @@
-"""What a change of the engine does to a race: runs that are driven again, and times that are different since."""
-
-from __future__ import annotations
+"""A race's reruns and changed times after a change of the engine."""
 
 from django.db import models
 from django.db.models import Q
@@ -19,7 +17,7 @@ class RedriveState(models.TextChoices):
 
 
 class Redrive(models.Model):
-    """One counted run, driven again as it was specified. Until its race has taken it, nobody but operators sees it.
+    """One counted run, driven again as specified. Only operators see it until its race counts it.
 
     ``engine``: the site's when it was queued; ``tries``: how many were queued in a row because Paddock failed.
     ``replaced``: once taken, the evaluation that the submission had before.
@@ -64,10 +62,10 @@ class Redrive(models.Model):
 
 
 class Retiming(models.Model):
-    """That another engine changed what an entry is ranked by: once for each entry and change, with the places then.
+    """A changed score of an entry by another engine: one for each entry and change, with the places then.
 
-    Scores in milliseconds, None for not classified; ranks None for who has none. ``reason_code``: why the run that had
-    counted came to no result this time; ``""`` where it did.
+    Scores in milliseconds, None for not classified; ranks None for entries without one. ``reason_code``: why the
+    counted run came to no result this time; ``""`` where it did.
     """
 
     entry = models.ForeignKey(Entry, models.CASCADE, related_name="retimings", verbose_name=_("entry"), db_index=False)

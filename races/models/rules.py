@@ -1,7 +1,5 @@
 """Race rules as columns: made from the engine's list, for every model that has some of them."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Collection, Iterable, Mapping
 from types import new_class
 from typing import TYPE_CHECKING, Any
@@ -18,84 +16,85 @@ from paddock.rules.rule import Rule
 from tracks.models import Direction
 
 from ..errors import problem
-from ..rules.words import column_label, help_text
-from .choices import DuelFormat, Opponents, RaceType, RankingMethod
+from .choices import DuelFormat, Opponents, RaceType, ranking_choices
+from .rule_labels import column_label, help_text
 
-_WORDS: dict[str, type[models.TextChoices]] = {
-    "direction": Direction,
-    "race_type": RaceType,
-    "ranking_method": RankingMethod,
-    "opponents": Opponents,
-    "duel_format": DuelFormat,
+Choices = list[tuple[str, Any]]
+Value = bool | int | float | str | list[Any] | None  # of a rule, as JSON
+_CHOICES: dict[str, Choices | Callable[[], Choices]] = {
+    "direction": Direction.choices,
+    "race_type": RaceType.choices,
+    "ranking_method": ranking_choices,
+    "opponents": Opponents.choices,
+    "duel_format": DuelFormat.choices,
 }
 _SMALL = 9_999  # what a smallint holds comfortably
 
 
 def default_sensors() -> list[str]:
-    """The sensors that a race offers unless told otherwise."""
     return list(RULES["sensors"].default)
 
 
-def _inside_of(names: Iterable[str]) -> dict[str, Any]:
+def _inside_of(names: Iterable[str]) -> dict[str, Value]:
     return {name: RULES[name].default for name in names if not RULES[name].column}
 
 
-def inside_a_race() -> dict[str, Any]:
+def inside_a_race() -> dict[str, Value]:
     """The rules of a race that have no column, as they usually are."""
     return _inside_of(RULES)
 
 
-def inside_a_stage() -> dict[str, Any]:
-    """Those of a season's stage."""
+def inside_a_stage() -> dict[str, Value]:
     return _inside_of(STAGE)
 
 
 def name_choices(name: str, words: type[models.TextChoices]) -> None:
-    """Have the choices of a rule told in the words of a room above."""
-    _WORDS[name] = words
+    """Label the choices of a rule with the words of a higher room."""
+    _CHOICES[name] = words.choices
 
 
-def choices_of(rule: Rule) -> list[tuple[str, Any]]:
-    """The values that a rule may have, each with its word."""
-    return _WORDS[rule.name].choices if rule.name in _WORDS else [(value, value) for value in rule.choices]
+def choices_of(rule: Rule) -> Choices:
+    """The values that a rule may have now, each with its word."""
+    found = _CHOICES.get(rule.name) or [(value, value) for value in rule.choices]
+    return found() if callable(found) else found
 
 
 def usual(name: str) -> Any:
-    """What a race has where nobody says otherwise."""
     default = RULES[name].default
     return list(default) if isinstance(default, tuple) else default
 
 
 def column(rule: Rule) -> models.Field:
-    """The column that holds a rule. What stands on the track is checked with the whole race, for better reasons."""
-    said: dict[str, Any] = {"help_text": help_text(rule)}
+    """The column of a rule. Rules of the layout are checked with the whole race, for better messages."""
+    options: dict[str, Any] = {"help_text": help_text(rule)}
     if rule.name == "sensors":
-        return models.JSONField(column_label(rule), default=default_sensors, **said)
+        return models.JSONField(column_label(rule), default=default_sensors, **options)
     if rule.name == "boxes":
-        return models.JSONField(column_label(rule), default=list, blank=True, **said)
-    said |= {"null": True, "blank": True} if rule.default is None or rule.optional else {}
-    said |= {} if rule.default is None else {"default": rule.default}
+        return models.JSONField(column_label(rule), default=list, blank=True, **options)
+    options |= {"null": True, "blank": True} if rule.default is None or rule.optional else {}
+    options |= {} if rule.default is None else {"default": rule.default}
     if rule.choices:
+        choices = _CHOICES.get(rule.name) or choices_of(rule)
         longest = max(map(len, rule.choices))
         return models.CharField(
-            column_label(rule), max_length=longest, choices=choices_of(rule), blank=not rule.default, **said
+            column_label(rule), max_length=longest, choices=choices, blank=not rule.default, **options
         )
     if rule.type is bool:
-        return models.BooleanField(column_label(rule), db_default=rule.default, **said)
+        return models.BooleanField(column_label(rule), db_default=rule.default, **options)
     if rule.added:
-        said["db_default"] = rule.default
+        options["db_default"] = rule.default
     if not rule.layout:
-        said["validators"] = [
+        options["validators"] = [
             *([MinValueValidator(rule.least)] if rule.least else []),
             *([] if rule.most is None else [MaxValueValidator(rule.most)]),
         ]
     if rule.type is float:
-        return models.FloatField(column_label(rule), **said)
+        return models.FloatField(column_label(rule), **options)
     small = rule.most is not None and rule.most <= _SMALL
-    return (models.PositiveSmallIntegerField if small else models.PositiveIntegerField)(column_label(rule), **said)
+    return (models.PositiveSmallIntegerField if small else models.PositiveIntegerField)(column_label(rule), **options)
 
 
-class _Ruled(models.Model):
+class Ruled(models.Model):
     """Rules that no query and no constraint needs stand in ``rules``, and read and write like columns."""
 
     rules: models.JSONField
@@ -110,7 +109,7 @@ class _Ruled(models.Model):
         abstract = True
 
     def clean_fields(self, exclude: Collection[str] | None = None) -> None:
-        """Also what stands in ``rules``, as if each were a column. Raises ValidationError by rule."""
+        """Also cleans the values in ``rules`` like columns. Raises ValidationError by rule."""
         errors: dict[str, Any] = {}
         try:
             super().clean_fields(exclude=exclude)
@@ -131,33 +130,32 @@ class _Ruled(models.Model):
         return list({"rules" if name in RULES and not RULES[name].column else name: None for name in names})
 
 
-def with_rules(names: Iterable[str], inside: Callable[[], dict[str, Any]]) -> Any:
+def with_rules(names: Iterable[str], inside: Callable[[], dict[str, Value]]) -> Any:
     """An abstract model that has these rules; ``inside``: the default of those without a column."""
     rules = models.JSONField(_("other rules"), default=inside, blank=True, editable=False, db_default={})
     made = {name: column(RULES[name]) if RULES[name].column else _inside(RULES[name]) for name in names}
     more = {"__module__": __name__, "Meta": type("Meta", (), {"abstract": True}), "RULES": tuple(names)}
-    return new_class("Ruled", (_Ruled,), exec_body=lambda body: body.update({"rules": rules, **more, **made}))
+    return new_class("Ruled", (Ruled,), exec_body=lambda body: body.update({"rules": rules, **more, **made}))
 
 
 def with_columns(rules: Mapping[str, Rule]) -> Any:
-    """An abstract model that has a column for each of these rules."""
     more = {"__module__": __name__, "Meta": type("Meta", (), {"abstract": True})}
     made = {name: column(rule) for name, rule in rules.items()}
     return new_class("Columned", (models.Model,), exec_body=lambda body: body.update({**more, **made}))
 
 
 def _inside(rule: Rule) -> property:
-    def read(row: _Ruled) -> Any:
+    def read(row: Ruled) -> Any:
         return row.rules.get(rule.name, rule.default)
 
-    def write(row: _Ruled, value: Any) -> None:
+    def write(row: Ruled, value: Any) -> None:
         row.rules = {**row.rules, rule.name: value}
 
     return property(read, write, doc=rule.label)
 
 
 def within(name: str, rules: Mapping[str, Rule] = RULES) -> Q:
-    """That a rule's column is within its bounds."""
+    """Condition that a rule's column is within its bounds."""
     return Q(**{f"{name}__gte": rules[name].least, f"{name}__lte": rules[name].most})
 
 
@@ -175,8 +173,7 @@ def laps_constraints(prefix: str) -> list[models.CheckConstraint]:
 
 
 def lap_problems(row: Any) -> dict[str, ValidationError]:
-    """What contradicts itself in a row's laps, by the field to change; a value that is not a number is told
-    elsewhere."""
+    """Contradictions in a row's laps, by the field to change; other code reports values that are no numbers."""
     driven, needed = row.laps, row.minimum_laps
     if not isinstance(driven, int) or not isinstance(needed, int):
         return {}

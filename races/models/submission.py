@@ -1,19 +1,21 @@
-"""What racers sent to a race."""
+"""The submissions to a race, and whose cars these are where a car races for one racer only."""
 
-from __future__ import annotations
-
+from django.conf import settings
 from django.db import models
 from django.db.models import Q
 from django.utils import timezone
 from django.utils.translation import gettext_lazy as _
 
+from evaluation.models import SHA256
+
 from .entry import Entry
+from .race import Race
 
 
 class Submission(models.Model):
     """One car sent to one race by an entry, and the evaluation that measures it."""
 
-    # no index of its own: the unique one over entry and number begins with it
+    # no separate index: the unique one over entry and number begins with it
     entry = models.ForeignKey(
         Entry, models.CASCADE, related_name="submissions", verbose_name=_("entry"), db_index=False
     )
@@ -54,7 +56,7 @@ class Submission(models.Model):
         constraints = [
             models.UniqueConstraint(fields=["entry", "number"], name="submission_number_once"),
             # one car, one result: the same network cannot be sent twice to a race by the same racer
-            # (a live event has several attempts, and says itself how many)
+            # (a live event has several attempts, with its own limit)
             models.UniqueConstraint(
                 fields=["entry", "network"], condition=Q(is_void=False, is_live=False), name="submission_of_a_car_once"
             ),
@@ -67,3 +69,48 @@ class Submission(models.Model):
 
     def __str__(self) -> str:
         return f"{self.entry} #{self.number}"
+
+
+def car_of(sha256: str, facts: dict | None) -> str:
+    """The identity of a car in a race: its network's output, or if unknown the network's sha-256."""
+    return (facts or {}).get("answers") or sha256
+
+
+class RaceCar(models.Model):
+    """The entry that holds a car (:func:`car_of`) in a race, where no other may send it."""
+
+    race = models.ForeignKey(Race, models.CASCADE, related_name="cars", verbose_name=_("race"), db_index=False)
+    car = models.CharField(_("car"), max_length=64)
+    entry = models.ForeignKey(Entry, models.CASCADE, related_name="cars", verbose_name=_("entry"))
+
+    class Meta:
+        verbose_name = _("car of a race")
+        verbose_name_plural = _("cars of a race")
+        constraints = [
+            models.UniqueConstraint(fields=["race", "car"], name="racecar_once_in_a_race"),
+            models.CheckConstraint(condition=Q(car__regex=SHA256), name="racecar_car_form"),
+        ]
+
+    def __str__(self) -> str:
+        return f"{self.car[:12]} of {self.entry}"
+
+
+class RefusedCar(models.Model):
+    """Another racer's attempt to send a car that was in the race already, for organisers."""
+
+    car = models.ForeignKey(RaceCar, models.CASCADE, related_name="refused", verbose_name=_("car"), db_index=False)
+    racer = models.ForeignKey(
+        settings.AUTH_USER_MODEL, models.CASCADE, related_name="refused_cars", verbose_name=_("racer")
+    )
+    at = models.DateTimeField(_("last tried"))
+    same_file = models.BooleanField(
+        _("byte-identical"), help_text=_("The same network as in the race, not just one with the same outputs.")
+    )
+
+    class Meta:
+        verbose_name = _("refused car")
+        verbose_name_plural = _("refused cars")
+        constraints = [models.UniqueConstraint(fields=["car", "racer"], name="refusedcar_once_for_a_racer")]
+
+    def __str__(self) -> str:
+        return f"{self.car} for {self.racer}"

@@ -1,6 +1,4 @@
-"""What racers agree to before they join a race: every version as it was written, and who accepted which, and when."""
-
-from __future__ import annotations
+"""The terms of a race: every version as written, and their acceptances with racer, version and time."""
 
 from django.db import models
 from django.db.models import Q
@@ -34,9 +32,9 @@ class RaceTerms(models.Model):
 
 
 class TermsAcceptance(models.Model):
-    """That a racer accepted a version of the terms of the race that they are in."""
+    """A racer's acceptance of a version of the terms of their race."""
 
-    # no index of its own: the unique one begins with it
+    # no separate index: the unique one begins with it
     entry = models.ForeignKey(
         Entry, models.CASCADE, related_name="accepted_terms", verbose_name=_("entry"), db_index=False
     )

@@ -1,10 +1,8 @@
-"""Real cars timed at the track: who takes times, sessions with their laps, sensors, and what was corrected.
+"""Real cars timed at the track: timekeepers, sessions with their laps, sensors and corrections.
 
-A *session* is one racer's turn on the track, of so many seconds as the race says. Its id and those of its laps are
-given where the times are taken, a browser or a file, so that carrying them over again changes nothing.
+Ids of sessions (one racer's turn on the track) and laps come from the device that measured them, so that a repeated
+transfer changes nothing.
 """
-
-from __future__ import annotations
 
 import uuid
 
@@ -15,7 +13,7 @@ from django.utils import timezone
 from django.utils.crypto import get_random_string
 from django.utils.translation import gettext_lazy as _
 
-from core.validators import ONE_LINE
+from core.database.columns import OneLineField
 
 from .entry import Entry
 from .race import LONGEST_LAP_MS, Race
@@ -29,23 +27,19 @@ def new_claim() -> str:
 
 
 class Source(models.TextChoices):
-    """Where the times of a session come from."""
-
     HAND = "hand", _("by hand")
     SENSOR = "sensor", _("sensor")
     FILE = "file", _("file")
 
 
 class LapNote(models.TextChoices):
-    """What is to be known of how a lap was measured."""
-
     NONE = "", _("nothing")
     CLOCK = "clock", _("the clock stood still or jumped")
     RELOADED = "reloaded", _("by the wall clock, because the page was reloaded")
 
 
 class Timekeeper(models.Model):
-    """Somebody whom the organiser lets take times in a race, and nothing else."""
+    """A timekeeper of a race, appointed by its organiser, without other rights."""
 
     race = models.ForeignKey(Race, models.CASCADE, related_name="timekeepers", db_index=False)
     racer = models.ForeignKey(settings.AUTH_USER_MODEL, models.CASCADE, related_name="timed_races")
@@ -61,13 +55,12 @@ class Timekeeper(models.Model):
 
 
 class Guest(models.Model):
-    """A racer without an account, by the name that the timekeeper typed. ``entry``: of the stand-in that races for
-    them, or once their laps were taken over that of the racer who they are."""
+    """A racer without an account. ``entry``: of the stand-in, or once linked of the racer."""
 
     id = models.UUIDField(primary_key=True, default=uuid.uuid4, editable=False)
     race = models.ForeignKey(Race, models.CASCADE, related_name="guests")
     entry = models.ForeignKey(Entry, models.CASCADE, related_name="guests")
-    name = models.CharField(_("name"), max_length=64, validators=[ONE_LINE])
+    name = OneLineField(_("name"), max_length=64)
     claim = models.CharField(max_length=24, unique=True, default=new_claim, editable=False)
     made_at = models.DateTimeField(_("created"), default=timezone.now)
     linked_at = models.DateTimeField(_("taken over"), null=True, blank=True)
@@ -81,11 +74,10 @@ class Guest(models.Model):
 
 
 class TimingSensor(models.Model):
-    """A light barrier, a pressure strip or a transponder's receiver that tells when a car crosses the finish line.
-    Of its token only the digest is kept; ``hint`` are the token's first characters."""
+    """A device that reports crossings of the finish line. ``hint``: the token's first characters."""
 
     race = models.ForeignKey(Race, models.CASCADE, related_name="timing_sensors")
-    name = models.CharField(_("name"), max_length=64, validators=[ONE_LINE])
+    name = OneLineField(_("name"), max_length=64)
     token_sha256 = models.CharField(max_length=64, unique=True, editable=False)
     hint = models.CharField(max_length=12, editable=False)
     made_at = models.DateTimeField(_("created"), default=timezone.now)
@@ -119,7 +111,7 @@ class TimedSession(models.Model):
     model = models.ForeignKey(
         "evaluation.TrainedModel", models.SET_NULL, null=True, blank=True, related_name="+", verbose_name=_("model")
     )
-    car = models.CharField(_("car"), max_length=64, blank=True)
+    car = OneLineField(_("car"), max_length=64, blank=True)
     timekeeper = models.ForeignKey(
         settings.AUTH_USER_MODEL, models.SET_NULL, null=True, blank=True, related_name="+", verbose_name=_("timekeeper")
     )
@@ -172,12 +164,12 @@ class MeasuredLap(models.Model):
 
 
 class LapCorrection(models.Model):
-    """What somebody changed in a lap afterwards, and why. ``before``, ``after``: time_ms, off_tracks, resets, valid."""
+    """A later correction of a lap, with its reason. ``before``, ``after``: time_ms, off_tracks, resets, valid."""
 
     lap = models.ForeignKey(MeasuredLap, models.CASCADE, related_name="corrections")
     by = models.ForeignKey(settings.AUTH_USER_MODEL, models.SET_NULL, null=True, related_name="+")
     at = models.DateTimeField(_("corrected"))
-    reason = models.CharField(_("reason"), max_length=255)
+    reason = OneLineField(_("reason"), max_length=255)
     before = models.JSONField()
     after = models.JSONField()
 
@@ -193,16 +185,14 @@ class LapCorrection(models.Model):
 
 
 class CrossingVerdict(models.TextChoices):
-    """What a crossing was taken for."""
-
     START = "start", _("begins a lap")
     LAP = "lap", _("ends a lap")
     BOUNCE = "bounce", _("repeats the previous crossing")
 
 
 class Crossing(models.Model):
-    """One crossing that a sensor told and a session took. ``boot``: which start of the sensor counts ``number`` and
-    ``at_ms``, its own monotonic milliseconds, empty where it has no clock and the time of receiving stands."""
+    """A crossing of the finish line that a session accepted. ``boot``: the sensor's start from which ``number`` and
+    ``at_ms`` count. ``at_ms`` is None without a clock: the time of receipt counts."""
 
     session = models.ForeignKey(TimedSession, models.CASCADE, related_name="crossings")
     sensor = models.ForeignKey(TimingSensor, models.CASCADE, related_name="crossings", db_index=False)

@@ -1,6 +1,4 @@
-"""What a racer who hides results has watched."""
-
-from __future__ import annotations
+"""The races watched by a racer with hidden results."""
 
 from django.conf import settings
 from django.db import models
@@ -10,13 +8,9 @@ from .race import Race
 
 
 class WatchedRace(models.Model):
-    """That a racer has watched a race, or had its results shown: they are hidden no more.
+    """A race whose results are no longer hidden from a racer. ``live``: whether its live event had begun by then."""
 
-    ``live``: whether its live event had begun by then. What was shown before an event begins is the qualifying; the
-    event itself is hidden again.
-    """
-
-    # no index of its own: the unique one over racer and race begins with it
+    # no separate index: the unique one over racer and race begins with it
     racer = models.ForeignKey(
         settings.AUTH_USER_MODEL, models.CASCADE, related_name="watched_races", verbose_name=_("racer"), db_index=False
     )

@@ -1,1 +1,1 @@
-"""Race rules as the site tells and asks them: made from the engine's list (:mod:`paddock.rules.race`)."""
+"""Race rules in forms, API and texts, made from the engine's list (:mod:`paddock.rules.race`)."""

@@ -1,12 +1,11 @@
-"""What pages of rooms below this one show of races."""
-
-from __future__ import annotations
+"""Template tags on races for pages of lower rooms."""
 
 import json
-from collections.abc import Sequence
+from collections.abc import Hashable, Sequence
 from functools import lru_cache
 
 from django import template
+from django.db.models import QuerySet
 from django.template import Context
 from django.utils import timezone
 from django.utils.html import escape, format_html
@@ -14,25 +13,35 @@ from django.utils.safestring import SafeString, mark_safe
 from django.utils.translation import gettext as _
 from django.utils.translation import gettext_noop
 
+from core.streams.shared_pieces import shared_value
 from core.times import clock
 from evaluation.models import Evaluation, TrainedModel
 from paddock.geometry.track import TrackGeometry
 from paddock.rules.race import LANES
-from races import facts, ranking
-from races.engines import hidden_runs
-from races.layout import box_marks, has_boxes, layout_marks
-from races.live_rules import live_layout, start_m
-from races.models import Entry, LiveEvent, Race, RaceState
-from races.replay import LAP_COLOURS, map_place
-from races.selectors import BoardRow, evaluations_visible_to, races_on
-from races.selectors.counting import DrivenAgain, driven_again
-from races.selectors.offers import Learned, Offer, offers_for
-from races.selectors.results import Place, Rival
-from races.track_figures import real_car_records
+from races.boards import ranking
+from races.boards.selectors.board import BoardRow
+from races.boards.selectors.counts import driven_again
+from races.boards.track_figures import real_car_records
+from races.entries.engines import hidden_runs
+from races.entries.selectors.lists import races_on
+from races.entries.selectors.offers import Learned, Offer, offers_for
+from races.entries.selectors.visibility import evaluations_visible_to
+from races.models import LiveEvent, Race, RaceState
+from races.rules import descriptions
+from races.rules.layout import box_marks, has_boxes, layout_marks
+from races.rules.live_start import live_layout, start_m
+from races.runs.replay import LAP_COLOURS, map_place
 from tracks.drawing import BoxMark, Trajectory, draw_svg
 from tracks.models import Track
 
 register = template.Library()
+for texts in (
+    *(descriptions.layout_facts, descriptions.layout_rules, descriptions.sensor_words, descriptions.rule_figures),
+    *(descriptions.fault_words, descriptions.fault_rules, descriptions.score_words, descriptions.score_name),
+    *(descriptions.worth_words, descriptions.pace, descriptions.behind, ranking.laps_needed),
+):
+    register.filter(texts)
+register.simple_tag(driven_again, name="driving_again")
 
 RACES_ON_A_TRACK = 20
 RUNS_OF_A_MODEL = 50
@@ -83,29 +92,30 @@ def races_for(context: Context, model: TrainedModel, learned: Learned | None = N
 
 @register.simple_tag(takes_context=True)
 def runs_of(context: Context, model: TrainedModel) -> list[Evaluation]:
-    """The latest evaluations of a model that the reader may see: of another's those that stand on boards."""
-    related = ("track", "result", "submission__entry__race", "duel__race")
-    runs = evaluations_visible_to(context["user"]).filter(~hidden_runs(), model=model, replaced_by=None)
-    runs = runs.select_related(*related)
-    return list(runs.order_by("-queued_at")[:RUNS_OF_A_MODEL])
+    """The latest evaluations of a model visible to the reader: of other racers' models those on boards."""
+    reader = context["user"]
 
+    def latest(runs: QuerySet[Evaluation]) -> list[Evaluation]:
+        related = ("owner", "model", "track", "result", "submission__entry__race", "duel__race")
+        runs = runs.filter(~hidden_runs(), model=model, replaced_by=None).select_related(*related)
+        return list(runs.order_by("-queued_at")[:RUNS_OF_A_MODEL])
 
-@register.simple_tag
-def driving_again(race: Race) -> DrivenAgain | None:
-    """How far a race is that another engine drives again; None for every other."""
-    return driven_again(race)
+    if reader.pk == model.owner_id:
+        runs = latest(Evaluation.objects.all())
+        if all(run.owner_id == reader.pk for run in runs):  # by far the most; the check in SQL is costly
+            return runs
+    return latest(evaluations_visible_to(reader))
 
 
 @register.simple_tag
 def state_of(race: Race) -> RaceState:
-    """The race's state now."""
     return race.state_at(timezone.now())
 
 
 @register.simple_tag
 def race_pill(race: Race) -> SafeString:
     """The race's state now as a pill."""
-    state = race.state_at(timezone.now())
+    state = state_of(race)
     return format_html('<span class="pill {}">{}</span>', state.value, state.label)
 
 
@@ -137,14 +147,13 @@ def live_map(event: LiveEvent) -> SafeString:
 
 @register.simple_tag
 def layout_map(track: Track, direction: str, boxes: tuple[BoxMark, ...], lanes: bool = False) -> SafeString:
-    """The map of a layout: a track with boxes on it, and its two lanes where somebody chooses between them."""
+    """The map of a layout: a track with boxes, and its two lanes in forms."""
     return _map(track.geometry, direction, track.name, boxes, lanes)
 
 
 @register.simple_tag
 def lane_places(race: Race) -> str:
-    """Where boxes may be put on the map of a race's layout, as JSON: for each lane points in the map's coordinates,
-    evenly along the lap from the finish line in the direction driven."""
+    """Where boxes may be put on the map, as JSON: for each lane evenly spaced points along the lap."""
     return _lane_places(race.track.geometry, race.direction)
 
 
@@ -157,10 +166,17 @@ def _lane_places(geometry: TrackGeometry, direction: str) -> str:
 
 
 @register.simple_tag
-def run_map(track: Track, direction: str, lines: Sequence[Trajectory], boxes: tuple[BoxMark, ...]) -> SafeString:
-    """The map of a run: the lines that it drove, past the boxes that stood there."""
-    drawing = draw_svg(track.geometry.in_direction(direction), title=track.name, lines=lines, boxes=boxes)
-    return mark_safe(drawing)  # the only texts in it are titles, which draw_svg escapes
+def run_map(
+    track: Track, direction: str, lines: Sequence[Trajectory], boxes: tuple[BoxMark, ...], key: Hashable = None
+) -> SafeString:
+    """The map of a run with the lines of its cars and its boxes. ``key``: names the run and the lines; with it the map
+    is drawn once for all readers."""
+
+    def draw() -> SafeString:
+        drawing = draw_svg(track.geometry.in_direction(direction), title=track.name, lines=lines, boxes=boxes)
+        return mark_safe(drawing)  # the only texts in it are titles, which draw_svg escapes
+
+    return draw() if key is None else shared_value(("run map", key), draw)
 
 
 @lru_cache(maxsize=256)
@@ -172,62 +188,12 @@ def _map(
 
 
 @register.filter
-def layout_facts(race: Race) -> list[str]:
-    """What stands and drives on the track besides the car, a few words each."""
-    return facts.layout_facts(race)
-
-
-@register.filter
-def sensor_words(race: Race) -> list[str]:
-    """The sensors that a race offers."""
-    return facts.sensor_words(race)
-
-
-@register.filter
-def layout_rules(race: Race) -> list[str]:
-    """The same as rules, a sentence each."""
-    return facts.layout_rules(race)
-
-
-@register.filter
-def fault_words(race: Race) -> str:
-    """What a fault costs, in a few words."""
-    return facts.fault_words(race)
-
-
-@register.filter
-def fault_rules(race: Race) -> list[str]:
-    """What becomes of a car that leaves the road, a sentence each."""
-    return facts.fault_rules(race)
-
-
-@register.filter
-def rule_figures(race: Race) -> list[tuple[str, str]]:
-    """Label and value of the rules that every race of this type has."""
-    return facts.rule_figures(race)
-
-
-@register.filter
-def laps_needed(race: Race) -> int:
-    """Complete laps in a row that classify a car."""
-    return ranking.laps_needed(race)
-
-
-@register.filter
-def score_words(entry: Entry) -> str:
-    """What an entry is ranked by: a time, or once duels are drawn points, in a bracket the ties won."""
-    return facts.score_words(entry)
-
-
-@register.filter
-def score_name(race: Race) -> str:
-    """What a race ranks by, in words: the average of so many laps, the best lap, the total."""
-    return facts.score_name(race)
+def score_figure(race: Race) -> str:
+    return ranking.rule_for(race).figure
 
 
 @register.filter
 def score_columns(race: Race) -> tuple[ranking.Column, ...]:
-    """The columns of times on a race's board."""
     return ranking.rule_for(race).columns(race)
 
 
@@ -238,53 +204,33 @@ def time_cells(race: Race, row: BoardRow) -> SafeString:
     for column in ranking.rule_for(race).columns(race):
         fastest = row.has_fastest_lap and column.figure == "best_lap_ms"
         shown = " time" if column.ranks else f" {column.shown}" if column.shown else ""
-        said = f'<span class="hidden"> ({escape(_("fastest lap"))})</span>' if fastest else ""
+        hidden_label = f'<span class="hidden"> ({escape(_("fastest lap"))})</span>' if fastest else ""
         time = clock(getattr(row.entry, column.figure))
         label = f' data-label="{escape(column.label)}"' if column.shown else ""
-        cells.append(f'<td class="num{shown}{" best strong" if fastest else ""}"{label}>{time}{said}</td>')
+        cells.append(f'<td class="num{shown}{" best strong" if fastest else ""}"{label}>{time}{hidden_label}</td>')
     return mark_safe("".join(cells))  # words of ours, and times
 
 
 @register.filter
 def figure_in(shown: ranking.Standing, column: ranking.Column) -> int | None:
-    """The time of a standing that stands in a column."""
+    """The time of a standing in a column."""
     figure: int | None = getattr(shown, column.figure)
     return figure
 
 
 @register.filter
-def worth_words(run: Evaluation) -> tuple[str, str] | None:
-    """What a run came to by what ranks it where it was driven, and what that is; nothing before it has a result."""
-    return facts.worth_words(run)
-
-
-@register.filter
-def pace(place: Place) -> str:
-    """How a house car compares with the leader of its board."""
-    return facts.pace(place)
-
-
-@register.filter
-def behind(place: Place, rival: Rival) -> str:
-    """How far somebody is ahead of a place on a board."""
-    return facts.behind(place, rival)
-
-
-@register.filter
 def end_reason(code: str) -> str:
-    """Why a run ended, in the reader's language."""
     return _(END_REASONS[code]) if code in END_REASONS else code
 
 
 @register.filter
 def lap_status(status: str) -> str:
-    """How a lap ended, in the reader's language."""
     return _(LAP_STATUS[status]) if status in LAP_STATUS else status
 
 
 @register.filter
 def tens(percent: int) -> int:
-    """Rounded down to tens, for what is said aloud."""
+    """Rounded down to tens, for screen readers."""
     return int(percent) // 10 * 10
 
 
@@ -305,6 +251,6 @@ def overall_percent(progress: dict) -> int:
 
 @register.filter
 def sector_word(colour: str | None) -> str:
-    """What a sector's colour means, for who does not see it."""
+    """The meaning of a sector's colour, for screen readers."""
     words = {"purple": _("fastest of all"), "green": _("personal best"), "yellow": _("slower")}
     return words.get(colour or "", "")

@@ -1,14 +1,12 @@
-"""What pages ask of results that are hidden from their reader."""
-
-from __future__ import annotations
+"""Template tags for results hidden from the reader."""
 
 from django import template
 from django.template import Context
 
 from evaluation.models import Evaluation
 from races.models import Race
-from races.spoilers import NOTHING, Spoilers, spoilers_of
-from races.video_words import race_of
+from races.runs.video_titles import race_of
+from races.spoilers.selectors import NOTHING, Spoilers, spoilers_of
 
 register = template.Library()
 
@@ -29,9 +27,3 @@ def run_hidden(context: Context, run: Evaluation | None) -> bool:
     """The same of a run: those of the race that it was driven in, if it was."""
     spoilers = _of(context)
     return spoilers.on and run is not None and spoilers.hides(race_of(run))
-
-
-@register.simple_tag(takes_context=True)
-def spoilers_on(context: Context) -> bool:
-    """Whether the reader hides results."""
-    return _of(context).on

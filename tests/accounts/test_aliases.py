@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import pytest
 
-from accounts.aliases import is_reserved
 from accounts.models import Racer
+from accounts.signing_in.reserved_aliases import is_reserved
 
 
 @pytest.mark.parametrize(

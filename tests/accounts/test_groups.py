@@ -11,8 +11,6 @@ from django.utils import timezone
 
 from accounts.groups import services
 from accounts.groups.selectors import (
-    can_see_group,
-    can_see_member,
     groups_to_hold_for,
     groups_visible_to,
     is_in,
@@ -20,15 +18,21 @@ from accounts.groups.selectors import (
     members_visible_to,
 )
 from accounts.models import GroupMember, Racer, RacerGroup
-from league.selectors.standings import group_standings
-from league.services import close_round
+from league.standings.selectors.standings import group_standings
+from league.stewarding.official_results import close_round
 from paddock.errors import UserFault
+from races.boards.selectors.board import group_board, groups_on
+from races.boards.selectors.shared_boards import shared_board
+from races.entries.selectors.visibility import (
+    can_see_evaluation,
+    can_see_race,
+    evaluations_visible_to,
+    races_visible_to,
+)
+from races.entries.services.entries import enter_race, remove_entry
 from races.errors import RaceRefused
 from races.models import Visibility
-from races.selectors import can_see_race, races_visible_to
-from races.selectors.group_boards import group_board, groups_on
-from races.selectors.visibility import can_see_evaluation, evaluations_visible_to
-from races.services import create_community_race, edit_race, enter_race, remove_entry
+from races.pages.services import create_community_race, edit_race
 from tests.clients import logged_in
 from tests.factories import a_race, a_racer, a_track, drive, laps
 from tests.league.seasons import a_round, a_season, after, board
@@ -60,11 +64,9 @@ def test_who_sees_a_group_and_who_is_in_it(alice, bob, charlie, now):
             (asking, True, listed, True),
             (staff, True, True, True),
         ):
-            assert can_see_group(viewer, group) is knows
             assert groups_visible_to(viewer).filter(pk=group.pk).exists() is knows
             for member, sees in ((confirmed, sees_confirmed), (pending, sees_pending)):
-                assert can_see_member(viewer, member) is sees, (viewer, member)
-                assert members_visible_to(viewer).filter(pk=member.pk).exists() is sees
+                assert members_visible_to(viewer).filter(pk=member.pk).exists() is sees, (viewer, member)
         for racer, may in ((alice, True), (bob, listed), (charlie, listed), (staff, True)):
             assert may_hold_for(racer, group) is may
             assert groups_to_hold_for(racer).filter(pk=group.pk).exists() is may
@@ -164,12 +166,12 @@ def test_a_board_shows_a_group_among_itself(alice, bob, charlie, now):
     race = a_race(now)
     for racer, time in ((a_racer("first"), 9_000), (bob, 10_000), (a_racer("third"), 10_500), (charlie, 11_000)):
         drive(race, racer, laps(time, time, time), now)
-    shown = group_board(race, group, charlie)
+    shown = shared_board(race, charlie, group=group)
     assert [(row.rank, row.alias, row.gap_ms, row.is_me) for row in shown.rows] == [
         (1, "bob", 0, False),
         (2, "charlie", 1_000, True),
     ]
-    second = group_board(race, group, None, page=2, per_page=1)
+    second = group_board(race, group, page=2, per_page=1)
     assert [(row.rank, row.gap_ms) for row in second.rows] == [(2, 1_000)] and second.pages == 2
     assert groups_on(race, None) == [] and groups_on(race, bob) == [group]
     address = f"{race.get_absolute_url()}?group={group.slug}"
@@ -187,7 +189,7 @@ def test_the_standings_of_a_group_give_points_by_its_own_places(alice, now):
     close_round(round=round_, now=after(round_))
     table = season.points
     lines = group_standings(season, "open", group)
-    assert [(line.who, line.points) for line in lines] == [(cast[5].pk, table[0]), (cast[7].pk, table[1])]
+    assert [(line.holder, line.points) for line in lines] == [(cast[5].pk, table[0]), (cast[7].pk, table[1])]
     page = Client().get(f"/seasons/{season.slug}/standings/?division=open&group={group.slug}").content.decode()
     assert "r5" in page and "r6" not in page
 

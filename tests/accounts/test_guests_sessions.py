@@ -10,7 +10,7 @@ from django.core.cache import cache
 from django.test import Client
 from django.utils import timezone
 
-from accounts.receivers import PASSING_S
+from accounts.signing_in.receivers import PASSING_S
 from config.tasks import old_sessions
 
 PASSKEY = "/accounts/2fa/webauthn/login/"

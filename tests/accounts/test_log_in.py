@@ -11,8 +11,8 @@ from django.core.cache import cache
 from django.test import Client, RequestFactory
 from django.utils import timezone
 
-from accounts.log_in import KNOWN_FOR, KNOWN_PER_RACER, begin
 from accounts.models import KnownAddress
+from accounts.signing_in.attempt_limits import KNOWN_FOR, KNOWN_PER_RACER, begin
 from tests.factories import a_racer
 
 PASSWORD = "correct horse battery"

@@ -11,11 +11,11 @@ from django.core.files.storage import default_storage
 from django.core.files.uploadedfile import SimpleUploadedFile
 from PIL import Image
 
-from accounts.avatars.drawn import pattern
-from accounts.avatars.keeping import path_of, remove_picture, set_picture
-from accounts.avatars.reading import MOST_MB, SIDE, read_picture
 from accounts.models import RacerQuota
-from accounts.storage import stored_by
+from accounts.pictures.drawing import pattern
+from accounts.pictures.reading import MOST_MB, SIDE, read_picture
+from accounts.pictures.services import path_of, remove_picture, set_picture
+from accounts.usage.storage import stored_by
 from paddock.errors import UserFault
 
 pytestmark = pytest.mark.django_db

@@ -5,16 +5,15 @@ from __future__ import annotations
 from datetime import UTC, datetime
 
 import pytest
-from django.contrib.auth.models import AnonymousUser
 from django.db import IntegrityError, connection, transaction
 from django.test.utils import CaptureQueriesContext
 from django.urls import reverse
 
 from accounts.models import MOST, Racer, RacerQuota
-from accounts.quotas import all_quotas, limit_of, usage_of, used_by
-from accounts.selectors import can_see_usage, racers_by_use, racers_whose_usage_is_seen_by, usage_rows
+from accounts.quotas import all_quotas, limit_of, used_by
+from accounts.usage.selectors import racers_by_use, usage_of, usage_rows
 from paddock.errors import UserFault
-from races.services import create_community_race
+from races.pages.services import create_community_race
 from tests.factories import a_model, a_race, a_racer, a_track
 from tracks.models import Track
 
@@ -117,15 +116,6 @@ def test_an_admin_sets_a_limit_on_the_racers_page(client, boss) -> None:
     assert refused.status_code == 200 and "nonsense is not one of the available choices" in refused.content.decode()
 
 
-def test_only_the_racer_and_admins_see_usage(boss) -> None:
-    alice, bob = a_racer("alice"), a_racer("bob")
-    cast = {"guest": AnonymousUser(), "alice": alice, "bob": bob, "boss": boss}
-    seen = {name: can_see_usage(viewer, alice) for name, viewer in cast.items()}
-    assert seen == {"guest": False, "alice": True, "bob": False, "boss": True}
-    for name, viewer in cast.items():
-        assert racers_whose_usage_is_seen_by(viewer).filter(pk=alice.pk).exists() == seen[name]
-
-
 def test_the_racers_page_and_the_api_agree(client) -> None:
     alice = a_racer("alice")
     a_model(alice)
@@ -160,3 +150,20 @@ def test_more_racers_need_no_more_queries(django_assert_num_queries) -> None:
     with django_assert_num_queries(len(of_one)):
         rows = usage_rows(racers, NOW)
     assert [row.usage for row in rows] == [usage_of(racer, NOW) for racer in racers]
+
+
+def test_each_kind_of_files_is_one_query(django_assert_max_num_queries) -> None:
+    """Networks, uploads, traces, videos, trainings and pictures, each with all its columns."""
+    alice = a_racer("alice")
+    a_model(alice)
+    with django_assert_max_num_queries(6):
+        assert used_by(alice, "storage_mb", NOW) > 0
+
+
+def test_the_usage_of_all_racers_needs_few_queries_for_a_quota(client, boss) -> None:
+    """Two for each quota that is no sum of files, and one for each kind of files."""
+    a_model(a_racer("alice"))
+    with CaptureQueriesContext(connection) as sent:
+        client.get("/usage/?by=models")
+    print(len(sent))
+    assert len(sent) <= 18

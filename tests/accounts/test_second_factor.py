@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Iterator
 
 import pytest
 from allauth.mfa.models import Authenticator
@@ -11,11 +12,14 @@ from allauth.mfa.totp.internal.auth import TOTP
 from django.core.cache import cache
 from django.core.management import CommandError, call_command
 from django.test import Client
+from django.urls import URLResolver, get_resolver
 from knox.models import AuthToken
 from rest_framework.test import APIClient
 
 from accounts.models import Racer
 from config.env import passkeys_work
+from config.middleware.accounts import ANYWHERE, OWN_ACCOUNT
+from config.serving.streams.viewers import viewers_of
 from tests.accounts.one_time_codes import code_of
 
 PASSWORD = "correct horse battery"
@@ -152,6 +156,53 @@ def test_admins_without_a_required_second_factor_must_set_one_up(sam, settings):
     TOTP.activate(sam, SECRET)
     assert session.get("/admin/").status_code == 200
     assert Client().get("/api/v1/me/", headers={"Authorization": f"Bearer {token}"}).status_code == 200
+
+
+def addresses(patterns=None, before: str = "/") -> Iterator[tuple[str, str]]:
+    """Every address of the site with the name of its view; parameters are 1."""
+    for pattern in get_resolver().url_patterns if patterns is None else patterns:
+        route = re.sub(r"<[^>]+>", "1", before + str(pattern.pattern).removeprefix("^"))
+        if isinstance(pattern, URLResolver):
+            yield from addresses(pattern.url_patterns, route)
+        elif not re.search(r"[(\\^$*]", route):
+            yield route, pattern.name or ""
+
+
+@pytest.mark.parametrize("method", ["get", "post"])
+def test_no_page_or_operation_answers_an_admin_without_the_required_factor(sam, settings, method):
+    client = Client()
+    client.force_login(sam, backend="django.contrib.auth.backends.ModelBackend")
+    settings.STAFF_SECOND_FACTOR = True
+    asked, wrong = 0, []
+    for address, name in addresses():
+        if name in ANYWHERE or name.startswith(OWN_ACCOUNT) or address.startswith(("/health/", "/static/")):
+            continue
+        answer = getattr(client, method)(address)
+        asked += 1
+        if address.startswith("/api/"):
+            is_kept_out = answer.status_code == 403 and answer.json()["code"] == "second_factor_missing"
+        else:
+            is_kept_out = answer.status_code == 302 and answer["Location"] == "/accounts/2fa/"
+        if not is_kept_out and answer.status_code != 404:
+            wrong.append(f"{address} ({name}): {answer.status_code}")
+    assert wrong == [] and asked > 300
+
+
+def test_the_stream_does_not_know_an_admin_without_the_required_factor(sam, settings):
+    session = logged_in(sam).session.session_key
+    assert viewers_of([session]) == {session: sam}
+    settings.STAFF_SECOND_FACTOR = True
+    assert viewers_of([session]) == {}
+
+
+def test_removing_the_last_factor_shuts_an_admin_out_again(sam, settings):
+    settings.STAFF_SECOND_FACTOR = True
+    TOTP.activate(sam, SECRET)
+    client = Client()
+    client.force_login(sam, backend="django.contrib.auth.backends.ModelBackend")
+    assert client.get("/admin/").status_code == 200
+    Authenticator.objects.filter(user=sam).delete()
+    assert client.get("/admin/")["Location"] == "/accounts/2fa/"
 
 
 def test_racers_do_not_need_the_factor_required_of_admins(alice, settings):

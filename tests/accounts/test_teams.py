@@ -13,7 +13,6 @@ from accounts.models import Racer, Team, TeamInvitation, TeamMember
 from accounts.teams import services
 from accounts.teams.services import (
     accept_team,
-    can_see_invitation,
     decline_team,
     found_team,
     hand_over_team,
@@ -26,11 +25,11 @@ from accounts.teams.services import (
     team_of,
 )
 from core.events import Event
-from league.selectors.standings import team_standings
-from league.services import close_round
+from league.standings.selectors.standings import season_standings
+from league.stewarding.official_results import close_round
 from paddock.errors import UserFault
-from races.selectors.team_boards import team_board
-from races.services import enter_race, withdraw
+from races.boards.selectors.board import team_board
+from races.entries.services.entries import enter_race, withdraw
 from tests.factories import a_race, a_racer, drive, laps
 from tests.league.seasons import a_round, a_season, after, board
 
@@ -60,7 +59,6 @@ def test_a_captain_asks_and_a_racer_accepts_or_declines(reds, alice, bob, charli
     invite_to_team(team=reds, alias="bob", by=alice, now=now)
     assert Event.objects.filter(kind="team.invited", racer_id=bob.pk).count() == 1
     for viewer, sees in ((None, False), (charlie, False), (bob, True), (alice, True), (a_racer(is_staff=True), True)):
-        assert can_see_invitation(viewer, asked) is sees
         assert invitations_visible_to(viewer).filter(pk=asked.pk).exists() is sees
     assert code(lambda: accept_team(invitation=asked, racer=charlie, now=now)) == "team_not_asked"
     assert code(lambda: decline_team(invitation=asked, by=charlie)) == "team_captain_only"
@@ -133,7 +131,9 @@ def test_points_stay_with_the_team_that_they_were_driven_for(reds, alice, now):
     board(round_.race, [alice])
     close_round(round=round_, now=after(round_))
     leave_team(racer=alice)
-    assert [(line.who, line.points) for line in team_standings(season, "open")] == [("the reds", season.points[0])]
+    assert [(line.holder, line.points) for line in season_standings(season, "open", "teams")] == [
+        ("the reds", season.points[0])
+    ]
 
 
 def test_teams_of_before_become_teams_with_who_wrote_their_name():
@@ -168,7 +168,7 @@ def test_the_pages_and_the_api(alice, bob, charlie, now):
     assert stranger.get("/teams/join/none/").status_code == 404
     captain.post(where, {"do": "remove", "racer": "charlie"})
     assert team_of(charlie) is None
-    assert stranger.patch("/api/v1/me/", {"team": "OWLS"}, content_type="application/json").status_code == 400
+    assert stranger.patch("/api/v1/me/", {"team": "OWLS"}, content_type="application/json").status_code == 403
     assert racer.patch("/api/v1/me/", {"team": ""}, content_type="application/json").json()["team"] == ""
     assert team_of(bob) is None and not Racer.objects.filter(alias="bob").exclude(team="").exists()
     captain.post("/teams/leave/")

@@ -17,10 +17,10 @@ from knox.models import AuthToken
 
 from accounts.models import KnownAddress, Racer, TokenGrant
 from accounts.scopes import SCOPES
-from accounts.tokens import NOTED_AGAIN_AFTER, create_token, note_use, tokens_of
-from league.services.webhooks import add_webhook
+from accounts.tokens.services import NOTED_AGAIN_AFTER, create_token, note_use, tokens_of
+from league.webhooks.services import add_webhook
 
-PASSWORD, NEW = "correct horse battery", "quite another passphrase"
+PASSWORD, NEW, OTHER = "correct horse battery", "quite another passphrase", "a third long passphrase"
 CHANGE = {"oldpassword": PASSWORD, "password1": NEW, "password2": NEW}
 pytestmark = pytest.mark.django_db
 
@@ -117,7 +117,7 @@ def test_the_page_creates_a_token_with_the_ticked_scopes(alice):
     assert "–" in page
     assert works(text)
     shown = client.get("/settings/tokens/").content.decode()
-    assert re.findall(r'<span class="tag" lang="en">(\w+)</span>', shown) == ["read", "train"]
+    assert re.findall(r'<span\s+class="tag"\s+lang="en">(\w+)</span>', shown) == ["read", "train"]
     assert "<td>–</td>" not in shown
 
 
@@ -144,6 +144,48 @@ def test_a_password_reset_revokes_all_tokens_and_sessions(alice):
     reset(alice.email)
     assert (is_in(there), works(text)) == (False, False)
     assert is_in(logged_in(alice, NEW))
+
+
+def reset_link(client: Client, address: str) -> str:
+    mail.outbox.clear()
+    client.post("/accounts/password/reset/", {"email": address})
+    return re.search(r"(/accounts/password/reset/key/\S+)", mail.outbox[-1].body)[1]
+
+
+def chooses(client: Client, link: str, password: str) -> bool:
+    """Whether a reset link leads to a form that sets the password."""
+    form = client.get(link).get("Location", "")
+    return bool(form) and client.post(form, {"password1": password, "password2": password}).status_code == 302
+
+
+def test_a_reset_link_works_once(alice):
+    EmailAddress.objects.create(user=alice, email=alice.email, verified=True, primary=True)
+    first, second = Client(), Client()
+    older, newer = (reset_link(first, alice.email) for _ in range(2))
+    opened = second.get(older)["Location"]  # the form is open in another window
+    assert chooses(first, newer, NEW)
+    for link in (older, newer):
+        assert not chooses(Client(), link, OTHER) and not chooses(first, link, OTHER)
+    assert second.post(opened, {"password1": OTHER, "password2": OTHER}).status_code == 200
+    alice.refresh_from_db()
+    assert alice.check_password(NEW)
+
+
+@pytest.mark.parametrize("change", ["password", "address", "locked"])
+def test_a_reset_link_ends_with_what_it_was_made_for(alice, change):
+    EmailAddress.objects.create(user=alice, email=alice.email, verified=True, primary=True)
+    link = reset_link(Client(), alice.email)
+    if change == "password":
+        alice.set_password(NEW)
+    elif change == "address":
+        EmailAddress.objects.filter(user=alice).update(email="new@example.org")
+        alice.email = "new@example.org"
+    else:
+        alice.is_active = False
+    alice.save()
+    before = Racer.objects.get().password
+    chooses(Client(), link, OTHER)
+    assert Racer.objects.get().password == before
 
 
 @pytest.mark.parametrize("how", ["admin site", "unusable", "code"])

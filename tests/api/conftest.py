@@ -8,9 +8,12 @@ import pytest
 from django.core.cache import cache
 from django.utils import timezone
 from rest_framework.test import APIClient
+from rest_framework.throttling import ScopedRateThrottle
 
 from accounts.models import Racer
-from accounts.tokens import create_token, note_use
+from accounts.tokens.services import create_token, note_use
+from tests.api.fuzzed import Fuzzed, make_fuzzed
+from tests.kept import Kept
 
 
 @pytest.fixture(autouse=True)
@@ -44,3 +47,15 @@ def cast(alice, bob, charlie, sam, as_racer) -> dict[str, APIClient]:
     """A client for every role."""
     people = {"owner": alice, "member": bob, "stranger": charlie, "admin": sam, "anonymous": None}
     return {role: as_racer(racer) for role, racer in people.items()}
+
+
+@pytest.fixture(scope="session")
+def kept_fuzzed(request, keep: Callable) -> Kept:
+    return keep(request, make_fuzzed, fresh_s=20.0)  # as of the pages' world
+
+
+@pytest.fixture
+def fuzzed(kept_fuzzed: Kept, db: None, video_wakes, trainings_taken_on, monkeypatch) -> Fuzzed:
+    rates = dict.fromkeys(("upload", "write", "timing"), "1000000/hour")
+    monkeypatch.setattr(ScopedRateThrottle, "THROTTLE_RATES", rates)
+    return kept_fuzzed.copy()

@@ -1,7 +1,7 @@
-"""The schema of the API, worked out once for all that is tried of it."""
+"""The schema of the API, generated once for all that is tried of it: the one that the site answers with."""
 
 from __future__ import annotations
 
-from drf_spectacular.generators import SchemaGenerator
+from config.api.schema_view import schema_in
 
-SCHEMA = SchemaGenerator().get_schema(request=None, public=True)
+SCHEMA = schema_in("en")

@@ -18,24 +18,29 @@ from django.utils import timezone
 from knox.models import AuthToken
 from rest_framework.test import APIClient
 
+from accounts.class_accounts.services import add_learners, add_teacher, make_class
+from accounts.groups.services import ask_to_join, confirm_member, make_group
 from accounts.models import Racer
-from core import wakeup
-from core.bodies import MAX_NAME, MAX_NAMED
+from accounts.teams.services import found_team, invite_to_team, join_by_link
+from core.api.bodies import MAX_NAME, MAX_NAMED
 from core.events import waking
-from league.models import Notice, NoticeKind, Round, Stage
-from league.services import create_season
-from league.services.webhooks import add_webhook
+from core.wakeups import workers as wakeup
+from league.models import Notice, Round, Stage
+from league.notices import kinds as notice_kinds
+from league.seasons.services.seasons import create_season
+from league.webhooks.services import add_webhook
+from races.entries.services.entries import accept_invitation
 from races.models import MeasuredLap, Race, RaceState, TimingSensor, Visibility
-from races.services import accept_invitation
-from races.services.timing import make_sensor
+from races.test_runs.services import drive_own
+from races.timing.services import make_sensor
 from tests.api.schema import SCHEMA
 from tests.evaluation.reports import a_report
 from tests.factories import a_model, a_race, a_racer, a_track, drive, laps
 from tests.kept import Kept
 from tests.live_shows import an_ended_show
 from tests.races.timing import a_timed_race
-from tests.training.jobs import a_training
-from training.vehicles import save_vehicle
+from tests.training.jobs import a_sweep_row, a_training
+from training.vehicles.services import save_vehicle
 from videos.models import Video
 
 WRITES = sorted(
@@ -68,11 +73,16 @@ class Owned:
     real: dict[str, Any]
     guest: int
     shown: str
+    learner: str
 
     def fill(self, path: str) -> str:
         """An address with what it names filled in."""
         if "/live/" in path:
             return path.format(slug=self.shown)
+        if "/classes/" in path:
+            return path.format(slug="tried-class", alias=self.learner if "/learners/" in path else "guest")
+        if "/teams/" in path and "/invitations/" in path:
+            return path.format(slug="tried", alias="fast")
         if "/guests/" in path:
             return path.format(slug=self.real["slug"], id=self.guest)
         if re.search("/(timing|sessions|laps|sensors|timekeepers)/", path):
@@ -101,12 +111,13 @@ def _made_owned(alice: Racer, now: datetime) -> Owned:
     Round.objects.create(season=season, number=1, stage=Stage.OPEN, race=ahead)
     names = {"slug": "tried", "race": ahead.slug, "alias": "guest", "token": race.invitation, "stage": "open-qualifier"}
     names["key"] = AuthToken.objects.create(user=alice)[0].token_key
-    notice = Notice.objects.create(racer=alice, kind=NoticeKind.OPENS, about="x", params={"race": "Tried"}, at=now)
+    notice = Notice.objects.create(racer=alice, kind=notice_kinds.OPENS, about="x", params={"race": "Tried"}, at=now)
     real, mia = a_timed_race(now, alice, a_racer("fast"))
     of = {
         "models": evaluation.model,
-        "evaluations": evaluation,
+        "evaluations": drive_own(owner=alice, model=evaluation.model, track=race.track, now=now).evaluation,
         "trainings": a_training(alice, a_track(), now),
+        "sweeps": a_sweep_row(alice, race.track, now),
         "videos": video,
         "vehicles": save_vehicle(owner=alice, name="Van", sensors=["STEREO_CAMERAS"]),
         "reports": a_report(alice, now),
@@ -123,8 +134,22 @@ def _made_owned(alice: Racer, now: datetime) -> Owned:
             "number": TimingSensor.objects.get(race=real).pk,
         },
         mia.pk,
-        an_ended_show(now, alice).race.slug,
+        an_ended_show(now, alice, laps={"alice": (8_000,), "bob": (8_500,)}).race.slug,
+        _belonging(alice, Racer.objects.get(alias="guest"), now),
     )
+
+
+def _belonging(alice: Racer, guest: Racer, now: datetime) -> str:
+    """A group, a team and a class of Alice's, with the guest in each. The alias of a learner."""
+    group = make_group(by=alice, name="Tried", now=now)
+    for racer in (alice, guest):
+        confirm_member(member=ask_to_join(code=group.code, racer=racer, now=now), by=alice, now=now)
+    team = found_team(by=alice, name="Tried", now=now)
+    join_by_link(code=team.code, racer=guest, now=now)
+    invite_to_team(team=team, alias="fast", by=alice, now=now)
+    classroom = make_class(teacher=alice, name="Tried class", plan=[], now=now)
+    add_teacher(classroom=classroom, by=alice, alias="guest", now=now)
+    return add_learners(classroom=classroom, by=alice, names=["Kim Minji"], now=now)[0].learner.racer.alias
 
 
 @pytest.fixture(scope="session")

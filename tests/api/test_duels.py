@@ -8,8 +8,8 @@ import pytest
 from django.db import transaction
 from django.utils import timezone
 
+from races.entries.services.entries import accept_invitation
 from races.models import Draw, Duel, Visibility
-from races.services import accept_invitation
 from tests.duels import a_duel_race, drawn, driving, end, end_all, qualify
 from tests.factories import a_race, a_racer
 

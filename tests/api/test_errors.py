@@ -18,7 +18,7 @@ from paddock.errors import PlatformFault, UserFault
 
 def test_a_user_fault_carries_its_code_message_and_values():
     answer = handle(UserFault("model_too_large", limit_mb=32), {})
-    assert answer.status_code == 400
+    assert answer.status_code == 413
     assert answer.data["code"] == "model_too_large"
     assert answer.data["fault"] == "user"
     assert answer.data["params"] == {"limit_mb": 32}

@@ -10,14 +10,14 @@ from pathlib import Path
 import pytest
 from django.utils import timezone
 
+from evaluation.garage.services import share_model
 from evaluation.models import Result
-from evaluation.services import finish_evaluation
-from evaluation.services.garage import share_model
+from evaluation.running.queue.jobs import finish_evaluation
 from paddock.rules.race import RaceRules
-from paddock.simulator.metrics import metrics_json
 from paddock.simulator.policies import CentreLinePilot
-from paddock.simulator.race import RaceResult, run_race
-from races.services import submit_model
+from paddock.simulator.race import Entrant, RaceResult, RaceSettings, run_race
+from paddock.simulator.results import metrics_json
+from races.entries.services.submissions import submit_model
 from tests.community import community
 from tests.evaluation.stubs import car_outcome, outcome_of
 from tests.factories import a_model, a_race, drive, laps, start
@@ -31,7 +31,7 @@ def driven() -> RaceResult:
     """Two laps that were really driven."""
     track = stadium()
     pilot = CentreLinePilot(track, speed=2.0)
-    return run_race(track, RaceRules(laps=2), pilot.action_space, pilot.sensors, pilot)
+    return run_race(RaceSettings(track, RaceRules(laps=2), [Entrant(pilot.action_space, pilot.sensors, pilot)]))
 
 
 @pytest.fixture

@@ -11,12 +11,13 @@ from django.core.files.storage import FileSystemStorage
 from django.utils import timezone
 
 from evaluation.models import Evaluation
-from evaluation.services import EVALUATIONS, finish_evaluation, queue_evaluation
+from evaluation.running.queue.jobs import EVALUATIONS, finish_evaluation
+from evaluation.running.queue.services import queue_evaluation
 from paddock.errors import UserFault
 from paddock.rules.race import RaceRules
 from paddock.simulator.engine import ENGINE_ID
+from races.entries.services.submissions import submit_model
 from races.models import Visibility
-from races.services import submit_model
 from tests.evaluation.stubs import car_outcome, outcome_of, trace_csv
 from tests.factories import a_model, a_race, a_track, drive, fail, laps, start
 

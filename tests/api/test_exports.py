@@ -9,8 +9,8 @@ import tarfile
 import pytest
 from django.core.files.uploadedfile import SimpleUploadedFile
 
+from evaluation.garage.services import share_model
 from evaluation.models import TrainedModel
-from evaluation.services import share_model
 from tests.factories import a_model
 from tests.sandbox.networks import METADATA, small_network
 
@@ -32,11 +32,11 @@ def written(monkeypatch) -> list[tuple[str, int]]:
     """No process writes; the forms and racers that were asked for."""
     asked = []
 
-    def export(onnx, metadata, form, limits, *, who):
-        asked.append((form, who))
+    def export(onnx, metadata, form, limits, *, racer_pk):
+        asked.append((form, racer_pk))
         return b"an archive"
 
-    monkeypatch.setattr("evaluation.files.export_in_sandbox", export)
+    monkeypatch.setattr("evaluation.garage.downloads.export_in_sandbox", export)
     return asked
 
 
@@ -79,4 +79,4 @@ def test_only_its_owner_gets_what_was_uploaded(alice, bob, as_racer, now):
     assert as_racer(bob).get(address).status_code == 404, "a reward function may be in it"
     assert as_racer(None).get(address).status_code == 401
     missing = as_racer(alice).get(f"{MODELS}{a_model(alice).public_id}/upload/")
-    assert (missing.status_code, missing.data["code"]) == (400, "source_not_kept")
+    assert (missing.status_code, missing.data["code"]) == (404, "source_not_kept")

@@ -29,7 +29,7 @@ def test_racers_are_followed_listed_and_followed_no_more(client):
 
 
 @pytest.mark.parametrize(
-    ("alias", "body", "status"), [("nobody", None, 404), ("me", None, 400), ("quick", {"more": 1}, 400)]
+    ("alias", "body", "status"), [("nobody", None, 404), ("me", None, 403), ("quick", {"more": 1}, 400)]
 )
 def test_what_cannot_be_followed_changes_nothing(client, alias, body, status):
     a_racer("quick")

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from races.services import drive_own
+from races.test_runs.services import drive_own
 from tests.factories import a_model, a_track
 
 pytestmark = pytest.mark.django_db

@@ -11,7 +11,7 @@ from django.urls import reverse
 from django.utils import timezone
 
 from accounts.models import Racer
-from races.api import afterwards as api
+from races.aftermath import api
 from races.models import Entry, Race, Visibility
 from tests.factories import a_racer
 from tests.live_shows import an_ended_show

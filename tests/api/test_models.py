@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import gc
 import io
 import json
 import zipfile
@@ -9,6 +10,7 @@ import zipfile
 import pytest
 from django.core.files.uploadedfile import SimpleUploadedFile
 
+from evaluation.garage.admission import AdmittedPackage
 from evaluation.models import TrainedModel
 from tests.factories import a_model
 from tests.hostile.parts import outside, small_car, training_folder
@@ -170,6 +172,19 @@ def test_an_upload_reports_what_was_used_of_it(alice, as_racer):
     told = answer.data["upload"]
     assert (told["network"], told["checkpoint"], told["output"]) == ("model/model_4.pb", "asked", "")
     assert "checksum.txt" in told["ignored"]
+
+
+def test_an_answered_upload_holds_no_network(alice, as_racer):
+    """DRF's serializers are cycles, which Python collects late: some uploads of 20 MB each would wait for that."""
+    gc.collect()
+    gc.disable()
+    try:
+        assert upload(as_racer(alice), model=onnx_file(), metadata=metadata_file()).status_code == 201
+        held = [each for each in gc.get_objects() if type(each) is AdmittedPackage]
+        assert held
+        assert not [each for each in held if each.onnx]
+    finally:
+        gc.enable()
 
 
 def test_weights_beside_an_onnx_file_are_uploaded_separately(alice, as_racer):

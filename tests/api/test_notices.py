@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import pytest
 
-from league.models import Notice, NoticeChoice, NoticeKind
+from league.models import Notice, NoticeChoice
+from league.notices import kinds as notice_kinds
 
 pytestmark = pytest.mark.django_db
 ADDRESS = "/api/v1/notices/"
@@ -16,7 +17,7 @@ def told(alice, now) -> list[Notice]:
 
     def one(about: str, **fields: object) -> Notice:
         fields = {"params": {"race": "Night race"}, "path": "/races/night/", "at": now} | fields
-        return Notice.objects.create(racer=alice, kind=NoticeKind.OPENS, about=about, **fields)
+        return Notice.objects.create(racer=alice, kind=notice_kinds.OPENS, about=about, **fields)
 
     return [one("a"), one("b"), one("c", hidden=True)]
 

@@ -7,8 +7,8 @@ from datetime import timedelta
 import pytest
 from django.utils import timezone
 
+from races.entries.services.entries import enter_race
 from races.models import Race, RaceKind, Visibility
-from races.services import enter_race
 from tests.factories import a_race, a_track, drive, laps
 
 pytestmark = pytest.mark.django_db

@@ -8,15 +8,15 @@ import pytest
 from django.core.cache import cache
 from django.db import transaction
 from django.utils import timezone
-from drf_spectacular.generators import SchemaGenerator
 from knox.models import AuthToken
 from rest_framework.test import APIClient
 from rest_framework.throttling import ScopedRateThrottle
 
 from accounts.scopes import SCOPES
-from accounts.tokens import create_token
+from accounts.tokens.services import create_token
 from config.api.urls import version_1
-from league.services.webhooks import add_webhook
+from league.webhooks.services import add_webhook
+from tests.api.schema import SCHEMA
 
 pytestmark = pytest.mark.django_db
 METHODS = ("get", "post", "put", "patch", "delete")
@@ -25,7 +25,7 @@ METHODS = ("get", "post", "put", "patch", "delete")
 @pytest.fixture(scope="module")
 def operations() -> dict[tuple[str, str], dict]:
     """The schema's, by method and address."""
-    paths = SchemaGenerator().get_schema(request=None, public=True)["paths"]
+    paths = SCHEMA["paths"]
     return {(method, path): item[method] for path, item in paths.items() for method in METHODS if method in item}
 
 

@@ -11,7 +11,7 @@ from django.utils import timezone
 
 from accounts.models import Racer
 from league.models import Round, Season
-from league.services import close_round
+from league.stewarding.official_results import close_round
 from races.models import Race
 from tests.factories import a_race, a_track
 from tests.league.seasons import a_round, a_season, after

@@ -8,7 +8,8 @@ import pytest
 
 from accounts.models import Racer
 from league.models import Season
-from league.services import close_round, set_stage_rules
+from league.seasons.services.seasons import set_stage_rules
+from league.stewarding.official_results import close_round
 from tests.factories import a_racer
 from tests.kept import Kept
 from tests.league.seasons import HOUR, a_round, a_season, after, board
@@ -54,6 +55,7 @@ def test_seasons_are_listed_latest_first(season, as_racer):
         "ends_on": "2027-12-31",
         "races": 4,
         "official": 1,
+        "topic": f"season:{season.pk}",
     }
 
 

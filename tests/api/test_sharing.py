@@ -10,8 +10,8 @@ from datetime import timedelta
 import pytest
 from django.utils import timezone
 
+from evaluation.garage.services import share_model
 from evaluation.models import Network
-from evaluation.services import share_model
 from tests.factories import a_model, a_race, a_track
 from tests.training.jobs import REWARD
 from training.models import TrainingJob
@@ -116,7 +116,7 @@ def test_a_shared_model_of_another_cannot_be_submitted(shared, cast):
 class TestTraining:
     @pytest.fixture(autouse=True)
     def _installed(self, trainings_taken_on, monkeypatch):
-        monkeypatch.setattr("training.api.trainings.refusals", lambda *_: [])
+        monkeypatch.setattr("training.jobs.api.trainings.refusals", lambda *_: [])
 
     def begin(self, client, model):
         sent = {"name": "mine-now", "track": a_track().slug, "reward_code": REWARD, "clone_from": model.public_id}

@@ -7,8 +7,8 @@ from django.utils import timezone
 
 from paddock.rules.race import RaceRules
 from paddock.simulator.engine import ENGINE_ID
-from races.layout import race_rules
 from races.models import Visibility
+from races.rules.layout import race_rules
 from tests.factories import a_model, a_race, drive, laps
 
 pytestmark = pytest.mark.django_db
@@ -60,7 +60,7 @@ def test_a_network_is_open_to_its_owner_and_when_it_is_shared(now, bob, charlie,
 
 
 def test_a_waiting_run_has_no_hash_and_is_its_owners_own(now, bob, charlie, as_racer):
-    from races.services import submit_model
+    from races.entries.services.submissions import submit_model
 
     evaluation = submit_model(race=a_race(now), racer=bob, model=a_model(bob), now=now).evaluation
     path = f"/api/v1/evaluations/{evaluation.public_id}/specification/"

@@ -6,7 +6,7 @@ from datetime import timedelta
 
 import pytest
 
-from races.services import edit_race
+from races.pages.services import edit_race
 from tests.factories import a_model, a_race
 
 pytestmark = pytest.mark.django_db

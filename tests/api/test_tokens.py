@@ -7,7 +7,7 @@ from django.test import Client
 from knox.models import AuthToken
 from rest_framework.test import APIClient
 
-from accounts.tokens import TOKENS_PER_RACER
+from accounts.tokens.services import TOKENS_PER_RACER
 
 PASSWORD = "correct horse battery"
 pytestmark = pytest.mark.django_db

@@ -9,7 +9,7 @@ import pytest
 from django.core.files.uploadedfile import SimpleUploadedFile
 
 from paddock.geometry.catalogue import by_slug
-from paddock.geometry.npy import write_npy
+from paddock.geometry.files import write_npy
 from tests.factories import a_race, drive, laps
 from tests.rows import track_row
 
@@ -70,18 +70,18 @@ def test_an_open_track_is_imported_by_whoever_says_that_it_is_one(alice, as_race
 
 
 @pytest.mark.parametrize(
-    ("data", "name", "code"),
+    ("data", "name", "status", "code"),
     [
-        (b"", "Track", "track_not_npy"),
-        (b"hello", "Track", "track_not_npy"),
-        (bytes(2 * 1024 * 1024 + 1), "Track", "track_file_too_large"),
-        (None, "x" * 65, "track_name"),
+        (b"", "Track", 400, "track_not_npy"),
+        (b"hello", "Track", 400, "track_not_npy"),
+        (bytes(2 * 1024 * 1024 + 1), "Track", 413, "track_file_too_large"),
+        (None, "x" * 65, 400, "track_name"),
     ],
 )
-def test_a_refused_track_says_why(alice, oval, as_racer, data, name, code):
+def test_a_refused_track_says_why(alice, oval, as_racer, data, name, status, code):
     file = npy(write_npy(oval.geometry) if data is None else data)
     answer = as_racer(alice).post(ADDRESS, {"file": file, "name": name}, format="multipart")
-    assert (answer.status_code, answer.data["code"]) == (400, code)
+    assert (answer.status_code, answer.data["code"]) == (status, code)
 
 
 def test_importing_needs_a_log_in(oval, as_racer):

@@ -12,8 +12,8 @@ from django.test import Client
 from evaluation.models import Evaluation
 from tests.factories import a_racer, a_track
 from tests.training.jobs import REWARD, a_trained_one, a_training
+from training.jobs.services.queue import stop_training
 from training.models import TrainingJob
-from training.services import stop_training
 
 pytestmark = pytest.mark.django_db
 CHECK = "/api/v1/reward-functions/validate/"
@@ -85,8 +85,8 @@ def test_a_training_model_is_evaluated_privately(alice, cast, job):
 
 
 def test_only_the_owner_evaluates_a_training_model(cast, job):
-    expected = {"member": (404, "not_found"), "stranger": (404, "not_found"), "admin": (403, "model_not_yours")}
-    for role, refusal in (expected | {"anonymous": (401, "not_authenticated")}).items():
+    hidden = dict.fromkeys(("member", "stranger", "admin"), (404, "not_found"))
+    for role, refusal in (hidden | {"anonymous": (401, "not_authenticated")}).items():
         answer = cast[role].post(address(job, "evaluations/"))
         assert (answer.status_code, answer.data["code"]) == refusal, role
     assert not Evaluation.objects.exists()

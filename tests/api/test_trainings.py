@@ -11,9 +11,8 @@ from django.utils import timezone
 
 from tests.factories import a_race, a_track
 from tests.training.jobs import REWARD, a_training
-from training.forms.training import signature_of
-from training.models import TrainingIteration, TrainingJob
-from training.rewards.function import POSITIONAL_NAMES
+from training.models import RewardSignature, TrainingIteration, TrainingJob
+from training.rewards.sandbox.function import POSITIONAL_NAMES
 
 pytestmark = pytest.mark.django_db
 ADDRESS = "/api/v1/trainings/"
@@ -21,7 +20,7 @@ ADDRESS = "/api/v1/trainings/"
 
 @pytest.fixture(autouse=True)
 def _installed(trainings_taken_on, monkeypatch):
-    monkeypatch.setattr("training.api.trainings.refusals", lambda *_: [])
+    monkeypatch.setattr("training.jobs.api.trainings.refusals", lambda *_: [])
 
 
 def sent(**changes):
@@ -127,13 +126,13 @@ def test_a_target_race_that_accepts_no_cars_is_refused(alice, as_racer):
 def test_the_site_itself_never_parses_reward_code():
     """The parser needs ten seconds for this one, and other texts bring it to fall: only the sandbox can bear that."""
     began = time.process_time()
-    assert signature_of("def reward_function(params):\n    return f'" + "{x}" * 40_000 + "'\n") == "params"
-    assert signature_of("def reward_function(" * 7_000) == "params"
+    assert RewardSignature.of("def reward_function(params):\n    return f'" + "{x}" * 40_000 + "'\n") == "params"
+    assert RewardSignature.of("def reward_function(" * 7_000) == "params"
     assert time.process_time() - began < 1.0
     first = ", ".join(POSITIONAL_NAMES)
-    assert signature_of(f"import math\n\ndef reward_function({first}):\n    return 1.0\n") == "positional"
-    assert signature_of(f"def reward_function(self, {first}):\n    return 1.0\n") == "positional"
-    assert signature_of("def reward_function(params: dict[str, float]) -> float:\n    return 1.0\n") == "params"
+    assert RewardSignature.of(f"import math\n\ndef reward_function({first}):\n    return 1.0\n") == "positional"
+    assert RewardSignature.of(f"def reward_function(self, {first}):\n    return 1.0\n") == "positional"
+    assert RewardSignature.of("def reward_function(params: dict[str, float]) -> float:\n    return 1.0\n") == "params"
 
 
 def test_a_taken_name_and_disabled_training_are_reported(alice, as_racer, settings):

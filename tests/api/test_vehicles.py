@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 
 from training.models import Vehicle
-from training.vehicles import VEHICLES_PER_RACER, save_vehicle
+from training.vehicles.services import VEHICLES_PER_RACER, save_vehicle
 
 pytestmark = pytest.mark.django_db
 ADDRESS = "/api/v1/vehicles/"

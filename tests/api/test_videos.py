@@ -5,8 +5,8 @@ from __future__ import annotations
 import pytest
 from django.utils import timezone
 
+from races.entries.services.entries import accept_invitation
 from races.models import Visibility
-from races.services import accept_invitation
 from tests.drawn_runs import a_driven_run
 from tests.factories import a_race
 from videos.models import Video

@@ -7,7 +7,7 @@ from datetime import timedelta
 import pytest
 
 from league.models import Webhook, WebhookDelivery
-from league.services.webhooks import PER_RACER, add_webhook
+from league.webhooks.services import PER_RACER, add_webhook
 from tests.factories import a_race
 from tests.wakeups import heard
 

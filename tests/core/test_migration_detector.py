@@ -9,7 +9,7 @@ from django.core.management import get_commands, load_command_class
 from django.db import models
 from django.db.migrations.state import ModelState, ProjectState
 
-from core.migration_detector import TextBlindAutodetector
+from core.database.migration_detector import TextBlindAutodetector
 
 BEFORE: dict[str, Any] = {"max_length": 20, "verbose_name": "name", "choices": [("a", "An A")]}
 

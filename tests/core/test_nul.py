@@ -6,8 +6,7 @@ import pytest
 from django.db import DataError, OperationalError
 from django.test import Client
 
-from core.api.errors import STATUS_OF
-from core.nul import is_of_nul
+from core.validators import is_of_nul
 from tests.factories import a_model, a_racer
 
 pytestmark = pytest.mark.django_db
@@ -52,8 +51,3 @@ def test_the_api_says_so_too(client, as_postgresql):
 
 def test_other_failures_of_the_database_stay_what_they_are():
     assert not is_of_nul(OperationalError(REFUSED)) and not is_of_nul(DataError("value too long"))
-
-
-def test_a_full_quota_of_own_runs_is_a_conflict_like_every_other():
-    quotas = {"own_runs_at_once", "own_runs_a_day", "own_under_way", "videos_at_once", "training_jobs_at_once"}
-    assert {STATUS_OF.get(code) for code in quotas} == {409}

@@ -8,6 +8,7 @@ from __future__ import annotations
 import pytest
 
 AT_ONCE = {
+    "api": ("writes_at_once",),
     "evaluation": ("queue",),
     "races": ("concurrency", "counting", "duels_concurrency", "live_concurrency"),
     "videos": ("concurrency",),

@@ -14,7 +14,7 @@ from django.template.backends.django import get_installed_libraries
 from django.template.loader import get_template
 from django.urls import URLPattern, URLResolver, get_resolver
 
-from core.pages import filled_slots
+from core.pages import registry
 
 ROOT = Path(settings.BASE_DIR)
 # Folders that other applications name
@@ -33,7 +33,7 @@ ROOM_OF_FOLDER = {
 # What every site has, whatever rooms: its first page, how it works, dark or light, and the API's page where it is on
 FRAME = {"home", "about", "guides", "theme", "api-docs"}
 # Which template is included is the page's own choice: a lesson in the reader's language, beside the page
-BY_VARIABLE = {"learn/lesson.html": {"text"}, "learn/real_car.html": {"text"}}
+BY_VARIABLE = {"training/lessons/lesson.html": {"text"}, "training/lessons/real_car.html": {"text"}}
 
 
 def floors() -> dict[str, int]:
@@ -151,7 +151,7 @@ def test_every_slot_is_filled_by_rooms_above_it_and_shown():
         for word, *rest in tags(template):
             if word == "slot" and "{% load allauth" not in TEMPLATES[template].read_text():
                 shown.setdefault(named(rest[0]), set()).add(room_of(template))
-    filled = filled_slots()
+    filled = registry._slots
     assert set(shown) == set(filled)
     for slot, names in filled.items():
         for name in names:
@@ -162,3 +162,11 @@ def test_templates_load_what_they_use():
     """They compile: each tag and filter comes from a library that the template loads."""
     for template in TEMPLATES:
         get_template(template)
+
+
+def test_links_with_the_query_come_from_our_tag():
+    """Django's tag of the same name reads the whole query, so each foreign parameter would make a shared page anew."""
+    users = [name for name in TEMPLATES if any(word == "querystring" for word, *_ in tags(name))]
+    assert len(users) > 5
+    for name in users:
+        assert re.search(r"{% load [^%]*\blinks\b", TEMPLATES[name].read_text()), name

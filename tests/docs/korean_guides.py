@@ -17,8 +17,8 @@ from tempfile import TemporaryDirectory
 
 import django
 
-from config.guide_words import DOMAIN, in_language, of_site
-from config.guides import GUIDES, Guide, blocks_of, path_of
+from config.guides.pages import GUIDES, Guide, blocks_of, path_of
+from config.guides.translation import DOMAIN, in_language, of_site
 from tests.shared import CHECKOUT
 
 LANGUAGE = "ko"

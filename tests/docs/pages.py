@@ -9,6 +9,9 @@ from pathlib import Path
 DOCS = Path(__file__).resolve().parents[2] / "docs"
 CHECKOUT = DOCS.parent
 PAGES = sorted(DOCS.glob("*.md"))
+RACERS = tuple(
+    f"{name}.md" for name in ("racers", "formats", "racing", "results", "live", "training", "rewards", "home")
+)
 DECISIONS = sorted((DOCS / "decisions").glob("*.md"))
 
 

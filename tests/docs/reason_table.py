@@ -1,4 +1,4 @@
-"""The table of reason codes in docs/racers.md, written from the codes themselves.
+"""The table of reason codes in docs/reference.md, written from the codes themselves.
 
 ``python -m tests.docs.reason_table`` writes it anew after a reason was added or reworded.
 """
@@ -12,7 +12,7 @@ from pathlib import Path
 from paddock.errors.reasons import REASONS
 from tests.shared import CHECKOUT
 
-PAGE = Path(__file__).resolve().parents[2] / "docs" / "racers.md"
+PAGE = Path(__file__).resolve().parents[2] / "docs" / "reference.md"
 BEGIN, END = "<!-- reasons: begin -->", "<!-- reasons: end -->"
 SECTIONS = (
     "Upload",
@@ -37,12 +37,14 @@ SECTIONS = (
     "Vehicles",
     "Reward functions",
     "Trainings",
+    "Texts",
     "Account",
     "Programs",
     "The stream",
     "Commands",
     "At home",
 )
+UNANSWERED = ("Commands", "At home")  # a command shows them; no answer over HTTP has them
 
 
 def files() -> list[Path]:
@@ -56,15 +58,16 @@ for path in files():
 
 
 def table() -> str:
-    """Every reason code by section with its sentence; placeholders stand in italics."""
+    """Every reason code by section with its HTTP status and its sentence; placeholders stand in italics."""
     lines = []
     for title in SECTIONS:
-        lines += [f"### {title}", "", "| code | what it says |", "|---|---|"]
+        lines += [f"### {title}", "", "| code | status | what it says |", "|---|---|---|"]
         for code, reason in sorted(REASONS.items()):
             if reason.subject != title:
                 continue
             sentence = re.sub(r"%\((\w+)\)s", r"*\1*", reason.sentence).replace("%%", "%").replace("|", "\\|")
-            lines.append(f"| `{code}` | {sentence} |")
+            status = "–" if title in UNANSWERED else reason.status
+            lines.append(f"| `{code}` | {status} | {sentence} |")
         lines.append("")
     return "\n".join(lines)
 

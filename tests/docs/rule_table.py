@@ -1,4 +1,4 @@
-"""The table of rules in docs/rules.md, written from the list of them.
+"""The table of rules in docs/reference.md, written from the list of them.
 
 ``python -m tests.docs.rule_table`` writes it anew after a rule was added or changed.
 """
@@ -8,11 +8,12 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any
 
-from config.guide_words import rule_meaning
+from config.guides.translation import rule_meaning
 from paddock.rules.race import BY_PLACE, RULES, RUN_RULES
 from paddock.rules.rule import Rule
+from races.boards import ranking  # noqa: F401  the ranking methods are registered
 
-PAGE = Path(__file__).resolve().parents[2] / "docs" / "rules.md"
+PAGE = Path(__file__).resolve().parents[2] / "docs" / "reference.md"
 BEGIN, END = "<!-- rules: begin -->", "<!-- rules: end -->"
 
 

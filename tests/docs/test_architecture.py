@@ -16,13 +16,21 @@ from core.jobs.kinds import all_kinds
 from .pages import CHECKOUT, PAGES, section, text
 
 PAGE = "architecture.md"
-WALKS = (
-    "### An upload to its rank",
-    "### A reward function to a model",
-    "### A result to a promotion",
-    "### A frame to an action",
-)
+WALKS = re.findall(r"^### .+$", section(text(PAGE), "## Walks"), flags=re.M)
 TOP = [CHECKOUT / f"{name}.md" for name in ("README", "CONTRIBUTING", "CHANGELOG")]
+# folders with the same name and purpose in every room
+COMMON = {
+    "admin",
+    "api",
+    "forms",
+    "management",
+    "migrations",
+    "models",
+    "services",
+    "selectors",
+    "templatetags",
+    "views",
+}
 NAME = re.compile(r"`([\w.]+)`")
 
 
@@ -94,12 +102,28 @@ def test_rooms_are_listed_in_import_order():
     assert told == sorted(told, key=lambda room: floor_of[room])
 
 
-@pytest.mark.parametrize("walk", WALKS)
+@pytest.mark.parametrize("row", table("## Rooms"), ids=lambda row: row[0].strip("`/"))
+def test_the_feature_folders_of_a_room_are_listed(row: list[str]):
+    room, listed = CHECKOUT / row[0].strip("`/"), set(re.findall(r"`(\w+)`", row[2]))
+    folders = {file.parent.name for file in room.glob("*/__init__.py")}
+    assert listed <= folders and folders - COMMON <= listed
+
+
+def test_the_page_has_its_walks():
+    assert len(WALKS) >= 5 and "### A live run to its board" in WALKS
+
+
+@pytest.mark.parametrize("walk", [*WALKS, "## The racers' package"])
 def test_each_step_of_a_walk_names_an_existing_function(walk: str):
     steps = table(walk)
-    assert len(steps) >= 12
+    assert len(steps) >= 6
     for _step, function, file in steps:
+        assert (CHECKOUT / file.strip("`")).is_file(), file
         assert function.strip("`") in defined(CHECKOUT / file.strip("`")), f"{function} in {file}"
+
+
+def test_the_walk_of_a_live_run_visits_few_files():
+    assert len({file for _step, _function, file in table("### A live run to its board")}) <= 8
 
 
 @pytest.mark.parametrize("page", [*PAGES, *TOP], ids=lambda page: page.name)
@@ -172,7 +196,7 @@ def test_every_registry_of_the_code_is_listed():
 
 
 def test_every_kind_of_job_has_a_row():
-    for module in ("evaluation.services.jobs", "league.services.deliveries", "league.services.mails"):
+    for module in ("evaluation.running.queue.jobs", "league.webhooks.deliveries", "league.notices.services"):
         import_module(module)
     told = [
         [kind.name, kind.model.__name__, f"{type(kind).__module__.replace('.', '/')}.py", kind.task, kind.queue]

@@ -26,7 +26,7 @@ def test_every_kind_has_a_row_as_registered():
     for kind in KINDS.values():
         readers = sorted(reader.name for reader in READERS.values() if kind in reader.kinds)
         told[kind.name] = [
-            kind.says,
+            kind.summary,
             ", ".join(kind.names),
             ", ".join(f"`{name}`" for name in kind.data),
             kind.seen_by,

@@ -4,13 +4,12 @@ from __future__ import annotations
 
 import importlib.util
 import re
-from inspect import signature
 
 import gymnasium
 import numpy as np
 import pytest
 
-from accounts.tokens import TOKENS_PER_RACER
+from accounts.tokens.services import TOKENS_PER_RACER
 from evaluation.sandbox.policy_client import OVERAGE_S, STEP_DEADLINE_S, TOTAL_S
 from paddock.geometry.checks import MAX_LENGTH_M, MAX_WAYPOINTS, MAX_WIDTH_M, MIN_LENGTH_M, MIN_WAYPOINTS, MIN_WIDTH_M
 from paddock.network.model import IR_HIGH, IR_LOW, OPSET_HIGH, OPSET_LOW
@@ -25,18 +24,18 @@ from paddock.simulator.camera.theme import OFFICIAL
 from paddock.simulator.car import Pose
 from paddock.simulator.engine import ENGINE_ID
 from paddock.simulator.envs import DEFAULT_METADATA, load_track
-from paddock.simulator.envs.setting import race_setting, rules_of_episodes, time_trial
+from paddock.simulator.envs.configuration import OPTIONS, rules_of_episodes
+from paddock.simulator.envs.setting import time_trial
 from paddock.simulator.physics import PADDOCK_CAR
 from paddock.simulator.rewards import Objects
 from paddock.simulator.trace import COLUMNS, STATUSES
-from races.sensors import OFFERABLE, SAME_AS
-from races.validation import MAX_AHEAD, MAX_DURATION
+from races.rules.validation import MAX_AHEAD, MAX_DURATION
 
 from .pages import code_blocks, section, text
 
 
 def test_the_listed_operators_are_the_allowed_ones():
-    contract = section(text("racers.md"), "## The ONNX contract")
+    contract = section(text("formats.md"), "## The ONNX contract")
     listed = contract.split("Allowed operators:")[1].split("Not allowed:")[0]
     assert set(re.findall(r"`(\w+)`", listed)) == set(OPERATORS)
     refused = contract.split("Not allowed:")[1]
@@ -44,7 +43,7 @@ def test_the_listed_operators_are_the_allowed_ones():
 
 
 def test_the_bounds_of_an_upload_are_correct():
-    page = text("racers.md")
+    page = text("formats.md")
     limits = DEFAULT_LIMITS
     assert f"{limits.upload_bytes // MEGABYTE} MB for the upload as sent" in page
     assert f"{limits.model_bytes // MEGABYTE} MB for the network, {limits.expanded_bytes // MEGABYTE} MB" in page
@@ -56,23 +55,20 @@ def test_the_bounds_of_an_upload_are_correct():
     assert f"a list of 1 to {MAX_ACTIONS} objects" in page
 
 
-def test_every_sensor_has_a_row_that_says_if_races_offer_it():
-    page = section(text("racers.md"), "## model_metadata.json")
-    rows = dict(re.findall(r"^\| `([A-Za-z_]+)`[^|]* \| [^|]+ \| (yes|no) \|$", page, re.M))
-    assert rows == {name: "yes" if SAME_AS.get(name, name) in OFFERABLE else "no" for name in SENSOR_NAMES}
+def test_every_network_and_algorithm_is_named():
+    page = section(text("formats.md"), "## model_metadata.json")
     for word in (*NETWORKS, *ALGORITHMS):
         assert f"`{word}`" in page
 
 
 def test_the_environment_snippet_names_its_arguments():
     page = section(text("environments.md"), "## The three race types")
-    arguments = set(signature(race_setting).parameters) - {"race_type", "rules", "theme", "physics"}
     rows = "\n".join(re.findall(r"^\| (`[^|]+) \|", page, re.M))
-    assert set(re.findall(r"`(\w+)`", rows)) == arguments | {"render_mode"}
+    assert set(re.findall(r"`(\w+)`", rows)) == {*OPTIONS, "render_mode", "config"}
 
 
 def test_every_environment_rule_has_its_default_in_the_table():
-    rows = dict(re.findall(r"^\| `(\w+)` \| .* \| (.+?) \|$", text("rules.md"), re.M))
+    rows = dict(re.findall(r"^\| `(\w+)` \| .* \| (.+?) \|$", text("reference.md"), re.M))
     assert {name for race_type in RACE_TYPES for name in rules_of_episodes(race_type)} <= set(rows)
 
 

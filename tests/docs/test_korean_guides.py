@@ -7,12 +7,13 @@ import warnings
 
 import pytest
 
-from config.guides import GUIDES
+from config.guides.pages import GUIDES
 from tests.docs import korean_guides
+from tests.docs.pages import RACERS
 
 COMMAND = ".venv/bin/python -m tests.docs.korean_guides"
 # Who learns to race reads these, and need not read English. Those of operators and programmers may wait.
-WHOLE = ("racers", "organisers")
+WHOLE = (*(page.removesuffix(".md") for page in RACERS), "reference", "organisers")
 needs_gettext = pytest.mark.skipif(not shutil.which("msgmerge"), reason="gettext's tools are not installed")
 pytestmark = needs_gettext
 

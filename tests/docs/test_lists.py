@@ -5,27 +5,8 @@ from __future__ import annotations
 from django.conf import settings
 
 from config.celery import app
-from config.management.commands.run import _programs
+from config.operations.run import programs
 from core.jobs.kinds import all_kinds
-from evaluation.templatetags.garage import SENSOR_WORDS
-from league.history.form import TIMING_METHODS
-from league.models import NoticeKind
-from league.notices import SENTENCES
-from paddock.packages.inputs import SENSOR_NAMES
-from paddock.rules.race import RANKING_METHODS
-from races.ranking import RULES
-
-
-def test_every_notice_has_a_sentence():
-    assert set(SENTENCES) == set(NoticeKind)
-
-
-def test_every_sensor_has_a_label():
-    assert set(SENSOR_WORDS) == set(SENSOR_NAMES)
-
-
-def test_every_ranking_method_has_a_rule_and_a_name_in_records():
-    assert set(RULES) == set(TIMING_METHODS.values()) == set(RANKING_METHODS)
 
 
 def test_celery_beat_sends_the_tasks_of_every_kind_of_job():
@@ -38,7 +19,7 @@ def test_celery_beat_sends_the_tasks_of_every_kind_of_job():
 def test_each_queue_of_jobs_has_a_program_of_manage_py_run_that_listens_to_it(settings):
     settings.TRAINING, settings.VIDEOS, settings.EMBEDDED_BROKER = True, True, False
     heard = set()
-    for command in _programs("127.0.0.1", 8000).values():
+    for command in programs("127.0.0.1", 8000).values():
         if "worker" in command:
             named = command[command.index("--queues") + 1] if "--queues" in command else app.conf.task_default_queue
             heard |= set(named.split(","))

@@ -6,7 +6,7 @@ import pytest
 
 from paddock.rules.race import BOT_SPEED_RANGE_MPS, MAX_BOTS, MAX_BOXES, MAX_CARS, RaceRules
 from paddock.simulator import bots, boxes, layout
-from paddock.simulator.solids import box
+from paddock.simulator.solids import BOX_HALF_LENGTH_M, BOX_HALF_WIDTH_M, box
 
 from .pages import section, text
 
@@ -28,7 +28,7 @@ def test_the_facts_about_boxes_are_correct():
         f"at least {layout.START_CLEAR_M} m from the finish line (`box_on_start_line`)",
         f"at least {layout.BOX_SPACING_M} m of track between any two (`boxes_overlap`)",
         f"from {layout.RANDOM_START_CLEAR_M} m after the line to {layout.START_CLEAR_M} m before it",
-        f"rectangle of {2 * layout.BOX_HALF_LENGTH_M} m along the road and {2 * layout.BOX_HALF_WIDTH_M} m across it",
+        f"rectangle of {2 * BOX_HALF_LENGTH_M} m along the road and {2 * BOX_HALF_WIDTH_M} m across it",
         f"less than {boxes.NEAR_M} m away along the track: the car is put {boxes.BEHIND_M} m before the box",
         f"A car whose nose is past a box, {boxes.PASSED_M} m beyond its middle",
         f"the nearest place behind a box is {boxes.BEYOND_M} m beyond its middle",

@@ -27,7 +27,7 @@ def test_the_table_has_a_section_for_every_code():
 
 
 def test_the_page_has_the_current_table():
-    page = text("racers.md")
+    page = text("reference.md")
     assert page == reason_table.replaced(page), "write it anew with: python -m tests.docs.reason_table"
 
 
@@ -52,7 +52,7 @@ def test_a_package_raises_the_reasons_it_defines(path):
 
 def test_a_code_has_one_message():
     with pytest.raises(ValueError, match="too_large"):
-        register("Upload", "user", {"too_large": "Another sentence."})
+        register("Upload", invalid={"too_large": "Another sentence."})
     with pytest.raises(ValueError, match="nobody"):
-        register("Upload", "nobody", {"new_code": "A sentence."})
+        register("Upload", nobody={"new_code": "A sentence."})
     assert "new_code" not in REASONS

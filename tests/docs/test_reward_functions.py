@@ -1,24 +1,24 @@
-"""What racers.md says of reward functions is what the code does."""
+"""What rewards.md says of reward functions is what the code does."""
 
 from __future__ import annotations
 
 import re
 
-from config.web import PROCESSES, THREADS
+from config.serving.web import PROCESSES, THREADS
 from evaluation.sandbox.limits import REWARD
 from paddock.packages.limits import DEFAULT_LIMITS
-from training.rewards.ask import SLOTS, WAITING
-from training.rewards.check import MAX_CHARACTERS
 from training.rewards.examples import EXAMPLES
-from training.rewards.function import MAX_REWARD, POSITIONAL_NAMES, load_reward
-from training.rewards.modules import ALLOWED
-from training.rewards.states import five_states
-from training.rewards.validate import validate_reward
-from training.rewards.watch import KEPT_CHARACTERS, LIMIT_S, PRINTED_CHARACTERS
+from training.rewards.sandbox.allowed_modules import ALLOWED
+from training.rewards.sandbox.call_limits import KEPT_CHARACTERS, LIMIT_S, PRINTED_CHARACTERS
+from training.rewards.sandbox.client import SLOTS, WAITING
+from training.rewards.sandbox.function import MAX_REWARD, POSITIONAL_NAMES, load_reward
+from training.rewards.sandbox.static_checks import MAX_CHARACTERS
+from training.rewards.trial_states import five_states
+from training.rewards.validation import check_reward
 
 from .pages import code_blocks, section, text
 
-SECTION = section(text("racers.md"), "## Write a reward function")
+SECTION = section(text("rewards.md"), "## Write a reward function")
 TABLES = [table for table in re.split(r"\n\n", SECTION) if table.startswith("|")]
 TYPES = {"bool": bool, "float": float, "int": int}
 
@@ -63,7 +63,7 @@ def test_the_snippets_pass_validation():
     blocks = code_blocks(SECTION, "python")
     assert [load_reward(block).form for block in blocks] == ["params", "positional"]
     for block in blocks:
-        assert validate_reward(block) == []
+        assert check_reward(block).problems == []
 
 
 def test_the_documented_bounds_match_the_code():

@@ -14,7 +14,7 @@ from paddock.cli import settings
 from .pages import CHECKOUT, DOCS, everything, section, text
 
 READ_BY_LIBRARIES = {"AWS_ACCESS_KEY_ID", "AWS_SECRET_ACCESS_KEY", "AWS_ENDPOINT_URL_S3"}
-OURS = sorted(path.stem for path in (CHECKOUT / "config/management/commands").glob("[a-z]*.py"))
+OURS = sorted(path.stem for path in CHECKOUT.glob("*/management/commands/[a-z]*.py") if path.parts[-4] != "core")
 OF_EVERY_COMMAND = {
     "help",
     "version",

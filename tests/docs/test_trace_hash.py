@@ -6,7 +6,7 @@ import re
 
 import pytest
 
-from evaluation.pipeline import RaceJob, evaluate
+from evaluation.running.pipeline import RaceJob, evaluate
 from paddock.geometry.catalogue import by_slug
 from paddock.rules.race import RaceRules
 from paddock.simulator.trace import COLUMNS, STATUSES, Row, Trace

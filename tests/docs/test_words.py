@@ -7,9 +7,10 @@ from pathlib import Path
 
 import pytest
 
+from tests.docs import word_counts
+from tests.docs.word_counts import ROOMS
 from tests.shared import CHECKOUT
 
-ROOMS = ("paddock", "core", "accounts", "tracks", "evaluation", "videos", "races", "training", "league", "config")
 SKIPPED = {"migrations", "__pycache__"}
 ONCE_FOR_EACH = {"Command", "Meta"}  # Django's own names
 
@@ -17,11 +18,10 @@ ONCE_FOR_EACH = {"Command", "Meta"}  # Django's own names
 GIVEN_UP = {
     r"film(s|ed|ing|er)?": {},  # a video
     r"course(?<!of course)": {
-        "config/carry_over.py": "a column of before 0.1.0",
         "docs/architecture.md": "the glossary",
-        "training/views/learn.py": "the lessons",
+        "training/lessons/views.py": "the lessons",
         "training/templates": "the lessons",
-        "templates/learn": "the lessons",
+        "templates/training/lessons": "the lessons",
     },
     r"contestants?": {},  # a competitor
     r"behind (the|a|its|same) wall": {},  # the sandbox
@@ -64,3 +64,25 @@ def test_a_word_that_was_given_up_does_not_come_back(word):
         if pattern.search(line)
     ]
     assert found == []
+
+
+@pytest.mark.parametrize("room", ROOMS)
+def test_the_count_of_dialect_only_falls(room):
+    bounds, places = word_counts.stored()[room], word_counts.places(room)
+    more = {kind: finds for kind, finds in places.items() if len(finds) > bounds[kind]}
+    assert not more, f"{ ({kind: len(finds) for kind, finds in more.items()}) } of {bounds}: write plain English"
+    lower = {kind: len(finds) for kind, finds in places.items() if len(finds) < bounds[kind]}
+    assert not lower, f"the count fell to {lower}: store it with .venv/bin/python -m tests.docs.word_counts"
+
+
+def test_the_counter_finds_each_kind_of_dialect(tmp_path, monkeypatch):
+    monkeypatch.setattr(word_counts, "CHECKOUT", tmp_path)
+    file = tmp_path / "example.py"
+    file.write_text(
+        '"""Racers who drive are fine. Whoever waits is told."""\n\n'
+        "told_before = 1  # of who came first\n"
+        "# the room's racers,\n# who are no clause here\n"
+        'text = "who in a text is none"\n'
+    )
+    kinds = {kind: [int(find.split(":")[1]) for find in finds] for kind, finds in word_counts.found(file).items()}
+    assert kinds == {"said": [1], "names": [3], "who": [1, 3, 5]}

@@ -19,8 +19,9 @@ django.setup()
 
 from celery.signals import worker_ready  # noqa: E402
 
-from evaluation import pipeline  # noqa: E402
-from evaluation.services import jobs, work  # noqa: E402
+from evaluation.running import pipeline  # noqa: E402
+from evaluation.running.queue import jobs  # noqa: E402
+from evaluation.running.queue import worker as work  # noqa: E402
 from evaluation.signals import evaluation_ended  # noqa: E402
 from paddock.errors import UserFault  # noqa: E402
 from tests.evaluation.stubs import car_outcome, outcome_of  # noqa: E402
@@ -64,10 +65,10 @@ def after(point: str, function):
     return held
 
 
-def evaluate(job, on_progress=None, should_stop=lambda: False, wall_limit_s=0.0, crew=None):
+def evaluate(job, on_progress=None, should_stop=lambda: False, wall_limit_s=0.0, pool=None):
     """A run that ends at once, unless it is held; then it can be stopped like a real one."""
-    if crew is not None:
-        crew.close()
+    if pool is not None:
+        pool.close()
     if wanted("running"):
         on_progress({"lap": 1})
         while not should_stop():

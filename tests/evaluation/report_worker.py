@@ -17,11 +17,11 @@ django.setup()
 
 from django.conf import settings  # noqa: E402
 
-from core import wakeup  # noqa: E402
-from core.clock import database_now  # noqa: E402
-from evaluation import drives  # noqa: E402
+from core.database.clock import database_now  # noqa: E402
+from core.wakeups import workers as wakeup  # noqa: E402
+from evaluation.models.reports import UNDER_WAY, CarReport  # noqa: E402
 from evaluation.reports.jobs import CHUNKS, ReportChunks, run_next_chunk  # noqa: E402
-from evaluation.reports.models import UNDER_WAY, CarReport  # noqa: E402
+from evaluation.running import drives  # noqa: E402
 
 really = drives.drive_all
 

@@ -7,10 +7,10 @@ from collections.abc import Callable
 from datetime import datetime
 from typing import Any
 
-from evaluation.drives import DriveOutcome, DrivesOutcome
+from evaluation.models.reports import CarReport, ReportChunk, ReportLap
 from evaluation.reports.jobs import CHUNKS, finish_chunk
-from evaluation.reports.models import CarReport, ReportChunk, ReportLap
-from evaluation.reports.services import ask_for_report
+from evaluation.reports.services import request_report
+from evaluation.running.drives import DriveOutcome, DrivesOutcome
 from paddock.simulator.engine import ENGINE_ID
 from tests.factories import a_model, a_track
 
@@ -21,7 +21,7 @@ def a_report(owner: Any, now: datetime, **options: Any) -> CarReport:
     """One on the oval: a lap in each direction and the variations, unless ``options`` say otherwise."""
     usual: dict[str, Any] = {"track_set": "chosen", "tracks": [a_track()], "variations_on": a_track()}
     model = options.pop("model", None) or a_model(owner)
-    return ask_for_report(owner=owner, model=model, now=now, **usual | options)
+    return request_report(owner=owner, model=model, now=now, **usual | options)
 
 
 def came_round(lap: ReportLap) -> dict[str, Any]:

@@ -22,10 +22,12 @@ from django.conf import settings  # noqa: E402
 from django.db.models import F  # noqa: E402
 from django.utils import timezone  # noqa: E402
 
-from core import wakeup  # noqa: E402
-from evaluation import pipeline, services  # noqa: E402
+from core.wakeups import workers as wakeup  # noqa: E402
 from evaluation.models import Evaluation, State  # noqa: E402
-from evaluation.services import jobs  # noqa: E402
+from evaluation.running import pipeline  # noqa: E402
+from evaluation.running.queue import jobs  # noqa: E402
+from evaluation.running.queue.jobs import EVALUATIONS, finish_evaluation  # noqa: E402
+from evaluation.running.queue.worker import run_next_evaluation  # noqa: E402
 from evaluation.signals import evaluation_ended  # noqa: E402
 from paddock.errors import PlatformFault, UserFault  # noqa: E402
 from tests.evaluation.stubs import car_outcome, outcome_of  # noqa: E402
@@ -47,7 +49,7 @@ def perhaps_die(where: str) -> None:
         os.kill(os.getpid(), signal.SIGKILL)
 
 
-def evaluate(job, on_progress=None, should_stop=lambda: False, wall_limit_s=0.0, crew=None):
+def evaluate(job, on_progress=None, should_stop=lambda: False, wall_limit_s=0.0, pool=None):
     perhaps_die("running")
     draw = luck.random()
     if draw < OUR_FAULT:
@@ -90,21 +92,21 @@ def dawdle(evaluation) -> None:
     try:
         refuse(seed)
     except UserFault as fault:
-        late = services.EVALUATIONS.fail(**held, fault=fault, now=timezone.now())
+        late = EVALUATIONS.fail(**held, fault=fault, now=timezone.now())
     else:
         outcome = driven(seed, evaluation.rivals.count())
-        late = services.finish_evaluation(**held, outcome=outcome, now=timezone.now())
+        late = finish_evaluation(**held, outcome=outcome, now=timezone.now())
     say("late accepted" if late else "late refused")
 
 
 def worker() -> None:
     while Evaluation.objects.filter(state__in=(State.QUEUED, State.RUNNING)).exists():
-        services.EVALUATIONS.sweep(now=timezone.now(), wake=False)
+        EVALUATIONS.sweep(now=timezone.now(), wake=False)
         if luck.random() < DAWDLE:
-            evaluation = services.EVALUATIONS.claim(worker="dawdler", now=timezone.now())
+            evaluation = EVALUATIONS.claim(worker="dawdler", now=timezone.now())
             if evaluation is not None:
                 dawdle(evaluation)
-        elif not services.run_next_evaluation(worker=f"w{os.getpid()}"):
+        elif not run_next_evaluation(worker=f"w{os.getpid()}"):
             pause(0.1)
     say("done")
 

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from dataclasses import fields
 from typing import Any
 
-from evaluation.pipeline import CompetitorOutcome, EvaluationOutcome, RaceJob
+from evaluation.running.pipeline import CompetitorOutcome, EvaluationOutcome, RaceJob
 from paddock.simulator import engine
 
 HEADER = (
@@ -86,6 +86,6 @@ def _lap(number: int, time_ms: int, complete: bool) -> dict[str, Any]:
     }
 
 
-def finishes(job: RaceJob, on_progress=None, should_stop=None, wall_limit_s=0.0, crew=None) -> EvaluationOutcome:
+def finishes(job: RaceJob, on_progress=None, should_stop=None, wall_limit_s=0.0, pool=None) -> EvaluationOutcome:
     """A run that ends at once, with an outcome that the job's seed decides."""
     return outcome_of(salt=job.rules.seed)

@@ -7,8 +7,9 @@ from django.urls import reverse
 from django.utils import timezone
 
 from accounts.models import Racer
-from evaluation import services
 from evaluation.models import Evaluation, State, TrainedModel, WorkerNode
+from evaluation.running.queue.jobs import EVALUATIONS, finish_evaluation
+from evaluation.running.queue.services import queue_evaluation
 from paddock.rules.race import RaceRules
 from tests.evaluation.stubs import car_outcome, outcome_of
 from tests.rows import model_row
@@ -28,9 +29,9 @@ def evaluations(alice, oval, wakes):
     """One that is finished, one that waits."""
     model = model_row(alice)
     for _ in range(2):
-        services.queue_evaluation(owner=alice, model=model, track=oval, rules=RaceRules(), now=timezone.now())
-    claimed = services.EVALUATIONS.claim(worker="w", now=timezone.now())
-    services.finish_evaluation(pk=claimed.pk, lease=claimed.lease, outcome=outcome_of(), now=timezone.now())
+        queue_evaluation(owner=alice, model=model, track=oval, rules=RaceRules(), now=timezone.now())
+    claimed = EVALUATIONS.claim(worker="w", now=timezone.now())
+    finish_evaluation(pk=claimed.pk, lease=claimed.lease, outcome=outcome_of(), now=timezone.now())
     WorkerNode.objects.create(name="w", seen_at=timezone.now(), sandbox={"level": 3, "name": "lock"}, engine="e")
     return Evaluation.objects.order_by("pk")
 
@@ -52,10 +53,10 @@ def test_every_list_and_row_is_read_only(admin, evaluations, name):
 def test_a_runs_page_shows_the_other_cars_and_their_results(admin, alice, oval, wakes):
     cars = [model_row(alice, name=name, onnx=name.encode()) for name in ("Bolt", "Nut")]
     rules = RaceRules(race_type="head_to_head")
-    services.queue_evaluation(owner=alice, model=cars[0], rivals=cars[1:], track=oval, rules=rules, now=timezone.now())
-    claimed = services.EVALUATIONS.claim(worker="w", now=timezone.now())
+    queue_evaluation(owner=alice, model=cars[0], rivals=cars[1:], track=oval, rules=rules, now=timezone.now())
+    claimed = EVALUATIONS.claim(worker="w", now=timezone.now())
     outcome = outcome_of(rivals=[car_outcome(laps=(7_654,), retired="policy_died")])
-    services.finish_evaluation(pk=claimed.pk, lease=claimed.lease, outcome=outcome, now=timezone.now())
+    finish_evaluation(pk=claimed.pk, lease=claimed.lease, outcome=outcome, now=timezone.now())
     page = admin.get(reverse("admin:evaluation_evaluation_change", args=[claimed.pk])).content.decode()
     assert "Nut" in page
     result = reverse("admin:evaluation_result_change", args=[claimed.result.pk])
@@ -75,7 +76,7 @@ def test_an_admin_can_stop_only_waiting_runs(admin, evaluations):
 
 
 def test_an_admin_sweeps_the_queue(admin, evaluations):
-    services.EVALUATIONS.claim(worker="dead", now=timezone.now() - timezone.timedelta(hours=1))
+    EVALUATIONS.claim(worker="dead", now=timezone.now() - timezone.timedelta(hours=1))
     answer = admin.post(
         reverse("admin:evaluation_evaluation_changelist"),
         {"action": "sweep", "_selected_action": [evaluations[0].pk]},

@@ -13,14 +13,16 @@ from pathlib import Path
 
 import pytest
 
-from evaluation import admit as admit_module
-from evaluation.admit import admit
+from evaluation.garage import admission as admit_module
+from evaluation.garage.admission import admit
+from evaluation.sandbox.claims import default_directory
 from evaluation.sandbox.launch import launch
-from evaluation.slots import upload_slot
+from evaluation.sandbox.slots import upload_slot
 from paddock.errors import PaddockError
 from paddock.packages.limits import DEFAULT_LIMITS
 from paddock.packages.read import UploadPart
 from tests.hostile.parts import Upload, car, good_network, good_zip, metadata, pair, small_car
+from tests.shared import CHECKOUT
 
 PAYLOADS = Path(__file__).parent / "payloads"
 
@@ -160,12 +162,12 @@ def test_a_waiting_upload_gets_the_next_slot(tmp_path: Path) -> None:
 
 
 def test_one_racer_has_one_slot_at_a_time(tmp_path: Path) -> None:
-    with upload_slot(2, 0.0, tmp_path, who=7):
-        with pytest.raises(PaddockError), upload_slot(2, 0.0, tmp_path, who=7):
+    with upload_slot(2, 0.0, tmp_path, racer_pk=7):
+        with pytest.raises(PaddockError), upload_slot(2, 0.0, tmp_path, racer_pk=7):
             pass
-        with upload_slot(2, 0.0, tmp_path, who=8):
+        with upload_slot(2, 0.0, tmp_path, racer_pk=8):
             pass
-    with upload_slot(2, 0.0, tmp_path, who=7):
+    with upload_slot(2, 0.0, tmp_path, racer_pk=7):
         pass
 
 
@@ -175,3 +177,8 @@ def test_a_refused_upload_gives_its_slot_back(tmp_path: Path) -> None:
         with pytest.raises(PaddockError) as fault:
             upload([("x", b"")], limits=impatient, slots_directory=tmp_path)
         assert fault.value.code == "empty"
+
+
+def test_slots_lie_in_the_data_folder_of_the_checkout(monkeypatch):
+    monkeypatch.delenv("PADDOCK_DATA", raising=False)
+    assert default_directory() == CHECKOUT / "data" / "locks"

@@ -13,7 +13,7 @@ import pytest
 
 import paddock.simulator.envs  # noqa: F401  registers the environments
 import training.house_cars
-from evaluation.pipeline import RaceJob, evaluate
+from evaluation.running.pipeline import RaceJob, evaluate
 from paddock.exact import PINS, environment, is_pinned
 from paddock.geometry.catalogue import CATALOGUE
 from paddock.network.session import load

@@ -7,9 +7,13 @@ from datetime import timedelta
 import pytest
 from django.utils import timezone
 
-from core.clock import database_now
-from evaluation import pipeline, services, tasks
+from core.database.clock import database_now
+from evaluation import tasks
 from evaluation.models import Evaluation, State
+from evaluation.running import pipeline
+from evaluation.running.queue.jobs import EVALUATIONS
+from evaluation.running.queue.services import queue_evaluation
+from evaluation.running.queue.worker import run_next_evaluation
 from paddock.rules.race import RaceRules
 from tests.drawn_runs import a_driven_run
 from tests.factories import a_race
@@ -17,9 +21,9 @@ from tests.rows import model_row
 from tests.training.jobs import a_training
 from tests.wakeups import heard
 from training import tasks as training_tasks
-from training.services import TRAININGS
+from training.jobs.services.queue import TRAININGS
 from videos import tasks as video_tasks
-from videos.services import VIDEOS, ask_for_video
+from videos.services import VIDEOS, request_video
 
 pytestmark = pytest.mark.django_db(transaction=True)
 REAL = timezone.now
@@ -37,7 +41,7 @@ def clock_ahead(monkeypatch):
 
 @pytest.fixture
 def queued(alice, oval, wakes):
-    return services.queue_evaluation(owner=alice, model=model_row(alice), track=oval, rules=RaceRules(), now=REAL())
+    return queue_evaluation(owner=alice, model=model_row(alice), track=oval, rules=RaceRules(), now=REAL())
 
 
 def test_the_time_is_the_databases(db, clock_ahead):
@@ -56,11 +60,11 @@ def test_work_of_a_dead_worker_two_hours_ahead_is_soon_requeued(queued, clock_ah
     clock_ahead(hours=2)
     monkeypatch.setattr(pipeline, "evaluate", dies)
     with pytest.raises(Dies):
-        services.run_next_evaluation(worker="ahead")
+        run_next_evaluation(worker="ahead")
     held = Evaluation.objects.get()
     assert held.state == State.RUNNING
     assert held.leased_until < REAL() + timedelta(minutes=1)
-    assert services.EVALUATIONS.sweep(now=REAL() + timedelta(minutes=1)).requeued == 1
+    assert EVALUATIONS.sweep(now=REAL() + timedelta(minutes=1)).requeued == 1
 
 
 @pytest.mark.parametrize("kind", ["evaluation", "training", "video"])
@@ -71,13 +75,13 @@ def test_a_worker_31_s_ahead_takes_no_live_lease(
     settings.TRAINING = settings.VIDEOS = True
     now = REAL()
     if kind == "evaluation":
-        services.queue_evaluation(owner=alice, model=model_row(alice), track=oval, rules=RaceRules(), now=now)
-        job, sweep = services.EVALUATIONS.claim(worker="steady", now=database_now()), tasks.sweep
+        queue_evaluation(owner=alice, model=model_row(alice), track=oval, rules=RaceRules(), now=now)
+        job, sweep = EVALUATIONS.claim(worker="steady", now=database_now()), tasks.sweep
     elif kind == "training":
         a_training(alice, oval, now)
         job, sweep = TRAININGS.claim(worker="steady", now=database_now()), training_tasks.sweep
     else:
-        ask_for_video(evaluation=a_driven_run(a_race(now), alice, now), by=alice, language="en", now=now)
+        request_video(evaluation=a_driven_run(a_race(now), alice, now), by=alice, language="en", now=now)
         job, sweep = VIDEOS.claim(worker="steady", now=database_now()), video_tasks.sweep
     clock_ahead(seconds=31)
     sweep.apply().get()

@@ -13,9 +13,9 @@ from dataclasses import asdict
 
 import pytest
 
-from evaluation.pipeline import EvaluationOutcome, RaceJob, RivalModel, evaluate
+from evaluation.running.pipeline import EvaluationOutcome, RaceJob, RivalModel, evaluate
 from evaluation.sandbox.probe import probe
-from league.services import house_cars
+from league.house_cars.services import house_cars
 from paddock.geometry.catalogue import by_slug
 from paddock.rules.race import BoxPlace, RaceRules
 from tests.sandbox.conftest import nothing_left  # noqa: F401

@@ -8,17 +8,17 @@ from pathlib import Path
 
 import pytest
 
-from evaluation.admit import admit
-from evaluation.drives import DriveJob, LapDrive, drive_all
-from evaluation.pipeline import RaceJob, evaluate
-from evaluation.venue import Venue
+from evaluation.garage.admission import admit
+from evaluation.running.drives import DriveJob, LapDrive, drive_all
+from evaluation.running.pipeline import RaceJob, evaluate
+from evaluation.running.race_setup import Venue
 from paddock.errors import UserFault
 from paddock.geometry.catalogue import by_slug
 from paddock.network.bound import NetworkFacts
 from paddock.packages.read import UploadPart
 from paddock.rules.report import LAP
 from paddock.simulator.engine import ENGINE_ID
-from paddock.simulator.variations import variations
+from paddock.simulator.randomisation import variations
 from tests.sandbox.conftest import nothing_left  # noqa: F401
 from tests.sandbox.networks import METADATA, constant_network, small_network
 from tests.shared import CHECKOUT

@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 from django.test import Client
 
-from evaluation.export import export_in_sandbox
+from evaluation.garage.export import export_in_sandbox
 from paddock.errors import PlatformFault, UserFault
 from paddock.geometry.catalogue import by_slug
 from paddock.network.session import load
@@ -24,7 +24,7 @@ from paddock.packages.read import UploadPart, read_upload
 from paddock.rules.race import RaceRules
 from paddock.simulator.action import ActionSpace
 from paddock.simulator.deciding import Policy
-from paddock.simulator.race import run_race
+from paddock.simulator.race import Entrant, RaceSettings, run_race
 from paddock.simulator.sensors import sensor_spec
 from tests.factories import a_model
 from tests.paddock.packages.coach import coach_graph, metadata_dict
@@ -39,11 +39,11 @@ def written(monkeypatch) -> list[tuple[str, int]]:
     """No process writes; the forms and racers that were asked for."""
     asked = []
 
-    def export(onnx, metadata, form, limits, *, who):
-        asked.append((form, who))
+    def export(onnx, metadata, form, limits, *, racer_pk):
+        asked.append((form, racer_pk))
         return b"an archive"
 
-    monkeypatch.setattr("evaluation.files.export_in_sandbox", export)
+    monkeypatch.setattr("evaluation.garage.downloads.export_in_sandbox", export)
     return asked
 
 
@@ -75,7 +75,7 @@ class TestPages:
         def refuse(*args, **options):
             raise UserFault("export_operator", operator="MaxPool", where="_v3")
 
-        monkeypatch.setattr("evaluation.files.export_in_sandbox", refuse)
+        monkeypatch.setattr("evaluation.garage.downloads.export_in_sandbox", refuse)
         model = a_model(alice)
         answer = client.get(f"/models/{model.public_id}/export/car/", follow=True)
         assert answer.redirect_chain == [(f"/models/{model.public_id}/", 302)]
@@ -108,7 +108,7 @@ class TestTurns:
     @staticmethod
     def asked(limits: PackageLimits = DEFAULT_LIMITS) -> str:
         with pytest.raises(PlatformFault) as fault:  # what is to be written is no network
-            export_in_sandbox(b"no network", json.dumps(METADATA).encode(), "car", limits, who=1)
+            export_in_sandbox(b"no network", json.dumps(METADATA).encode(), "car", limits, racer_pk=1)
         return fault.value.code
 
     def test_one_more_waits_for_its_turn(self, others):
@@ -130,7 +130,7 @@ class TestTurns:
 class TestProcess:
     def test_what_is_no_network_of_ours_is_our_fault(self):
         with pytest.raises(PlatformFault) as fault:
-            export_in_sandbox(b"no network", json.dumps(METADATA).encode(), "car", DEFAULT_LIMITS, who=1)
+            export_in_sandbox(b"no network", json.dumps(METADATA).encode(), "car", DEFAULT_LIMITS, racer_pk=1)
         assert fault.value.code == "export_failed"
 
     def test_a_refusal_of_its_process_reaches_the_racer(self, tmp_path):
@@ -150,14 +150,14 @@ class TestProcess:
         one_action = {**METADATA, "action_space": [{"steering_angle": 0, "speed": 1}]}
         with pytest.raises(UserFault) as fault:
             export_in_sandbox(
-                model.SerializeToString(), json.dumps(one_action).encode(), "openvino", DEFAULT_LIMITS, who=1
+                model.SerializeToString(), json.dumps(one_action).encode(), "openvino", DEFAULT_LIMITS, racer_pk=1
             )
         assert (fault.value.code, fault.value.params["operator"]) == ("export_operator", "MaxPool")
 
     def test_what_reads_several_observations_is_refused(self):
         metadata = json.dumps({**METADATA, "frame_stack": 4}).encode()
         with pytest.raises(UserFault) as fault:
-            export_in_sandbox(b"is not opened", metadata, "car", DEFAULT_LIMITS, who=1)
+            export_in_sandbox(b"is not opened", metadata, "car", DEFAULT_LIMITS, racer_pk=1)
         assert (fault.value.code, fault.value.params) == ("export_frame_stack", {"count": "4"})
 
 
@@ -178,5 +178,7 @@ def test_the_car_that_comes_back_drives_the_same_trace():
         inputs = [{"name": spec.name, "dtype": spec.dtype, "shape": list(spec.shape)} for spec in specs]
         space = ActionSpace.from_metadata(said.to_dict())
         policy = Policy(load(car.onnx, car.facts), {"inputs": inputs, "outputs": space.size, "ranges": space.ranges})
-        traces.append(run_race(track, rules, space, list(said.sensors), policy.answer).trace.sha256)
+        traces.append(
+            run_race(RaceSettings(track, rules, [Entrant(space, list(said.sensors), policy.answer)])).trace.sha256
+        )
     assert np.unique(traces).size == 1

@@ -13,10 +13,12 @@ from django.contrib.auth.models import AnonymousUser
 from django.core.files.storage import default_storage
 from django.db import IntegrityError, connections
 
-from evaluation import selectors, services
-from evaluation.admit import AdmittedPackage
+from evaluation import selectors
+from evaluation.garage import services as garage
+from evaluation.garage.admission import AdmittedPackage
+from evaluation.garage.services import delete_model, describe_model, purge_garages, upload_model
 from evaluation.models import Evaluation, Network, TrainedModel
-from evaluation.services import garage
+from evaluation.running.queue.services import queue_evaluation
 from paddock.errors import UserFault
 from paddock.network.bound import NetworkFacts
 from paddock.packages.metadata import parse_metadata
@@ -43,7 +45,7 @@ def admitted(monkeypatch):
 
     asked = []
 
-    def admit(files, limits, *, who, checkpoint):
+    def admit(files, limits, *, racer_pk, checkpoint):
         asked.append(limits)
         onnx = b"onnx of " + files[0].stream.read()
         return AdmittedPackage(
@@ -66,7 +68,7 @@ def files(content=b"a", name="Bolt.tar.gz"):
 
 
 def upload(owner, now, content=b"a", file_name="Bolt.tar.gz", **fields):
-    return services.upload_model(owner=owner, files=files(content, file_name), now=now, **fields)
+    return upload_model(owner=owner, files=files(content, file_name), now=now, **fields)
 
 
 def code_of(refusal):
@@ -102,7 +104,7 @@ class TestUpload:
 
     def test_a_deleted_model_uploaded_again_is_a_new_one(self, alice, now):
         first = upload(alice, now).model
-        services.delete_model(model=first, now=now)
+        delete_model(model=first, now=now)
         second = upload(alice, now)
         assert second.created and second.model != first
         assert second.model.network == first.network
@@ -141,13 +143,13 @@ class TestUpload:
     def test_a_network_purged_meanwhile_is_stored_again(self, alice, now, monkeypatch):
         model_row(alice, onnx=b"onnx of a", at=now - timedelta(days=9))
         old = alice.models.get()
-        services.delete_model(model=old, now=now - timedelta(days=9))
+        delete_model(model=old, now=now - timedelta(days=9))
         Network.objects.update(created_at=now - timedelta(days=9))
         hold = garage.hold
 
         def purge_first(owner):
             monkeypatch.setattr(garage, "hold", hold)
-            assert services.purge_garages(now=now) == 1
+            assert purge_garages(now=now) == 1
             hold(owner)
 
         monkeypatch.setattr(garage, "hold", purge_first)
@@ -179,7 +181,7 @@ class TestQuota:
 
     def test_a_deleted_model_makes_room(self, alice, now, settings):
         settings.MODELS_PER_RACER = 1
-        services.delete_model(model=upload(alice, now, b"a").model, now=now)
+        delete_model(model=upload(alice, now, b"a").model, now=now)
         assert upload(alice, now, b"b").created
 
     def test_another_racers_models_do_not_count(self, alice, bob, now, settings):
@@ -190,7 +192,7 @@ class TestQuota:
     def test_deleting_and_uploading_repeatedly_does_not_fill_the_disk(self, alice, now, settings, admitted):
         settings.STORAGE_PER_RACER_MB = 3
         for content in (bytes(2 << 20), bytes(1 << 20)):
-            services.delete_model(model=upload(alice, now, content).model, now=now)
+            delete_model(model=upload(alice, now, content).model, now=now)
         with pytest.raises(UserFault) as refusal:
             upload(alice, now, b"c")
         assert code_of(refusal) == "storage_full"
@@ -200,9 +202,9 @@ class TestQuota:
 
     def test_purged_models_use_no_storage(self, alice, now, settings):
         settings.STORAGE_PER_RACER_MB = 1
-        services.delete_model(model=upload(alice, now, bytes(1 << 20)).model, now=now)
+        delete_model(model=upload(alice, now, bytes(1 << 20)).model, now=now)
         later = now + timedelta(days=2)
-        services.purge_garages(now=later)
+        purge_garages(now=later)
         assert upload(alice, later, b"b").created
 
     def test_another_racers_networks_use_no_storage(self, alice, bob, now, settings):
@@ -308,19 +310,19 @@ class TestNames:
 
     def test_a_model_can_be_renamed_and_described(self, alice, now):
         model = upload(alice, now).model
-        services.describe_model(model=model, name=" Flash\u202e ", description="x\ny")
+        describe_model(model=model, name=" Flash\u202e ", description="x\ny")
         model.refresh_from_db()
         assert (model.name, model.description) == ("Flash", "x y")
-        services.describe_model(model=model, name="Flash", description="")  # its own name is no clash
+        describe_model(model=model, name="Flash", description="")  # its own name is no clash
 
     def test_a_taken_name_or_long_description_is_refused_on_edit(self, alice, now):
         upload(alice, now, b"a", name="Bolt")
         model = upload(alice, now, b"b", name="Flash").model
         with pytest.raises(UserFault) as refusal:
-            services.describe_model(model=model, name="Bolt", description="")
+            describe_model(model=model, name="Bolt", description="")
         assert code_of(refusal) == "model_name_taken"
         with pytest.raises(UserFault) as refusal:
-            services.describe_model(model=model, name="Flash", description="x" * 256)
+            describe_model(model=model, name="Flash", description="x" * 256)
         assert code_of(refusal) == "description_too_long"
         model.refresh_from_db()
         assert (model.name, model.description) == ("Flash", "")
@@ -336,21 +338,21 @@ class TestGarage:
         model = upload(alice, now).model
         for racer in (alice, bob, AnonymousUser()):
             assert selectors.can_use_model(racer, model) == (model in selectors.models_of(racer)) == (racer == alice)
-        services.delete_model(model=model, now=now)
+        delete_model(model=model, now=now)
         assert model.deleted_at == now
         assert not selectors.can_use_model(alice, model)
         assert not selectors.models_of(alice).exists()
 
     def test_deleting_twice_keeps_the_first_timestamp(self, alice, now):
         model = upload(alice, now).model
-        services.delete_model(model=model, now=now)
-        services.delete_model(model=model, now=replace_year(now))
+        delete_model(model=model, now=now)
+        delete_model(model=model, now=replace_year(now))
         assert model.deleted_at == now
 
     def test_evaluations_of_a_deleted_model_stay(self, alice, oval, wakes, now):
         model = upload(alice, now).model
-        services.queue_evaluation(owner=alice, model=model, track=oval, rules=RaceRules(), now=now)
-        services.delete_model(model=model, now=now)
+        queue_evaluation(owner=alice, model=model, track=oval, rules=RaceRules(), now=now)
+        delete_model(model=model, now=now)
         assert Evaluation.objects.get().model == model
 
 
@@ -362,17 +364,17 @@ class TestPurge:
         gone, raced, shared, recent, kept = (
             upload(alice, long_ago, content).model for content in (b"a", b"b", b"c", b"d", b"e")
         )
-        services.queue_evaluation(owner=alice, model=raced, track=oval, rules=RaceRules(), now=long_ago)
+        queue_evaluation(owner=alice, model=raced, track=oval, rules=RaceRules(), now=long_ago)
         upload(bob, long_ago, b"c")
         for model, moment in ((gone, long_ago), (raced, long_ago), (shared, long_ago), (recent, now)):
-            services.delete_model(model=model, now=moment)
+            delete_model(model=model, now=moment)
         with django_capture_on_commit_callbacks(execute=True):
-            assert services.purge_garages(now=now) == 1
+            assert purge_garages(now=now) == 1
         assert set(alice.models.all()) == {raced, recent, kept}
         assert network_files(gone.network) == []
         for model in (raced, shared, recent, kept):
             assert network_files(model.network) == [model.network.onnx.name]
-        assert services.purge_garages(now=now) == 0
+        assert purge_garages(now=now) == 0
 
     def test_uploads_left_by_a_killed_web_server_are_removed(self, now, settings, tmp_path):
         settings.FILE_UPLOAD_TEMP_DIR = tmp_path
@@ -380,7 +382,7 @@ class TestPurge:
         for path, hours in ((left, 48), (running, 1), (other, 48)):
             path.touch()
             os.utime(path, (now.timestamp() - hours * 3600,) * 2)
-        services.purge_garages(now=now)
+        purge_garages(now=now)
         assert sorted(tmp_path.iterdir()) == [other, running]
 
 

@@ -6,10 +6,10 @@ from datetime import timedelta
 
 import pytest
 
-from evaluation.garage import GarageSort, algorithm_of, garage_of, with_last_runs
+from evaluation.garage.selectors import GarageSort, algorithm_of, garage_of, with_last_runs
+from evaluation.garage.services import share_model
 from evaluation.models import State, TrainedModel
-from evaluation.services import share_model
-from races.services import drive_own
+from races.test_runs.services import drive_own
 from tests.factories import a_model, a_race, a_track, drive, lap
 
 pytestmark = pytest.mark.django_db

@@ -11,13 +11,13 @@ from datetime import timedelta
 import pytest
 from django.core.files.storage import default_storage
 
-from accounts.storage import stored_by
-from config.backup.files import file_columns
-from evaluation import services
-from evaluation.admit import AdmittedPackage
-from evaluation.files import upload_of
+from accounts.usage.storage import stored_by
+from config.operations.backup.files import file_columns
+from evaluation.garage import services as garage
+from evaluation.garage.admission import AdmittedPackage
+from evaluation.garage.downloads import upload_of
+from evaluation.garage.services import delete_model, purge_garages, upload_model
 from evaluation.models import StoredFile, TrainedModel
-from evaluation.services import garage
 from paddock.errors import PlatformFault, UserFault
 from paddock.network.bound import NetworkFacts
 from paddock.packages.metadata import parse_metadata
@@ -41,7 +41,7 @@ def own_files(settings, tmp_path):
 def admitted(monkeypatch):
     """Admit every upload as a network made of its first file's first bytes."""
 
-    def admit(files, limits, *, who, checkpoint):
+    def admit(files, limits, *, racer_pk, checkpoint):
         content = files[0].stream.read()
         onnx = b"onnx of " + content[:8]
         return AdmittedPackage(
@@ -62,7 +62,7 @@ def upload(owner, now, *contents: bytes, names=("My car (1).tar.gz", "model_meta
     files = [
         UploadPart(name, io.BytesIO(content)) for name, content in zip(names, contents or (ARCHIVE,), strict=False)
     ]
-    return services.upload_model(owner=owner, files=files, keep_upload=keep, now=now).model
+    return upload_model(owner=owner, files=files, keep_upload=keep, now=now).model
 
 
 def kept() -> list[str]:
@@ -105,7 +105,7 @@ def test_it_is_weighed_with_what_the_racer_stores(alice, now):
 def test_it_goes_when_its_model_is_deleted(alice, now, django_capture_on_commit_callbacks):
     model = upload(alice, now)
     with django_capture_on_commit_callbacks(execute=True):
-        services.delete_model(model=model, now=now)
+        delete_model(model=model, now=now)
     assert kept() == []
     assert not StoredFile.objects.filter(name__startswith="uploads/").exists()
     assert not [one for one in stored_by(alice) if one.shelf.name == "uploads"]
@@ -140,7 +140,7 @@ def test_another_packing_of_a_known_network_is_not_taken_for_its_upload(alice, n
 def test_a_refused_upload_keeps_nothing(alice, now, settings):
     upload(alice, now)
     with pytest.raises(UserFault):
-        services.upload_model(
+        upload_model(
             owner=alice, files=[UploadPart("b.zip", io.BytesIO(b"other"))], name="My car (1)", keep_upload=True, now=now
         )
     assert len(kept()) == 1
@@ -171,9 +171,9 @@ def test_a_damaged_file_is_told_before_a_byte_is_sent(alice, now, tmp_path):
 def test_files_that_no_model_names_are_removed_after_a_day(alice, now, tmp_path):
     model = upload(alice, now)
     (tmp_path / "uploads" / "left").write_bytes(b"by a killed server")
-    services.purge_garages(now=now)
+    purge_garages(now=now)
     assert len(kept()) == 2
-    services.purge_garages(now=now + timedelta(days=36500))
+    purge_garages(now=now + timedelta(days=36500))
     assert kept() == [model.source_file.name.removeprefix("uploads/")]
 
 

@@ -8,9 +8,9 @@ import re
 import pytest
 from django.db import IntegrityError, transaction
 
-from evaluation.looks import Shell, VehicleLook, _distance, told_apart
-from evaluation.services import describe_model
-from evaluation.shells import FROM_ABOVE, FROM_THE_SIDE
+from evaluation.appearance.looks import Shell, VehicleLook, _distance, distinguish_looks
+from evaluation.appearance.shells import FROM_ABOVE, FROM_THE_SIDE
+from evaluation.garage.services import describe_model
 from evaluation.templatetags.looks import shell_from_above
 from paddock.errors import UserFault
 from tests.factories import a_model, a_racer
@@ -37,7 +37,7 @@ def test_similar_cars_of_one_run_get_different_colours():
         VehicleLook("van", "#4080ff"),
         VehicleLook("hatch", "#111111"),
     ]
-    worn = told_apart(looks)
+    worn = distinguish_looks(looks)
     assert [look.shell for look in worn] == ["van", "kart", "van", "hatch"]
     assert worn[0] == looks[0] and worn[3] == looks[3]
     assert all(_distance(one.colour, two.colour) >= 120 for one, two in itertools.combinations(worn, 2))
@@ -45,7 +45,7 @@ def test_similar_cars_of_one_run_get_different_colours():
 
 def test_different_cars_wear_what_their_racers_chose():
     looks = [VehicleLook("van", "#ff0000"), VehicleLook("van", "#00ff00"), VehicleLook("van", "#0000ff")]
-    assert told_apart(looks) == looks
+    assert distinguish_looks(looks) == looks
 
 
 def test_a_colour_cannot_inject_markup_into_a_page():

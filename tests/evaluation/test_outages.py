@@ -13,15 +13,19 @@ from django.core.files.storage import FileSystemStorage, default_storage
 from django.db import IntegrityError, transaction
 from storages.backends.s3 import S3Storage
 
+from core.files.storage_faults import storage_at_work
 from core.jobs import outages
 from core.jobs import work as turns
+from core.jobs.kinds import end_outages
 from core.jobs.models import Outage
 from core.jobs.retried import pause_after
-from core.storage_faults import storage_at_work
-from evaluation import pipeline, services
 from evaluation.models import Evaluation, State
+from evaluation.running import pipeline
+from evaluation.running.queue import worker as work
+from evaluation.running.queue.jobs import EVALUATIONS, finish_evaluation
+from evaluation.running.queue.services import queue_evaluation
+from evaluation.running.queue.worker import run_next_evaluation
 from evaluation.sandbox import probe as probing
-from evaluation.services import work
 from paddock.errors import PlatformFault
 from paddock.rules.race import RaceRules
 from tests.evaluation.stubs import finishes, outcome_of
@@ -68,7 +72,7 @@ def cars(alice, bob, oval, wakes, now):
     for racer in (alice, bob):
         for number in range(2):
             model = model_row(racer, name=f"Car {number}", onnx=f"{racer.alias} {number}".encode())
-            services.queue_evaluation(owner=racer, model=model, track=oval, rules=RaceRules(), now=now)
+            queue_evaluation(owner=racer, model=model, track=oval, rules=RaceRules(), now=now)
     return Evaluation.objects.order_by("pk")
 
 
@@ -76,14 +80,14 @@ def cars(alice, bob, oval, wakes, now):
 def turn(monkeypatch, now):
     """A worker's turn ``after`` seconds, as the pipeline's stub plays it; it sweeps before it looks."""
     monkeypatch.setattr(pipeline, "evaluate", finishes)
-    monkeypatch.setattr(services.EVALUATIONS, "heartbeat", lambda job: contextlib.nullcontext(Steady()))
+    monkeypatch.setattr(EVALUATIONS, "heartbeat", lambda job: contextlib.nullcontext(Steady()))
 
     def take(after):
         at = now + timedelta(seconds=after)
         for part in (turns, work):
             monkeypatch.setattr(part, "database_now", lambda: at)
-        services.EVALUATIONS.sweep(now=at, wake=False)
-        return services.run_next_evaluation(worker="w")
+        EVALUATIONS.sweep(now=at, wake=False)
+        return run_next_evaluation(worker="w")
 
     return take
 
@@ -155,11 +159,11 @@ class TestStorageOutage:
 
         def nested():
             looked.append(1)
-            outages.look_after("storage", now=now + timedelta(seconds=6))
+            end_outages("storage", now=now + timedelta(seconds=6))
             return False
 
         monkeypatch.setattr(outages, "storage_answers", nested)
-        outages.look_after("storage", now=now + timedelta(seconds=6))
+        end_outages("storage", now=now + timedelta(seconds=6))
         assert looked == [1]
 
     def test_a_bucket_with_a_stopped_server_is_a_storage_fault(self):
@@ -198,7 +202,7 @@ class TestSimulatorCrash:
 
     def test_a_pass_of_its_own_network_does_not_count(self, cars, now, bob, oval):
         twin = model_row(bob, name="Twin", onnx=f"{cars[0].owner.alias} 0".encode())
-        other = services.queue_evaluation(owner=bob, model=twin, track=oval, rules=RaceRules(), now=now)
+        other = queue_evaluation(owner=bob, model=twin, track=oval, rules=RaceRules(), now=now)
         self.passes(other, now + timedelta(hours=1))
         self.kills(cars[0], now + timedelta(hours=2))
         assert Evaluation.objects.get(pk=cars[0].pk).kills == 0
@@ -206,20 +210,20 @@ class TestSimulatorCrash:
     def claimed(self, evaluation, at):
         others = Evaluation.objects.filter(pk=evaluation.pk)
         others.update(state=State.QUEUED, ended_at=None, priority=99)
-        claimed = services.EVALUATIONS.claim(worker="w", now=at)
+        claimed = EVALUATIONS.claim(worker="w", now=at)
         assert claimed.pk == evaluation.pk
         others.update(priority=0)
         return {"pk": claimed.pk, "lease": claimed.lease}
 
     def kills(self, evaluation, at):
         fault = PlatformFault("runner_died", how="signal 11")
-        assert services.EVALUATIONS.fail(**self.claimed(evaluation, at), fault=fault, now=at)
+        assert EVALUATIONS.fail(**self.claimed(evaluation, at), fault=fault, now=at)
 
     def passes(self, evaluation, at):
         from evaluation.models import Result
 
         Result.objects.filter(evaluation=evaluation).delete()
-        assert services.finish_evaluation(**self.claimed(evaluation, at), outcome=outcome_of(), now=at)
+        assert finish_evaluation(**self.claimed(evaluation, at), outcome=outcome_of(), now=at)
 
 
 def test_pauses_grow_up_to_an_hour():
@@ -229,7 +233,7 @@ def test_pauses_grow_up_to_an_hour():
 
 
 def test_only_a_queued_run_may_pause(cars, now):
-    claimed = services.EVALUATIONS.claim(worker="w", now=now)
+    claimed = EVALUATIONS.claim(worker="w", now=now)
     for changes in ({"not_before": now, "failed_at": now}, {"kills": claimed.attempt + 1}):
         with pytest.raises(IntegrityError), transaction.atomic():
             Evaluation.objects.filter(pk=claimed.pk).update(**changes)

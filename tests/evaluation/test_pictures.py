@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from evaluation.pictures import FAN_PX, GAP_PX, ZOOM, sensor_picture, views
+from evaluation.camera_replay.sensor_pictures import FAN_PX, GAP_PX, ZOOM, reading_picture, sensor_picture, views
 from paddock.geometry.catalogue import CATALOGUE
 from paddock.packages.inputs import CAMERAS, LIDARS
 from paddock.simulator.camera.optics import FRONT_CAMERA
@@ -85,6 +85,14 @@ def test_an_unknown_sensor_is_refused(oval):
         sensor_picture(oval, ["RADAR"])
 
 
+def test_a_reading_of_an_unknown_sensor_is_not_drawn_as_another(oval):
+    with pytest.raises(ValueError, match="RADAR"):
+        reading_picture({"RADAR": np.zeros(64, np.float32)}, views(oval)[0])
+
+
 def test_drawing_imports_neither_django_nor_physics():
-    code = "import sys, evaluation.pictures; sys.exit(bool({'pybullet', 'django'} & set(sys.modules)))"
+    code = (
+        "import sys, evaluation.camera_replay.sensor_pictures; "
+        "sys.exit(bool({'pybullet', 'django'} & set(sys.modules)))"
+    )
     assert subprocess.run([sys.executable, "-c", code], check=False).returncode == 0

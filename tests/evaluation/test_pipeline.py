@@ -8,8 +8,8 @@ from dataclasses import asdict, replace
 
 import pytest
 
-from evaluation import pipeline
-from evaluation.pipeline import RaceJob, evaluate
+from evaluation.running import pipeline
+from evaluation.running.pipeline import RaceJob, evaluate
 from paddock.errors import UserFault
 from paddock.geometry.catalogue import CATALOGUE
 from paddock.network.bound import NetworkFacts

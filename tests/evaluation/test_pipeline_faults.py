@@ -9,8 +9,9 @@ from dataclasses import replace
 
 import pytest
 
-from evaluation import crew, pipeline
-from evaluation.pipeline import PolicyBudget, RaceJob, evaluate
+from evaluation.running import pipeline
+from evaluation.running import process_pool as pool
+from evaluation.running.pipeline import PolicyBudget, RaceJob, evaluate
 from evaluation.sandbox import probe as probe_module
 from evaluation.sandbox.limits import RUNNER
 from evaluation.sandbox.policy import PolicyProcess
@@ -34,7 +35,7 @@ def job():
 
 
 def test_to_wait_for_a_core_is_none_of_a_runs_time(job, monkeypatch):
-    with crew.Crew() as waiting:
+    with pool.ProcessPool() as waiting:
 
         @contextlib.contextmanager
         def late(*_args):
@@ -42,7 +43,7 @@ def test_to_wait_for_a_core_is_none_of_a_runs_time(job, monkeypatch):
             yield None
 
         monkeypatch.setattr(pipeline, "one_core", late)
-        assert evaluate(job, crew=waiting).steps > 0
+        assert evaluate(job, pool=waiting).steps > 0
 
 
 @pytest.fixture(scope="module")
@@ -57,7 +58,7 @@ def policy(monkeypatch):
 
     def replace_with(kind):
         hostile = functools.partial(PolicyProcess, module="policies", arguments=[kind], python_path=[PAYLOADS])
-        monkeypatch.setattr(crew, "PolicyProcess", hostile)
+        monkeypatch.setattr(pool, "PolicyProcess", hostile)
 
     return replace_with
 
@@ -65,13 +66,13 @@ def policy(monkeypatch):
 @pytest.fixture
 def runner(monkeypatch):
     """Puts a payload in the place of the runner process."""
-    launch = crew.launch
+    launch = pool.launch
 
     def replace_with(kind):
         def hostile(_module, *, arguments, **options):
             return launch("runners", arguments=[kind, *arguments], python_path=[PAYLOADS], **options)
 
-        monkeypatch.setattr(crew, "launch", hostile)
+        monkeypatch.setattr(pool, "launch", hostile)
 
     return replace_with
 
@@ -163,7 +164,7 @@ def test_the_reason_tells_how_a_policy_died(job, policy):
 def test_a_failing_runner_is_our_fault_with_details_for_operators(job, runner, kind, code, monkeypatch):
     monkeypatch.setattr(pipeline, "_START_S", 1.5)
     monkeypatch.setattr(pipeline, "_MESSAGE_S", 0.5)
-    monkeypatch.setattr(crew, "RUNNER", replace(RUNNER, address_space_mb=400))
+    monkeypatch.setattr(pool, "RUNNER", replace(RUNNER, address_space_mb=400))
     runner(kind)
     with pytest.raises(PlatformFault) as caught:
         evaluate(job, wall_limit_s=3.0)
@@ -187,7 +188,7 @@ def test_a_runner_that_does_not_start_ends_the_policy_too(job, monkeypatch):
     def fail(*_args, **_options):
         raise PlatformFault("sandbox_failed", detail="no more processes")
 
-    monkeypatch.setattr(crew, "launch", fail)
+    monkeypatch.setattr(pool, "launch", fail)
     with pytest.raises(PlatformFault) as caught:
         evaluate(job)
     assert caught.value.code == "sandbox_failed"

@@ -10,9 +10,9 @@ from dataclasses import asdict, replace
 
 import pytest
 
-from evaluation import crew as crew_module
-from evaluation.crew import Crew, Spare
-from evaluation.pipeline import PolicyBudget, RaceJob, RivalModel, evaluate
+from evaluation.running import process_pool as crew_module
+from evaluation.running.pipeline import PolicyBudget, RaceJob, RivalModel, evaluate
+from evaluation.running.process_pool import ProcessPool, SparePool
 from evaluation.sandbox.policy import PolicyProcess
 from paddock.errors import PlatformFault, UserFault
 from paddock.geometry.catalogue import by_slug
@@ -94,12 +94,12 @@ class TestSeveralCars:
         assert evaluate(job).peak_mb > evaluate(replace(job, rivals=())).peak_mb + 30
 
     def test_a_ready_crew_drives_the_same_race(self, job):
-        spare = Spare()
+        spare = SparePool()
         spare.prepare()
-        crew = spare.take(job.venue)
-        assert len(crew.policies) == 1
-        assert same(evaluate(job, crew=crew)) == same(evaluate(job))
-        assert not crew.alive
+        pool = spare.take(job.venue)
+        assert len(pool.policies) == 1
+        assert same(evaluate(job, pool=pool)) == same(evaluate(job))
+        assert not pool.alive
 
     def test_each_car_has_its_own_sensors_and_actions(self, job):
         metadata = {
@@ -147,11 +147,11 @@ class TestSeveralCars:
         assert started[0].process.poll() is not None
 
     def test_policies_share_no_pipe(self):
-        with Crew(3) as crew:
-            for policy in crew.policies:
+        with ProcessPool(3) as pool:
+            for policy in pool.policies:
                 policy._wait_for_lock()
             held = []
-            for policy in crew.policies:
+            for policy in pool.policies:
                 folder = f"/proc/{policy.process.inner_pid}/fd"
                 try:
                     names = [os.readlink(f"{folder}/{fd}") for fd in os.listdir(folder)]
@@ -244,9 +244,9 @@ class TestFailingCar:
 
     def test_a_retired_car_takes_no_cpu_from_the_others(self, job, policies, not_starved):
         policies(None, "burn")
-        crew = Crew(2)
+        pool = ProcessPool(2)
         running = []
-        evaluate(job, budget=BRISK, crew=crew, on_progress=lambda _: running.append(crew.policies[1].process.poll()))
+        evaluate(job, budget=BRISK, pool=pool, on_progress=lambda _: running.append(pool.policies[1].process.poll()))
         assert running[0] is None
         assert running[-1] == -signal.SIGKILL
 
@@ -279,15 +279,15 @@ class TestFailingCar:
 
     def test_a_car_killed_by_the_host_leaves_no_result(self, job):
         """The kernel kills with SIGKILL when the host's memory runs out, and a policy cannot send itself one."""
-        crew = Crew(2)
+        pool = ProcessPool(2)
         long = replace(job, rules=replace(job.rules, max_simulated_ms=600_000))
 
         def kill(_progress):
-            if crew.policies[1].process.poll() is None:
-                os.kill(crew.policies[1].process.inner_pid, signal.SIGKILL)
+            if pool.policies[1].process.poll() is None:
+                os.kill(pool.policies[1].process.inner_pid, signal.SIGKILL)
 
         with pytest.raises(PlatformFault) as caught:
-            evaluate(long, crew=crew, on_progress=kill)
+            evaluate(long, pool=pool, on_progress=kill)
         assert caught.value.code == "host_overloaded"
 
     def test_a_car_starved_of_cpu_leaves_no_result(self, job, policies, monkeypatch):

@@ -15,9 +15,11 @@ from django.utils import timezone
 from redis import Redis
 
 from config.celery import app
-from evaluation import services, tasks
+from evaluation import tasks
+from evaluation.garage.services import upload_model
 from evaluation.models import Evaluation, Result, State, WorkerNode
-from league.services import house_cars
+from evaluation.running.queue.services import queue_evaluation, stop_evaluation
+from league.house_cars.services import house_cars
 from paddock.packages.read import UploadPart
 from paddock.rules.race import RaceRules
 from tests import servers
@@ -90,9 +92,7 @@ def submit(alice, oval, broker_url):
     model = model_row(alice)
 
     def queue(seed=0):
-        return services.queue_evaluation(
-            owner=alice, model=model, track=oval, rules=RaceRules(seed=seed), now=timezone.now()
-        )
+        return queue_evaluation(owner=alice, model=model, track=oval, rules=RaceRules(seed=seed), now=timezone.now())
 
     return queue
 
@@ -103,7 +103,7 @@ def submit_duel(alice, bob, oval, broker_url):
     rules = RaceRules(race_type="head_to_head")
 
     def queue():
-        return services.queue_evaluation(
+        return queue_evaluation(
             owner=alice, model=models[0], rivals=models[1:], track=oval, rules=rules, now=timezone.now()
         )
 
@@ -229,7 +229,7 @@ def test_an_owner_stops_an_evaluation_that_a_worker_is_running(submit, control, 
         control.hold_at("running")
         evaluation = submit()
         control.held()
-        assert services.stop_evaluation(evaluation=evaluation, now=timezone.now())
+        assert stop_evaluation(evaluation=evaluation, now=timezone.now())
         following = submit(seed=1)
         wait_for(lambda: finished(following), 30, control.log)  # so the worker let go of the first
     evaluation.refresh_from_db()
@@ -252,7 +252,7 @@ def test_a_killed_or_stopped_run_leaves_no_sandboxed_process(alice, oval, contro
     cars = 3  # each in a process of its own
     car = house_cars()[0]
     files = [UploadPart(path.name, BytesIO(path.read_bytes())) for path in (car.onnx, car.metadata)]
-    model = services.upload_model(owner=alice, files=files, now=timezone.now()).model
+    model = upload_model(owner=alice, files=files, now=timezone.now()).model
     long_run = RaceRules(race_type="head_to_head", laps=10_000, max_simulated_ms=100_000_000)
     run = {"owner": alice, "model": model, "rivals": [model] * (cars - 1), "track": oval, "rules": long_run}
 
@@ -272,7 +272,7 @@ def test_a_killed_or_stopped_run_leaves_no_sandboxed_process(alice, oval, contro
         return not any(is_running(pid) for pid in family)
 
     with control.worker(broker_url, REAL_RUNS="1") as worker:
-        evaluation = services.queue_evaluation(**run, now=timezone.now())
+        evaluation = queue_evaluation(**run, now=timezone.now())
         family = on_track(worker, attempt=1)
         assert WorkerNode.objects.get().proof["exact"], "it proved itself before it took work"
         (pool_process,) = (pid for pid in family if parent_of(pid) == worker.pid)
@@ -283,11 +283,11 @@ def test_a_killed_or_stopped_run_leaves_no_sandboxed_process(alice, oval, contro
         sweep_now()
         family = on_track(worker, attempt=2)
         (pool_process,) = (pid for pid in family if parent_of(pid) == worker.pid)
-        assert services.stop_evaluation(evaluation=evaluation, now=timezone.now())
+        assert stop_evaluation(evaluation=evaluation, now=timezone.now())
         wait_for(lambda: gone(family - {pool_process}), 10, control.log)
         assert is_running(pool_process)
 
-        services.queue_evaluation(**run, now=timezone.now())
+        queue_evaluation(**run, now=timezone.now())
         family = on_track(worker, attempt=1) | {worker.pid}
         os.kill(worker.pid, signal.SIGKILL)
         wait_for(lambda: gone(family), 5, control.log)

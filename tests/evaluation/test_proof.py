@@ -3,21 +3,28 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
+from concurrent.futures import ThreadPoolExecutor
+from contextlib import suppress
+from threading import Barrier, BrokenBarrierError
 
 import pytest
 from django.utils import timezone
 
-from evaluation import pipeline, proof, services, tasks
+from evaluation import tasks
 from evaluation.models import Evaluation, State, WorkerNode
-from evaluation.proof import Proof
+from evaluation.running import pipeline, proof
+from evaluation.running.proof import Proof
+from evaluation.running.queue.services import queue_evaluation
+from evaluation.running.worker_nodes import note_worker, start_worker
 from evaluation.sandbox import probe as probing
-from evaluation.services.nodes import note_worker, start_worker
 from paddock.errors import PlatformFault
 from paddock.rules.race import RaceRules
 from paddock.simulator.engine import ENGINE_ID
 from tests.evaluation.stubs import finishes
+from tests.other_bullet import install_other_bullet
 from tests.proven import take_as_proven
 from tests.rows import model_row
+from training.golden.proof import prove as golden_runs
 
 EXACT = Proof(ENGINE_ID, 3, 3)
 INEXACT = Proof(ENGINE_ID, 3, 1, ("a duel", "two eyes"), "a duel: trace_sha256 of car 0 is this and was that")
@@ -48,6 +55,22 @@ def proves() -> Iterator[Callable[..., list[Proof]]]:
 def test_a_process_proves_itself_only_once(proves):
     asked = proves(INEXACT)
     assert proof.prove() is proof.prove() is INEXACT
+    assert len(asked) == 1
+
+
+def test_threads_of_a_worker_share_one_proof(proves):
+    asked = proves(EXACT)
+    begun = Barrier(3)
+    prover = proof._prover
+
+    def slowly() -> Proof:
+        with suppress(BrokenBarrierError):
+            begun.wait(0.5)  # until another thread is here, too
+        return prover()
+
+    proof.register(slowly)
+    with ThreadPoolExecutor(3) as threads:
+        assert list(threads.map(lambda _: proof.prove(), range(3))) == [EXACT] * 3
     assert len(asked) == 1
 
 
@@ -144,9 +167,7 @@ class TestWorkerProof:
 @pytest.mark.django_db(transaction=True)
 def test_an_inexact_worker_leaves_evaluations_to_others(alice, oval, wakes, proves, monkeypatch, caplog):
     monkeypatch.setattr(pipeline, "evaluate", finishes)
-    queued = services.queue_evaluation(
-        owner=alice, model=model_row(alice), track=oval, rules=RaceRules(), now=timezone.now()
-    )
+    queued = queue_evaluation(owner=alice, model=model_row(alice), track=oval, rules=RaceRules(), now=timezone.now())
     proves(INEXACT)
     assert tasks.work.apply().get() == 0
     queued.refresh_from_db()
@@ -156,6 +177,19 @@ def test_an_inexact_worker_leaves_evaluations_to_others(alice, oval, wakes, prov
     proves(EXACT)
     assert tasks.work.apply().get() == 1
     assert Evaluation.objects.get().state == State.FINISHED
+
+
+@pytest.mark.slow
+@pytest.mark.django_db(transaction=True)
+def test_a_worker_whose_bullet_differs_takes_no_work(alice, oval, wakes, proves, monkeypatch, tmp_path, caplog):
+    queued = queue_evaluation(owner=alice, model=model_row(alice), track=oval, rules=RaceRules(), now=timezone.now())
+    install_other_bullet(tmp_path / "bullet", monkeypatch)
+    proof.register(golden_runs)
+    assert tasks.work.apply().get() == 0
+    queued.refresh_from_db()
+    assert (queued.state, queued.attempt) == (State.QUEUED, 0)
+    node = WorkerNode.objects.get()
+    assert node.refuses and node.proof["equal"] == 0 and "trace_sha256 of car 0 is" in caplog.text
 
 
 @pytest.mark.django_db

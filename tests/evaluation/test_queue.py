@@ -11,11 +11,14 @@ from django.core.files.storage import default_storage
 from django.db import connection, connections, transaction
 from django.test.utils import CaptureQueriesContext
 
-from core import wakeup
 from core.jobs.kinds import SweepReport
-from evaluation import selectors, services
+from core.wakeups import workers as wakeup
+from evaluation.garage.services import delete_model
 from evaluation.models import Evaluation, Result, State
-from evaluation.services.results import file_names, store_files
+from evaluation.running.queue import selectors
+from evaluation.running.queue.jobs import EVALUATIONS, finish_evaluation
+from evaluation.running.queue.services import queue_evaluation, stop_evaluation
+from evaluation.running.results import file_names, store_files
 from evaluation.signals import evaluation_ended
 from paddock.errors import PlatformFault, UserFault
 from paddock.rules.race import RaceRules
@@ -29,7 +32,7 @@ def submit(oval, wakes, now):
 
     def queue(racer, after=0, priority=0):
         model = racer.models.first() or model_row(racer)
-        return services.queue_evaluation(
+        return queue_evaluation(
             owner=racer,
             model=model,
             track=oval,
@@ -42,11 +45,11 @@ def submit(oval, wakes, now):
 
 
 def claim(now, after=60):
-    return services.EVALUATIONS.claim(worker="w", now=now + timedelta(seconds=after))
+    return EVALUATIONS.claim(worker="w", now=now + timedelta(seconds=after))
 
 
 def finish(evaluation, now):
-    return services.finish_evaluation(pk=evaluation.pk, lease=evaluation.lease, outcome=outcome_of(), now=now)
+    return finish_evaluation(pk=evaluation.pk, lease=evaluation.lease, outcome=outcome_of(), now=now)
 
 
 def run_order(now):
@@ -94,7 +97,7 @@ class TestOrder:
         submit(bob, 1)
         evaluation = claim(now)
         assert evaluation == first
-        services.EVALUATIONS.release(pk=evaluation.pk, lease=evaluation.lease, now=now)
+        EVALUATIONS.release(pk=evaluation.pk, lease=evaluation.lease, now=now)
         assert claim(now) == first
 
     def test_shown_positions_match_the_order_of_claims(self, alice, bob, charlie, submit, now):
@@ -106,14 +109,14 @@ class TestOrder:
 
     def test_a_run_stopped_during_its_claim_is_not_driven(self, alice, bob, submit, now, monkeypatch):
         stopped, following = submit(alice), submit(bob, 1)
-        held = services.EVALUATIONS.held
+        held = EVALUATIONS.held
 
         def stop_meanwhile(pk, lease):
             if pk == stopped.pk:
-                services.stop_evaluation(evaluation=stopped, now=now)
+                stop_evaluation(evaluation=stopped, now=now)
             return held(pk, lease)
 
-        monkeypatch.setattr(services.EVALUATIONS, "held", stop_meanwhile)
+        monkeypatch.setattr(EVALUATIONS, "held", stop_meanwhile)
         assert claim(now) == following
         assert claim(now) is None
 
@@ -161,11 +164,11 @@ class TestLease:
     def test_a_result_under_an_old_lease_is_refused(self, alice, submit, now):
         submit(alice)
         slow = claim(now)
-        services.EVALUATIONS.sweep(now=now + timedelta(seconds=120))
+        EVALUATIONS.sweep(now=now + timedelta(seconds=120))
         fast = claim(now, after=121)
         assert fast.pk == slow.pk and fast.lease != slow.lease and fast.attempt == 2
         assert not finish(slow, now)
-        assert not services.EVALUATIONS.beat(pk=slow.pk, lease=slow.lease, progress=None, now=now)
+        assert not EVALUATIONS.beat(pk=slow.pk, lease=slow.lease, progress=None, now=now)
         assert finish(fast, now)
         result = Result.objects.get()
         assert result.lease == fast.lease
@@ -176,13 +179,13 @@ class TestLease:
     def test_a_result_overtaken_while_storing_leaves_no_file(self, alice, submit, now, monkeypatch):
         submit(alice)
         evaluation = claim(now)
-        from evaluation.services import jobs
+        from evaluation.running.queue import jobs
 
         store = jobs.store_files
 
         def stopped_meanwhile(*arguments):
             name = store(*arguments)
-            services.stop_evaluation(evaluation=Evaluation.objects.get(), now=now)
+            stop_evaluation(evaluation=Evaluation.objects.get(), now=now)
             return name
 
         monkeypatch.setattr(jobs, "store_files", stopped_meanwhile)
@@ -201,11 +204,11 @@ class TestLease:
         submit(alice)
         evaluation = claim(now, after=0)
         later = now + timedelta(seconds=25)
-        assert services.EVALUATIONS.beat(pk=evaluation.pk, lease=evaluation.lease, progress={"lap": 2}, now=later)
-        assert services.EVALUATIONS.sweep(now=now + timedelta(seconds=50)).requeued == 0
+        assert EVALUATIONS.beat(pk=evaluation.pk, lease=evaluation.lease, progress={"lap": 2}, now=later)
+        assert EVALUATIONS.sweep(now=now + timedelta(seconds=50)).requeued == 0
         evaluation.refresh_from_db()
         assert evaluation.progress == {"lap": 2}
-        assert services.EVALUATIONS.sweep(now=now + timedelta(seconds=56)).requeued == 1
+        assert EVALUATIONS.sweep(now=now + timedelta(seconds=56)).requeued == 1
 
     def test_a_foreign_lease_changes_nothing(self, alice, submit, now):
         submit(alice)
@@ -213,7 +216,7 @@ class TestLease:
         evaluation.lease = uuid.uuid4()
         fault = UserFault("stopped")
         assert not finish(evaluation, now)
-        assert not services.EVALUATIONS.fail(pk=evaluation.pk, lease=evaluation.lease, fault=fault, now=now)
+        assert not EVALUATIONS.fail(pk=evaluation.pk, lease=evaluation.lease, fault=fault, now=now)
         assert Evaluation.objects.get().state == State.RUNNING
 
     def test_lost_workers_never_fail_an_evaluation(self, alice, submit, now):
@@ -222,7 +225,7 @@ class TestLease:
             now += timedelta(hours=2)
             evaluation = claim(now)
             assert evaluation.attempt == attempt
-            assert services.EVALUATIONS.sweep(now=now + timedelta(seconds=100)).requeued == 1
+            assert EVALUATIONS.sweep(now=now + timedelta(seconds=100)).requeued == 1
         evaluation.refresh_from_db()
         assert evaluation.state == State.QUEUED
         assert evaluation.operator_detail.count("lease_expired") == 8
@@ -232,13 +235,13 @@ class TestLease:
         for _ in range(5):
             evaluation = claim(now)
             assert evaluation.attempt == 1
-            assert services.EVALUATIONS.release(pk=evaluation.pk, lease=evaluation.lease, now=now)
+            assert EVALUATIONS.release(pk=evaluation.pk, lease=evaluation.lease, now=now)
 
     def test_the_sweep_removes_an_uncommitted_trace(self, alice, submit, now):
         submit(alice)
         evaluation = claim(now)
         (name,) = store_files(evaluation, outcome_of()).traces
-        services.EVALUATIONS.sweep(now=now + timedelta(seconds=100))
+        EVALUATIONS.sweep(now=now + timedelta(seconds=100))
         assert not default_storage.exists(name)
 
 
@@ -266,9 +269,9 @@ class TestEnd:
         finished, failed = claim(now), claim(now)
         stopped = Evaluation.objects.get(state=State.QUEUED)
         finish(finished, now)
-        services.EVALUATIONS.fail(pk=failed.pk, lease=failed.lease, fault=UserFault("stopped"), now=now)
-        services.stop_evaluation(evaluation=stopped, now=now)
-        services.stop_evaluation(evaluation=stopped, now=now)
+        EVALUATIONS.fail(pk=failed.pk, lease=failed.lease, fault=UserFault("stopped"), now=now)
+        stop_evaluation(evaluation=stopped, now=now)
+        stop_evaluation(evaluation=stopped, now=now)
         assert [(e.pk, e.state, r is not None) for e, r in ended] == [
             (finished.pk, State.FINISHED, True),
             (failed.pk, State.FAILED, False),
@@ -279,9 +282,7 @@ class TestEnd:
         submit(alice)
         evaluation = claim(now)
         fault = UserFault("policy_late", step=7, step_s=1, overage_s=10, total_s=60)
-        services.EVALUATIONS.fail(
-            pk=evaluation.pk, lease=evaluation.lease, fault=fault, now=now, detail="stderr of the policy"
-        )
+        EVALUATIONS.fail(pk=evaluation.pk, lease=evaluation.lease, fault=fault, now=now, detail="stderr of the policy")
         evaluation.refresh_from_db()
         assert (evaluation.state, evaluation.attempt) == (State.FAILED, 1)
         assert evaluation.reason == str(fault)
@@ -315,9 +316,9 @@ class TestQueueing:
         model = model_row(bob)
         for owner in (alice, bob):
             if owner is bob:
-                services.delete_model(model=model, now=now)
+                delete_model(model=model, now=now)
             with pytest.raises(UserFault) as refused:
-                services.queue_evaluation(owner=owner, model=model, track=oval, rules=RaceRules(), now=now)
+                queue_evaluation(owner=owner, model=model, track=oval, rules=RaceRules(), now=now)
             assert refused.value.code == "model_not_yours"
         assert not Evaluation.objects.exists()
 
@@ -353,14 +354,14 @@ class TestQueueing:
             submit(alice)
         wakes.clear()
         with django_capture_on_commit_callbacks(execute=True):
-            report = services.EVALUATIONS.sweep(now=now)
+            report = EVALUATIONS.sweep(now=now)
         assert report.waiting == 20
         assert len(wakes) == 8
         assert all(wake["expires"] == wakeup.STALE_AFTER_S for wake in wakes)
 
     def test_the_sweep_of_an_empty_queue_sends_nothing(self, db, wakes, now, django_capture_on_commit_callbacks):
         with django_capture_on_commit_callbacks(execute=True):
-            assert services.EVALUATIONS.sweep(now=now) == SweepReport(0, 0)
+            assert EVALUATIONS.sweep(now=now) == SweepReport(0, 0)
         assert wakes == []
 
     def test_a_platform_fault_sends_a_wake_up_for_the_next_attempt(
@@ -370,9 +371,7 @@ class TestQueueing:
         evaluation = claim(now)
         wakes.clear()
         with django_capture_on_commit_callbacks(execute=True):
-            services.EVALUATIONS.fail(
-                pk=evaluation.pk, lease=evaluation.lease, fault=PlatformFault("storage_failed"), now=now
-            )
+            EVALUATIONS.fail(pk=evaluation.pk, lease=evaluation.lease, fault=PlatformFault("storage_failed"), now=now)
         assert len(wakes) == 1
 
 

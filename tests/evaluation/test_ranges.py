@@ -10,7 +10,7 @@ import pytest
 from django.core.files.storage import FileSystemStorage
 from django.test import RequestFactory
 
-from core.ranges import PIECE, stored_file_response
+from core.files.range_responses import PIECE, stored_file_response
 
 CONTENT = bytes(range(256)) * 4  # 1024 bytes
 ETAG = '"abc"'

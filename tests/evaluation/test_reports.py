@@ -10,21 +10,22 @@ from django.contrib.auth.models import AnonymousUser
 from django.db import IntegrityError, transaction
 
 from accounts.quotas import used_by
+from evaluation.garage.services import delete_model, purge_garages, share_model
 from evaluation.models import State
-from evaluation.queue_order import BACKGROUND
+from evaluation.models.reports import CarReport, ReportChunk, ReportLap
 from evaluation.reports import planning, quotas, selectors
 from evaluation.reports.jobs import CHUNKS, finish_chunk, run_next_chunk, wake_if_due
-from evaluation.reports.models import CarReport, ReportChunk, ReportLap
 from evaluation.reports.planning import LEAGUE, chunks_of, plan
 from evaluation.reports.selectors import can_see_report, can_stop_report, figures_of, is_report_of, reports_visible_to
 from evaluation.reports.services import (
-    ask_for_report,
     delete_report,
     drive_report_again,
     purge_reports,
+    request_report,
     stop_report,
 )
-from evaluation.services import delete_model, purge_garages, queue_evaluation, share_model
+from evaluation.running.queue.order import BACKGROUND
+from evaluation.running.queue.services import queue_evaluation
 from paddock.errors import PlatformFault, UserFault
 from paddock.geometry.catalogue import CATALOGUE
 from paddock.rules.race import RaceRules
@@ -55,7 +56,7 @@ def test_the_league_is_driven_both_ways_and_the_variations_after_it(
 ):
     rows = [track_row(slug) for slug in LEAGUE]
     with django_capture_on_commit_callbacks(execute=True):
-        report = ask_for_report(owner=alice, model=a_model(alice), variations_on=a_track(), now=now)
+        report = request_report(owner=alice, model=a_model(alice), variations_on=a_track(), now=now)
     laps = list(report.laps.order_by("number").select_related("track"))
     assert [(lap.track.slug, lap.direction) for lap in laps[:4]] == [
         ("baja-turnpike", "ccw"),
@@ -114,9 +115,9 @@ def test_an_open_track_has_no_lap_to_vary_but_is_driven_both_ways(alice, now):
 
 
 def test_a_variation_that_has_no_place_refuses_the_report(alice, now, monkeypatch):
-    from paddock.simulator import variations
+    from paddock.simulator import randomisation
 
-    monkeypatch.setattr(variations.Pose, "ahead", lambda pose, forward, left=0.0: (1e6, 1e6))
+    monkeypatch.setattr(randomisation.Pose, "ahead", lambda pose, forward, left=0.0: (1e6, 1e6))
     with pytest.raises(UserFault, match="Paddock Oval") as refused:
         a_report(alice, now)
     assert refused.value.code == "variation_not_placed" and not ReportChunk.objects.exists()

@@ -9,12 +9,12 @@ import sys
 import pytest
 from django.utils import timezone
 
+from evaluation.garage.services import upload_model
 from evaluation.models import State
+from evaluation.models.reports import CarReport
 from evaluation.reports import planning
 from evaluation.reports.jobs import run_next_chunk
-from evaluation.reports.models import CarReport
 from evaluation.reports.services import drive_report_again
-from evaluation.services import upload_model
 from paddock.packages.read import UploadPart
 from tests.evaluation.processes import environment, kill_session
 from tests.evaluation.reports import a_report

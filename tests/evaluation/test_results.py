@@ -6,7 +6,7 @@ from itertools import pairwise
 
 import pytest
 
-from evaluation.services.results import POINTS_PER_LAP, trajectory_of
+from evaluation.running.results import POINTS_PER_LAP, trajectory_of
 from tests.evaluation.stubs import HEADER, trace_csv
 
 

@@ -11,10 +11,13 @@ from django.core.files.storage import default_storage
 from django.db import IntegrityError, transaction
 from django.db.models import ProtectedError
 
-from evaluation import selectors, services
+from evaluation.garage.services import delete_model, purge_garages
 from evaluation.models import Evaluation, EvaluationRival, Result, RivalResult, State
-from evaluation.services import jobs
-from evaluation.services.results import file_names, read_layout, read_trace, store_files
+from evaluation.running.queue import jobs, selectors
+from evaluation.running.queue.jobs import EVALUATIONS, finish_evaluation
+from evaluation.running.queue.services import queue_evaluation, stop_evaluation
+from evaluation.running.queue.worker import job_of
+from evaluation.running.results import file_names, read_layout, read_trace, store_files
 from evaluation.signals import evaluation_ended
 from paddock.errors import PlatformFault, UserFault
 from paddock.rules.race import BoxPlace, RaceRules
@@ -28,7 +31,7 @@ BOX = {"fraction": 0.5, "lane": "inner", "x": 1.0, "y": 2.0, "yaw": 0.25}
 @pytest.fixture
 def duel(alice, bob, oval, wakes, now):
     """Alice's car and Bob's, waiting."""
-    return services.queue_evaluation(
+    return queue_evaluation(
         owner=alice,
         model=model_row(alice, onnx=b"a"),
         rivals=[model_row(bob, onnx=b"b")],
@@ -40,12 +43,12 @@ def duel(alice, bob, oval, wakes, now):
 
 @pytest.fixture
 def claimed(duel, now):
-    return services.EVALUATIONS.claim(worker="w", now=now)
+    return EVALUATIONS.claim(worker="w", now=now)
 
 
 def finish(evaluation, now, **outcome):
     outcome.setdefault("rivals", [car_outcome(salt=7)])
-    return services.finish_evaluation(pk=evaluation.pk, lease=evaluation.lease, outcome=outcome_of(**outcome), now=now)
+    return finish_evaluation(pk=evaluation.pk, lease=evaluation.lease, outcome=outcome_of(**outcome), now=now)
 
 
 def stored(evaluation):
@@ -56,7 +59,7 @@ def stored(evaluation):
 class TestQueueing:
     def test_cars_are_frozen_in_their_order(self, alice, bob, charlie, oval, wakes, now):
         rivals = [model_row(racer, onnx=racer.alias.encode()) for racer in (charlie, bob)]
-        evaluation = services.queue_evaluation(
+        evaluation = queue_evaluation(
             owner=alice, model=model_row(alice, onnx=b"a"), rivals=rivals, track=oval, rules=DUEL, now=now
         )
         rows = evaluation.rivals.all()
@@ -69,7 +72,7 @@ class TestQueueing:
         assert evaluation.rivals.get(number=1).metadata == METADATA
 
     def test_a_job_holds_the_networks_of_all_cars(self, claimed):
-        job = services.job_of(claimed)
+        job = job_of(claimed)
         assert job.onnx == b"a"
         assert [(rival.onnx, rival.metadata) for rival in job.rivals] == [(b"b", METADATA)]
 
@@ -77,7 +80,7 @@ class TestQueueing:
         network = claimed.rivals.get().model.network
         default_storage.delete(network.onnx.name)
         with pytest.raises(PlatformFault) as caught:
-            services.job_of(claimed)
+            job_of(claimed)
         assert caught.value.code == "file_damaged"
 
     @pytest.mark.parametrize(
@@ -91,7 +94,7 @@ class TestQueueing:
     )
     def test_unsuitable_rivals_are_refused(self, alice, bob, oval, wakes, now, rules, count, code):
         with pytest.raises(UserFault) as caught:
-            services.queue_evaluation(
+            queue_evaluation(
                 owner=alice,
                 model=model_row(alice),
                 rivals=[model_row(bob)] * count,
@@ -105,18 +108,18 @@ class TestQueueing:
     def test_a_deleted_model_still_races_others_but_not_alone(self, alice, bob, oval, wakes, now):
         mine, other = model_row(alice, onnx=b"a"), model_row(bob, onnx=b"b")
         for model in (mine, other):
-            services.delete_model(model=model, now=now)
+            delete_model(model=model, now=now)
         queue = {"owner": alice, "model": mine, "track": oval, "rules": DUEL, "now": now}
-        assert services.queue_evaluation(**queue, rivals=[other]).rivals.count() == 1
+        assert queue_evaluation(**queue, rivals=[other]).rivals.count() == 1
         with pytest.raises(UserFault):
-            services.queue_evaluation(**queue)
+            queue_evaluation(**queue)
         with pytest.raises(UserFault):
-            services.queue_evaluation(**{**queue, "model": other}, rivals=[mine])
+            queue_evaluation(**{**queue, "model": other}, rivals=[mine])
 
     def test_duels_and_runs_of_one_racer_share_turns(self, alice, bob, oval, wakes, now):
         cars = {racer: model_row(racer, onnx=racer.alias.encode()) for racer in (alice, bob)}
         for second in range(2):
-            services.queue_evaluation(
+            queue_evaluation(
                 owner=alice,
                 model=cars[alice],
                 rivals=[cars[bob]],
@@ -124,11 +127,9 @@ class TestQueueing:
                 rules=DUEL,
                 now=now + timedelta(seconds=second),
             )
-        services.queue_evaluation(
-            owner=bob, model=cars[bob], track=oval, rules=RaceRules(), now=now + timedelta(seconds=5)
-        )
+        queue_evaluation(owner=bob, model=cars[bob], track=oval, rules=RaceRules(), now=now + timedelta(seconds=5))
         order = []
-        while (evaluation := services.EVALUATIONS.claim(worker="w", now=now + timedelta(seconds=10))) is not None:
+        while (evaluation := EVALUATIONS.claim(worker="w", now=now + timedelta(seconds=10))) is not None:
             order.append(evaluation.owner.alias)
         assert order == ["alice", "bob", "alice"]  # to be a rival takes nobody's turn
 
@@ -140,9 +141,7 @@ class TestQueueing:
 
     def test_a_racer_stops_a_run_of_their_own_cars_only(self, alice, oval, wakes, now):
         cars = [model_row(alice, name=name, onnx=name.encode()) for name in ("Bolt", "Nut")]
-        evaluation = services.queue_evaluation(
-            owner=alice, model=cars[0], rivals=cars[1:], track=oval, rules=DUEL, now=now
-        )
+        evaluation = queue_evaluation(owner=alice, model=cars[0], rivals=cars[1:], track=oval, rules=DUEL, now=now)
         assert selectors.can_stop_evaluation(alice, evaluation)
 
 
@@ -202,8 +201,8 @@ class TestConstraints:
 
     def test_a_deleted_rival_survives_the_purge(self, duel, now):
         model = duel.rivals.get().model
-        services.delete_model(model=model, now=now)
-        services.purge_garages(now=now + timedelta(days=30))
+        delete_model(model=model, now=now)
+        purge_garages(now=now + timedelta(days=30))
         model.refresh_from_db()
         assert default_storage.exists(model.network.onnx.name)
 
@@ -236,8 +235,8 @@ class TestResult:
         assert "in step 3" in Result.objects.get().retired
 
     def test_a_car_alone_has_won(self, alice, oval, wakes, now):
-        services.queue_evaluation(owner=alice, model=model_row(alice), track=oval, rules=RaceRules(), now=now)
-        evaluation = services.EVALUATIONS.claim(worker="w", now=now)
+        queue_evaluation(owner=alice, model=model_row(alice), track=oval, rules=RaceRules(), now=now)
+        evaluation = EVALUATIONS.claim(worker="w", now=now)
         assert finish(evaluation, now, rivals=[])
         result = Result.objects.get()
         assert (result.order, result.retired, result.bots.name) == ([0], "", "")
@@ -298,12 +297,12 @@ class TestResult:
         layout = {"boxes": [], "bots": [[[0.0, 0.0, 0.0]]]}
         store_files(claimed, outcome_of(rivals=[car_outcome(), car_outcome(), car_outcome()], layout=layout))
         assert stored(claimed) == sorted(file_names(claimed))
-        assert services.EVALUATIONS.sweep(now=now + timedelta(seconds=100)).requeued == 1
+        assert EVALUATIONS.sweep(now=now + timedelta(seconds=100)).requeued == 1
         assert stored(claimed) == []
 
     def test_a_late_worker_deletes_only_its_own_files(self, claimed, now):
-        services.EVALUATIONS.sweep(now=now + timedelta(seconds=100))
-        fast = services.EVALUATIONS.claim(worker="x", now=now + timedelta(seconds=101))
+        EVALUATIONS.sweep(now=now + timedelta(seconds=100))
+        fast = EVALUATIONS.claim(worker="x", now=now + timedelta(seconds=101))
         assert finish(fast, now)
         assert not finish(claimed, now)
         assert stored(fast) == sorted(file_names(fast)[:2])
@@ -315,7 +314,7 @@ class TestResult:
         assert stored(claimed) == before and len(before) == 3
 
     def test_a_stopped_duel_has_no_result(self, claimed, now):
-        assert services.stop_evaluation(evaluation=Evaluation.objects.get(), now=now)
+        assert stop_evaluation(evaluation=Evaluation.objects.get(), now=now)
         assert not finish(claimed, now)
         assert Evaluation.objects.get().state == State.STOPPED
         assert not RivalResult.objects.exists() and stored(claimed) == []

@@ -16,12 +16,13 @@ from django.utils import timezone
 from onnx import helper, numpy_helper
 from PIL import Image
 
-from evaluation import seeing
-from evaluation.attention import camera_of, covered, heat, heat_picture
-from evaluation.pictures import ZOOM
-from evaluation.seeing import answered, probabilities, seen_run
-from evaluation.services import finish_evaluation, share_model
-from league.services import house_cars
+from evaluation.camera_replay import replay as seeing
+from evaluation.camera_replay.occlusion import camera_of, covered, heat, heat_picture
+from evaluation.camera_replay.replay import answered, probabilities, seen_run
+from evaluation.camera_replay.sensor_pictures import ZOOM
+from evaluation.garage.services import share_model
+from evaluation.running.queue.jobs import finish_evaluation
+from league.house_cars.services import house_cars
 from paddock.errors import UserFault
 from paddock.geometry.catalogue import by_slug
 from paddock.network.session import load
@@ -30,11 +31,11 @@ from paddock.packages.metadata import parse_metadata
 from paddock.rules.race import RaceRules
 from paddock.simulator.action import ActionSpace
 from paddock.simulator.deciding import Policy
-from paddock.simulator.race import Entrant, RaceResult, run_race
+from paddock.simulator.race import Entrant, RaceResult, RaceSettings, run_race
 from paddock.simulator.retracing import RunSight, TracePath, standing_boxes
 from paddock.simulator.sensors import policy_header
 from paddock.simulator.stage import PreparedTrack
-from races.services import submit_model
+from races.entries.services.submissions import submit_model
 from tests.clients import logged_in
 from tests.factories import a_race, a_racer, outcome, start
 from tests.rows import model_row
@@ -68,10 +69,8 @@ class Recorder:
 def driven(rules: RaceRules, cars: int) -> tuple[PreparedTrack, list[Recorder], RaceResult]:
     ground = PreparedTrack(by_slug("oval").geometry(), rules.direction)
     recorders = [Recorder(number) for number in range(cars)]
-    first, *rivals = [recorder.entrant() for recorder in recorders]
-    result = run_race(
-        ground.track, rules, first.action_space, first.sensors, first.policy, rivals=rivals, ground=ground
-    )
+    cars = [recorder.entrant() for recorder in recorders]
+    result = run_race(RaceSettings(ground.track, rules, cars, ground=ground))
     return ground, recorders, result
 
 
@@ -133,13 +132,13 @@ def run(db, wakes, monkeypatch, tmp_path):
 def test_the_network_answers_again_what_it_drove_by(run, monkeypatch):
     evaluation, recorder = run
     seen = seen_run(evaluation)
-    told = seen.answers(1, who=1)
+    told = seen.answers(1, racer_pk=1)
     assert len(told) == len(recorder.frames)
     for step, values in told.items():
         moment = seen.moment(step)
         assert moment.asked and int(np.argmax(values)) == moment.index
     monkeypatch.setattr(seeing, "answered", None)  # nobody is asked a second time
-    assert seen.answers(1, who=1) == told
+    assert seen.answers(1, racer_pk=1) == told
 
 
 def test_everybody_sees_the_frame_and_who_may_use_the_model_its_answers(run):
@@ -233,7 +232,7 @@ def test_bad_moments_are_refused_or_cut(run):
 
 
 def test_who_asks_too_often_waits(run, monkeypatch):
-    from races.views import seen
+    from races.runs.views import camera as seen
 
     monkeypatch.setitem(seen.RATES, "seen_frame", "2/m/key")
     frame, client = reverse("evaluation_seen", args=[run[0].public_id]), logged_in(None)
@@ -266,7 +265,7 @@ def test_a_network_that_reads_several_frames_is_asked_with_those_before(db, wake
         return answers[-1]
 
     rules = RaceRules(laps=2)
-    result = run_race(ground.track, rules, space, sorted(said["sensor"]), drive, ground=ground)
+    result = run_race(RaceSettings(ground.track, rules, [Entrant(space, sorted(said["sensor"]), drive)], ground=ground))
     assert all(lap.complete for lap in result.laps)
     bob = a_racer("bob")
     model = model_row(bob, name="Stacked", onnx=car.onnx)
@@ -279,15 +278,15 @@ def test_a_network_that_reads_several_frames_is_asked_with_those_before(db, wake
     assert finish_evaluation(pk=evaluation.pk, lease=evaluation.lease, outcome=told, now=now)
     evaluation.refresh_from_db()
     seen = seen_run(evaluation)
-    again = {**seen.answers(1, who=1), **seen.answers(2, who=1)}
+    again = {**seen.answers(1, racer_pk=1), **seen.answers(2, racer_pk=1)}
     assert list(again) == [step for step in range(max(again) + 1) if seen.moment(step).asked]
     np.testing.assert_allclose(list(again.values()), answers, atol=2e-4)
 
     second = seen.start_of(2)
     step, rows = seen.at(second).step, []
     monkeypatch.setattr(seeing, "answered", lambda *a, **k: rows.extend(answered(*a, **k)) or rows)
-    assert seen.attention(step, who=1)[:4] == b"\x89PNG"
+    assert seen.attention(step, racer_pk=1)[:4] == b"\x89PNG"
     np.testing.assert_allclose(rows[2], answers[list(again).index(step)], rtol=1e-4)  # the frame as it is
     rows.clear()
-    assert seen.attention(0, who=1)[:4] == b"\x89PNG"
+    assert seen.attention(0, racer_pk=1)[:4] == b"\x89PNG"
     np.testing.assert_allclose(rows[2], answers[0], rtol=1e-4)  # nothing before the first

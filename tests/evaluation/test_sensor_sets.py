@@ -10,8 +10,8 @@ import onnx
 import pytest
 from onnx import TensorProto, helper, numpy_helper
 
-from evaluation.admit import AdmittedPackage, admit
-from evaluation.pipeline import RaceJob, evaluate
+from evaluation.garage.admission import AdmittedPackage, admit
+from evaluation.running.pipeline import RaceJob, evaluate
 from paddock.errors import UserFault
 from paddock.geometry.catalogue import CATALOGUE
 from paddock.network.session import load
@@ -20,7 +20,7 @@ from paddock.packages.read import UploadPart
 from paddock.rules.race import BoxPlace, RaceRules
 from paddock.simulator.action import ActionSpace
 from paddock.simulator.deciding import Policy
-from paddock.simulator.race import run_race
+from paddock.simulator.race import Entrant, RaceSettings, run_race
 from paddock.simulator.sensors import sensor_spec
 from tests.paddock.packages.coach import coach_graph, metadata_dict
 from tests.pinned import pinned_process
@@ -104,7 +104,9 @@ def drive_here(track, package: AdmittedPackage) -> str:
     inputs = [{"name": spec.name, "dtype": spec.dtype, "shape": list(spec.shape)} for spec in specs]
     policy = Policy(load(package.onnx), {"inputs": inputs, "outputs": space.size, "ranges": space.ranges})
 
-    return run_race(track, RULES, space, metadata["sensor"], policy.answer, lidar_config=config).trace.sha256
+    return run_race(
+        RaceSettings(track, RULES, [Entrant(space, metadata["sensor"], policy.answer, lidar_config=config)])
+    ).trace.sha256
 
 
 def drive(track, package: AdmittedPackage):

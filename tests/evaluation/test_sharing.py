@@ -9,6 +9,7 @@ from django.contrib.auth.models import AnonymousUser
 from django.db import IntegrityError
 
 from accounts.models import Racer
+from evaluation.garage.services import delete_model, purge_garages, share_model, stop_sharing_model
 from evaluation.models import Network, TrainedModel
 from evaluation.selectors import (
     can_see_model,
@@ -19,7 +20,6 @@ from evaluation.selectors import (
     shared_models,
     visible_models,
 )
-from evaluation.services import delete_model, purge_garages, share_model, stop_sharing_model
 from paddock.errors import UserFault
 from tests.rows import model_row
 

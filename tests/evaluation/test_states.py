@@ -7,8 +7,9 @@ from datetime import timedelta
 
 import pytest
 
-from evaluation import services
 from evaluation.models import Evaluation, Result, State
+from evaluation.running.queue.jobs import EVALUATIONS, finish_evaluation
+from evaluation.running.queue.services import queue_evaluation, stop_evaluation
 from paddock.errors import PlatformFault, UserFault
 from paddock.rules.race import RaceRules
 from tests.evaluation.stubs import outcome_of
@@ -24,63 +25,63 @@ FINISHED, FAILED, STOPPED, QUEUED, RUNNING = (
 
 
 def claim(evaluation, now):
-    claimed = services.EVALUATIONS.claim(worker="w", now=now)
+    claimed = EVALUATIONS.claim(worker="w", now=now)
     return claimed is not None and claimed.pk == evaluation.pk
 
 
 def finish(evaluation, now):
-    return services.finish_evaluation(pk=evaluation.pk, lease=key(evaluation), outcome=outcome_of(), now=now)
+    return finish_evaluation(pk=evaluation.pk, lease=key(evaluation), outcome=outcome_of(), now=now)
 
 
 def fail_by_user(evaluation, now):
     fault = UserFault("policy_died", step=1, how="exit status 1")
-    return services.EVALUATIONS.fail(pk=evaluation.pk, lease=key(evaluation), fault=fault, now=now)
+    return EVALUATIONS.fail(pk=evaluation.pk, lease=key(evaluation), fault=fault, now=now)
 
 
 def fail_by_platform(evaluation, now):
     fault = PlatformFault("storage_failed")
-    return services.EVALUATIONS.fail(pk=evaluation.pk, lease=key(evaluation), fault=fault, now=now)
+    return EVALUATIONS.fail(pk=evaluation.pk, lease=key(evaluation), fault=fault, now=now)
 
 
 def kill_at_last(evaluation, now):
     Evaluation.objects.filter(pk=evaluation.pk).update(attempt=9, kills=4)
     another_car_passes(evaluation, now)
     fault = PlatformFault("runner_died", how="signal 11")
-    return services.EVALUATIONS.fail(pk=evaluation.pk, lease=key(evaluation), fault=fault, now=now)
+    return EVALUATIONS.fail(pk=evaluation.pk, lease=key(evaluation), fault=fault, now=now)
 
 
 def beat(evaluation, now):
-    return services.EVALUATIONS.beat(pk=evaluation.pk, lease=key(evaluation), progress={"lap": 1}, now=now)
+    return EVALUATIONS.beat(pk=evaluation.pk, lease=key(evaluation), progress={"lap": 1}, now=now)
 
 
 def release(evaluation, now):
-    return services.EVALUATIONS.release(pk=evaluation.pk, lease=key(evaluation), now=now)
+    return EVALUATIONS.release(pk=evaluation.pk, lease=key(evaluation), now=now)
 
 
 def stop(evaluation, now):
-    return services.stop_evaluation(evaluation=evaluation, now=now)
+    return stop_evaluation(evaluation=evaluation, now=now)
 
 
 def sweep_in_time(evaluation, now):
-    return bool(services.EVALUATIONS.sweep(now=now + timedelta(seconds=29)).requeued)
+    return bool(EVALUATIONS.sweep(now=now + timedelta(seconds=29)).requeued)
 
 
 def sweep_too_late(evaluation, now):
-    return bool(services.EVALUATIONS.sweep(now=now + timedelta(seconds=31)).requeued)
+    return bool(EVALUATIONS.sweep(now=now + timedelta(seconds=31)).requeued)
 
 
 def sweep_at_last(evaluation, now):
     Evaluation.objects.filter(pk=evaluation.pk).update(attempt=9, kills=4)
     another_car_passes(evaluation, now)
-    return bool(services.EVALUATIONS.sweep(now=now + timedelta(seconds=31)).requeued)
+    return bool(EVALUATIONS.sweep(now=now + timedelta(seconds=31)).requeued)
 
 
 def another_car_passes(evaluation, now):
     model = model_row(evaluation.owner, name="Other", onnx=b"another network")
-    services.queue_evaluation(
+    queue_evaluation(
         owner=evaluation.owner, model=model, track=evaluation.track, rules=RaceRules(), priority=9, now=now
     )
-    assert finish(services.EVALUATIONS.claim(worker="w", now=now), now)
+    assert finish(EVALUATIONS.claim(worker="w", now=now), now)
 
 
 # what each event makes of a queued and of a running evaluation; None: nothing. A final state never changes.
@@ -115,10 +116,10 @@ def key(evaluation):
 
 
 def put_in(state, owner, track, now):
-    evaluation = services.queue_evaluation(owner=owner, model=model_row(owner), track=track, rules=RaceRules(), now=now)
+    evaluation = queue_evaluation(owner=owner, model=model_row(owner), track=track, rules=RaceRules(), now=now)
     if state == QUEUED:
         return evaluation
-    evaluation = services.EVALUATIONS.claim(worker="w", now=now)
+    evaluation = EVALUATIONS.claim(worker="w", now=now)
     if state in (FINISHED, FAILED, STOPPED):
         {FINISHED: finish, FAILED: fail_by_user, STOPPED: stop}[state](evaluation, now)
     return evaluation  # with the lease it had while it ran, as a late worker has it

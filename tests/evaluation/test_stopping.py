@@ -8,7 +8,7 @@ import sys
 from collections.abc import Callable, Iterator
 
 import pytest
-from celery.signals import worker_init
+from celery.signals import task_postrun, task_prerun, worker_init
 
 from core.jobs import stopping
 from core.jobs.stopping import shutdown_flag
@@ -88,3 +88,26 @@ def said_by_a_fork(question: Callable[[], bool]) -> bool:
     status = os.waitstatus_to_exitcode(os.waitpid(pid, 0)[1])
     assert status in (0, 1), status
     return bool(status)
+
+
+def test_an_idle_process_of_a_pool_ends_by_sigterm_and_one_at_work_does_not():
+    """As Celery ends one that ``--autoscale`` needs no more."""
+
+    def outlives(sigterm_when: str) -> bool:
+        def question() -> bool:
+            stopping.begin_process()
+            if sigterm_when != "idle":
+                task_prerun.send(sender=None)
+            if sigterm_when == "idle again":
+                task_postrun.send(sender=None)
+            os.kill(os.getpid(), signal.SIGTERM)
+            return True
+
+        pid = os.fork()
+        if pid == 0:
+            os._exit(0 if question() else 2)
+        return os.waitstatus_to_exitcode(os.waitpid(pid, 0)[1]) == 0
+
+    assert not outlives("idle")
+    assert outlives("at work")
+    assert not outlives("idle again")

@@ -18,14 +18,15 @@ from django.test import Client
 from django.utils import timezone
 
 from accounts.models import Racer
-from evaluation.admit import AdmittedPackage
+from evaluation import stored_files as stored
+from evaluation.garage import services as garage
+from evaluation.garage.admission import AdmittedPackage
 from evaluation.models import Damage, Network, StoredFile
-from evaluation.services import garage, run_next_evaluation, stored
-from evaluation.services.stored import heal_network, read, read_gzip, scrub, store
+from evaluation.running.queue.worker import run_next_evaluation
+from evaluation.stored_files import heal_network, read, read_gzip, scrub, store
 from paddock.errors import PlatformFault
-from paddock.packages.identity import identity
 from paddock.packages.limits import DEFAULT_LIMITS
-from paddock.packages.metadata import parse_metadata
+from paddock.packages.metadata import identity, parse_metadata
 from tests.factories import a_race, a_racer, drive, laps
 from tests.rows import METADATA, model_row
 
@@ -144,7 +145,7 @@ class TestReading:
 
 def test_a_network_with_zeroed_bytes_does_not_race(storage, alice, oval, wakes, now):
     from evaluation.models import Evaluation
-    from evaluation.services import queue_evaluation
+    from evaluation.running.queue.services import queue_evaluation
     from paddock.rules.race import RaceRules
 
     onnx = bytes(range(256)) * 200

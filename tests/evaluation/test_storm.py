@@ -11,9 +11,9 @@ from django.core.files.storage import default_storage
 from django.db import connection
 from django.utils import timezone
 
-from evaluation import services
 from evaluation.models import Evaluation, Result, State
-from evaluation.services.results import read_layout, read_trace
+from evaluation.running.queue.services import queue_evaluation
+from evaluation.running.results import read_layout, read_trace
 from paddock.rules.race import RaceRules
 from tests.evaluation.processes import environment, kill_session, session_of
 from tests.evaluation.stubs import trace_csv
@@ -32,7 +32,7 @@ def test_every_evaluation_ends_exactly_once_whatever_crashes(alice, bob, charlie
         racer, model = racers[seed % 3]
         rivals = [racers[(seed + step) % 3][1] for step in range(1, seed % 4)]
         rules = RaceRules(seed=seed, race_type="head_to_head")
-        services.queue_evaluation(owner=racer, model=model, rivals=rivals, track=oval, rules=rules, now=timezone.now())
+        queue_evaluation(owner=racer, model=model, rivals=rivals, track=oval, rules=rules, now=timezone.now())
     log = tmp_path / "storm.log"
     exit_codes = weather(log)
     said = log.read_text()

@@ -8,9 +8,13 @@ from datetime import timedelta
 import pytest
 from django.db import IntegrityError, connections, transaction
 
-from evaluation import queue_order, selectors, services
 from evaluation.models import Evaluation, State
-from evaluation.queue_order import URGENT
+from evaluation.running.queue import order as queue_order
+from evaluation.running.queue import selectors
+from evaluation.running.queue.jobs import EVALUATIONS, finish_evaluation
+from evaluation.running.queue.order import URGENT
+from evaluation.running.queue.services import queue_copies, queue_evaluation, stop_evaluation
+from evaluation.running.queue.turns import reschedule
 from evaluation.templatetags.queue import done_in, in_queue, place
 from paddock.rules.race import RaceRules
 from tests.evaluation.stubs import outcome_of
@@ -26,15 +30,15 @@ def submit(oval, wakes, now):
     def queue(racer, after=0, **options):
         model = racer.models.first() or model_row(racer)
         at = now + timedelta(seconds=after)
-        return services.queue_evaluation(owner=racer, model=model, track=oval, rules=RaceRules(), now=at, **options)
+        return queue_evaluation(owner=racer, model=model, track=oval, rules=RaceRules(), now=at, **options)
 
     return queue
 
 
 def run_next(now):
     """Run what is next; whose it was."""
-    evaluation = services.EVALUATIONS.claim(worker="w", now=now)
-    services.finish_evaluation(pk=evaluation.pk, lease=evaluation.lease, outcome=outcome_of(), now=now)
+    evaluation = EVALUATIONS.claim(worker="w", now=now)
+    finish_evaluation(pk=evaluation.pk, lease=evaluation.lease, outcome=outcome_of(), now=now)
     return evaluation.owner.alias
 
 
@@ -58,7 +62,7 @@ class TestTurns:
 
     def test_a_withdrawn_car_costs_no_turn(self, alice, bob, submit, now):
         for second in range(5):
-            services.stop_evaluation(evaluation=submit(alice, second), now=now)
+            stop_evaluation(evaluation=submit(alice, second), now=now)
         mine, other = submit(alice, 10), submit(bob, 11)
         assert (selectors.queue_position(mine), selectors.queue_position(other)) == (1, 2)
 
@@ -78,7 +82,7 @@ class TestTurns:
     def test_a_car_queued_by_an_older_release_gets_its_turn(self, alice, bob, submit, now):
         fields = {"model": model_row(alice), "track": submit(bob).track, "spec": {}, "queued_at": now}
         old = [Evaluation.objects.create(owner=alice, **fields) for _ in range(2)]
-        services.EVALUATIONS.sweep(now=now)
+        EVALUATIONS.sweep(now=now)
         for one in old:
             one.refresh_from_db()
         assert old[0].turn is not None and old[1].turn == old[0].turn + 1
@@ -119,29 +123,29 @@ class TestUrgency:
     def test_waiting_cars_move_up_in_their_races_last_hour(self, alice, bob, submit, now):
         submit(alice)
         waiting = submit(bob, 10, closes_at=now + 2 * HOUR)
-        services.EVALUATIONS.sweep(now=now + HOUR - timedelta(seconds=1))
+        EVALUATIONS.sweep(now=now + HOUR - timedelta(seconds=1))
         assert selectors.queue_position(waiting) == 2
-        services.EVALUATIONS.sweep(now=now + HOUR)
+        EVALUATIONS.sweep(now=now + HOUR)
         assert selectors.queue_position(waiting) == 1
 
     def test_racers_take_turns_among_urgent_runs_too(self, alice, bob, submit, now):
         for second in range(3):
             submit(alice, second, closes_at=now + 2 * HOUR)
         submit(bob, 20, closes_at=now + 2 * HOUR)
-        services.EVALUATIONS.sweep(now=now + HOUR)
+        EVALUATIONS.sweep(now=now + HOUR)
         submit(bob, 3600, closes_at=now + 2 * HOUR)
         later = now + HOUR
         assert [run_next(later) for _ in range(5)] == ["alice", "bob", "alice", "bob", "alice"]
 
     def test_urgency_follows_a_changed_closing_time(self, alice, submit, now):
         submit(alice, closes_at=now + 9 * HOUR)
-        services.reschedule(evaluations=Evaluation.objects.all(), closes_at=now + 5 * HOUR)
+        reschedule(evaluations=Evaluation.objects.all(), closes_at=now + 5 * HOUR)
         assert Evaluation.objects.get().urgent_from == now + 4 * HOUR
 
     def test_repeated_runs_and_house_cars_are_never_urgent(self, alice, submit, now):
         done = submit(alice, closes_at=now + HOUR)
-        (copy,) = services.queue_copies(evaluations=[done], priority=queue_order.BACKGROUND, now=now)
-        services.EVALUATIONS.sweep(now=now + 3 * HOUR)
+        (copy,) = queue_copies(evaluations=[done], priority=queue_order.BACKGROUND, now=now)
+        EVALUATIONS.sweep(now=now + 3 * HOUR)
         copy.refresh_from_db()
         assert (copy.priority, copy.urgent_from, done.priority) == (queue_order.BACKGROUND, None, URGENT)
 

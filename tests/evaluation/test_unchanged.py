@@ -9,7 +9,7 @@ import pytest
 from django.db import connection, transaction
 from django.utils import timezone
 
-from core.unchanged import Unchanged, database_version, is_shared
+from core.database.commit_cache import Unchanged, database_version, is_shared
 from races.models import Race
 from tests.factories import a_race
 

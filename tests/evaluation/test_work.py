@@ -12,8 +12,12 @@ from django.db import DatabaseError
 from django.utils import timezone
 
 from core.jobs import heartbeat
-from evaluation import pipeline, services, tasks
+from evaluation import tasks
 from evaluation.models import Evaluation, Result, State, WorkerNode
+from evaluation.running import pipeline
+from evaluation.running.queue.jobs import EVALUATIONS
+from evaluation.running.queue.services import queue_evaluation, stop_evaluation
+from evaluation.running.queue.worker import run_next_evaluation
 from evaluation.sandbox import probe as probing
 from paddock.errors import PlatformFault, UserFault
 from paddock.rules.race import RaceRules
@@ -26,7 +30,7 @@ pytestmark = pytest.mark.django_db(transaction=True)  # the heartbeat runs in an
 
 @pytest.fixture
 def queued(alice, oval, wakes):
-    return services.queue_evaluation(
+    return queue_evaluation(
         owner=alice, model=model_row(alice), track=oval, rules=RaceRules(seed=3, direction="cw"), now=timezone.now()
     )
 
@@ -39,19 +43,19 @@ def plays(monkeypatch):
 
 @pytest.fixture
 def quick_beats(monkeypatch, settings):
-    monkeypatch.setattr(services.EVALUATIONS, "beat_s", 0.01)
+    monkeypatch.setattr(EVALUATIONS, "beat_s", 0.01)
     settings.LEASE_SECONDS = 1
 
 
 def run():
-    return services.run_next_evaluation(worker="w")
+    return run_next_evaluation(worker="w")
 
 
 class TestOneEvaluation:
     def test_a_finished_run_has_its_result_and_trace(self, queued, plays, settings):
         jobs = []
 
-        def play(job, on_progress, should_stop, wall_limit_s, crew):
+        def play(job, on_progress, should_stop, wall_limit_s, pool):
             jobs.append((job, wall_limit_s))
             return outcome_of(laps=(10_000, 9_500, 4_000), unfinished=True)
 
@@ -128,8 +132,8 @@ class TestOneEvaluation:
     def test_an_owners_stop_takes_effect_at_the_next_heartbeat(self, queued, plays, quick_beats):
         noticed = []
 
-        def play(job, on_progress, should_stop, wall_limit_s, crew):
-            services.stop_evaluation(evaluation=queued, now=timezone.now())
+        def play(job, on_progress, should_stop, wall_limit_s, pool):
+            stop_evaluation(evaluation=queued, now=timezone.now())
             on_progress({"lap": 1})
             wait_until(should_stop)
             noticed.append(True)
@@ -145,14 +149,14 @@ class TestOneEvaluation:
     def test_a_stopping_worker_returns_its_run_to_its_place(self, queued, plays):
         told = threading.Event()
 
-        def play(job, on_progress, should_stop, wall_limit_s, crew):
+        def play(job, on_progress, should_stop, wall_limit_s, pool):
             assert not should_stop()
             told.set()
             assert should_stop()
             raise UserFault("stopped")
 
         plays(play)
-        assert services.run_next_evaluation(worker="w", interrupted=told.is_set)
+        assert run_next_evaluation(worker="w", interrupted=told.is_set)
         queued.refresh_from_db()
         assert (queued.state, queued.attempt) == (State.QUEUED, 0)
 
@@ -161,7 +165,7 @@ class TestHeartbeat:
     def test_it_writes_the_progress_and_extends_the_lease(self, queued, plays, quick_beats):
         seen = []
 
-        def play(job, on_progress, should_stop, wall_limit_s, crew):
+        def play(job, on_progress, should_stop, wall_limit_s, pool):
             before = Evaluation.objects.get().leased_until
             on_progress({"lap": 2, "percent": 40.0})
             wait_until(lambda: Evaluation.objects.get().progress)
@@ -173,7 +177,7 @@ class TestHeartbeat:
         assert seen == [({"lap": 2, "percent": 40.0}, True)]
 
     def test_it_continues_without_any_progress(self, queued, plays, quick_beats):
-        def play(job, on_progress, should_stop, wall_limit_s, crew):
+        def play(job, on_progress, should_stop, wall_limit_s, pool):
             before = Evaluation.objects.get().leased_until
             wait_until(lambda: Evaluation.objects.get().leased_until > before)
             return outcome_of()
@@ -192,12 +196,12 @@ class TestHeartbeat:
                 raise DatabaseError("away")
             return True
 
-        def play(job, on_progress, should_stop, wall_limit_s, crew):
+        def play(job, on_progress, should_stop, wall_limit_s, pool):
             wait_until(lambda: on_progress({"lap": 1}) or len(calls) > 3)
             assert not should_stop()
             return outcome_of()
 
-        monkeypatch.setattr(services.EVALUATIONS, "beat", failing_twice)
+        monkeypatch.setattr(EVALUATIONS, "beat", failing_twice)
         plays(play)
         run()
         queued.refresh_from_db()
@@ -210,12 +214,12 @@ class TestHeartbeat:
         def failing(**kwargs):
             raise DatabaseError("away")
 
-        def play(job, on_progress, should_stop, wall_limit_s, crew):
+        def play(job, on_progress, should_stop, wall_limit_s, pool):
             wait_until(should_stop)
             noticed.append(True)
             raise UserFault("stopped")
 
-        monkeypatch.setattr(services.EVALUATIONS, "beat", failing)
+        monkeypatch.setattr(EVALUATIONS, "beat", failing)
         plays(play)
         run()
         assert noticed
@@ -225,7 +229,7 @@ class TestHeartbeat:
         assert not Result.objects.exists()
 
     def test_it_writes_at_most_once_a_second(self, settings):
-        assert services.EVALUATIONS.beat_s >= 1.0
+        assert EVALUATIONS.beat_s >= 1.0
         assert settings.LEASE_SECONDS / heartbeat.BEATS_PER_LEASE >= settings.LEASE_SECONDS / 6
 
 
@@ -233,24 +237,22 @@ class TestTask:
     def test_it_works_until_nothing_waits(self, queued, alice, oval, wakes, plays):
         plays(finishes)
         for _ in range(2):
-            services.queue_evaluation(
-                owner=alice, model=queued.model, track=oval, rules=RaceRules(), now=timezone.now()
-            )
+            queue_evaluation(owner=alice, model=queued.model, track=oval, rules=RaceRules(), now=timezone.now())
         assert tasks.work.apply().get() == 3
         assert set(Evaluation.objects.values_list("state", flat=True)) == {State.FINISHED}
 
     def test_it_sends_a_wake_up_when_its_time_is_up(self, queued, alice, oval, wakes, plays, monkeypatch):
         plays(finishes)
-        services.queue_evaluation(owner=alice, model=queued.model, track=oval, rules=RaceRules(), now=timezone.now())
+        queue_evaluation(owner=alice, model=queued.model, track=oval, rules=RaceRules(), now=timezone.now())
         monkeypatch.setattr(tasks, "BUDGET_S", 0.0)
         wakes.clear()
         assert tasks.work.apply().get() == 1
         assert len(wakes) == 1
-        assert services.EVALUATIONS.sweep(now=timezone.now(), wake=False).waiting == 1
+        assert EVALUATIONS.sweep(now=timezone.now(), wake=False).waiting == 1
 
     def test_it_requeues_runs_of_lost_workers(self, queued, plays):
         plays(finishes)
-        services.EVALUATIONS.claim(worker="dead", now=timezone.now() - timezone.timedelta(hours=1))
+        EVALUATIONS.claim(worker="dead", now=timezone.now() - timezone.timedelta(hours=1))
         assert tasks.work.apply().get() == 1
         queued.refresh_from_db()
         assert (queued.state, queued.attempt) == (State.FINISHED, 2)
@@ -276,9 +278,9 @@ class TestTask:
         assert "runs nothing" in caplog.text
 
     def test_sigterm_hands_back_and_claims_no_more(self, queued, alice, oval, plays):
-        services.queue_evaluation(owner=alice, model=queued.model, track=oval, rules=RaceRules(), now=timezone.now())
+        queue_evaluation(owner=alice, model=queued.model, track=oval, rules=RaceRules(), now=timezone.now())
 
-        def play(job, on_progress, should_stop, wall_limit_s, crew):
+        def play(job, on_progress, should_stop, wall_limit_s, pool):
             assert not should_stop()
             os.kill(os.getpid(), signal.SIGTERM)
             assert should_stop()
@@ -291,7 +293,7 @@ class TestTask:
         assert list(Evaluation.objects.values_list("state", "attempt")) == [(State.QUEUED, 0)] * 2
 
     def test_the_sweep_reports_what_it_found(self, queued, wakes):
-        services.EVALUATIONS.claim(worker="dead", now=timezone.now() - timezone.timedelta(hours=1))
+        EVALUATIONS.claim(worker="dead", now=timezone.now() - timezone.timedelta(hours=1))
         assert tasks.sweep.apply().get() == {"requeued": 1, "waiting": 1}
 
 

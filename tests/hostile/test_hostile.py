@@ -9,9 +9,12 @@ those of :data:`ONLY_IN_THE_SANDBOX` only there.
 
 from __future__ import annotations
 
+import base64
 import importlib.util
 import io
+import json
 import os
+import pickle
 import time
 from contextlib import suppress
 from dataclasses import replace
@@ -21,8 +24,8 @@ from types import ModuleType
 
 import pytest
 
-from evaluation import admit
-from evaluation.admit import AdmittedPackage
+from evaluation.garage import admission as admit
+from evaluation.garage.admission import AdmittedPackage
 from paddock.errors import PaddockError
 from paddock.errors.reasons import REASONS
 from paddock.packages.limits import DEFAULT_LIMITS, PackageLimits
@@ -30,7 +33,7 @@ from paddock.packages.read import UploadPart
 from tests.soak import one_of_each
 
 from .here import launch_here
-from .parts import Upload, good_network, pair
+from .parts import Upload, good_network, metadata, pair, zipped
 
 GONE_S = 10.0
 HERE = Path(__file__).parent
@@ -128,6 +131,32 @@ def test_a_hostile_upload_is_refused_with_its_folders_reason(
 def test_the_sandbox_gives_the_same_reason(case: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(tmp_path)
     is_refused(case, tmp_path)
+
+
+class WritesAFile:
+    """What unpickles as a call."""
+
+    def __reduce__(self) -> tuple:
+        return os.system, ("touch PWNED",)
+
+
+def test_pickles_beside_a_policys_weights_are_not_loaded(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """stable-baselines3 itself unpickles each ``:serialized:`` value and the optimizer's file."""
+    from tests.hostile.policies import SAID, saved, weights
+
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr(admit, "launch", launch_here)
+    serialized = base64.b64encode(pickle.dumps(WritesAFile())).decode()
+    said = SAID | {name: {":type:": "function", ":serialized:": serialized} for name in ("lr_schedule", "clip_range")}
+    said["observation_space"] = {**SAID["observation_space"], ":serialized:": serialized}
+    members = {
+        "data": json.dumps(said).encode(),
+        "policy.pth": saved(weights()),
+        "policy.optimizer.pth": saved(WritesAFile()),
+        "pytorch_variables.pth": saved(WritesAFile()),
+    }
+    upload([("model.zip", zipped(*members.items())), ("model_metadata.json", metadata())])
+    assert list(tmp_path.iterdir()) == []
 
 
 def test_a_good_model_is_admitted_after_all_hostile_ones() -> None:

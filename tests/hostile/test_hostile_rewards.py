@@ -5,6 +5,7 @@
 
 from __future__ import annotations
 
+import os
 import time
 from pathlib import Path
 
@@ -13,9 +14,14 @@ import pytest
 from evaluation.sandbox.limits import REWARD
 from tests.soak import one_of_each
 from training.rewards.reasons import REWARD_REASONS
-from training.rewards.validate import check_reward, validate_reward
+from training.rewards.validation import check_reward
 
 from .test_hostile import children, descriptors, is_left
+
+
+def validate_reward(code, **options):
+    return check_reward(code, **options).problems
+
 
 HERE = Path(__file__).parent
 CASES = sorted(path.relative_to(HERE).with_suffix("").as_posix() for path in HERE.glob("reward_*/*.txt"))
@@ -40,9 +46,14 @@ def source(case: str) -> str:
     return (HERE / f"{case}.txt").read_text()
 
 
+# From 2.41 on, abort() blocks the signal whose handler writes the line
+GLIBC = tuple(map(int, os.confstr("CS_GNU_LIBC_VERSION").split()[1].split(".")))
+
+
 def marked_lines(text: str) -> set[int | None]:
     """The lines to be told, one of them; a loop may be stopped at its head or in its body."""
-    return {number for number, line in enumerate(text.splitlines(), 1) if line.endswith("# here")} or {None}
+    lines = {number for number, line in enumerate(text.splitlines(), 1) if line.endswith("# here")}
+    return lines | {None} if not lines or (".abort()" in text and GLIBC >= (2, 41)) else lines
 
 
 @pytest.mark.parametrize("case", parameters())
@@ -56,8 +67,8 @@ def test_a_hostile_reward_function_ends_with_its_code_and_line(
     (problem,) = problems
     assert problem.code == case.split("/")[0]
     assert problem.line in marked_lines(text)
-    assert problem.message == REWARD_REASONS[problem.code].sentence % problem.params, "a parameter is missing"
-    assert problem.message.isprintable()
+    assert str(problem.fault) == REWARD_REASONS[problem.code].sentence % problem.params, "a parameter is missing"
+    assert str(problem.fault).isprintable()
     assert not is_left(before), "something was left open or running"
     assert list(tmp_path.iterdir()) == [], "something was written"
     assert time.monotonic() - began < REWARD.wall_s + 5.0
@@ -96,7 +107,7 @@ def test_one_character_more_than_allowed_is_too_long() -> None:
 def test_text_that_attacks_the_parser_is_refused(text: str) -> None:
     (problem,) = validate_reward(text)
     assert problem.code in ("reward_syntax", "reward_stuck", "reward_function_missing", "reward_memory")
-    assert problem.message.isprintable()
+    assert str(problem.fault).isprintable()
 
 
 def test_every_code_of_a_reward_function_has_a_case() -> None:

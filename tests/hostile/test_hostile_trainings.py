@@ -12,14 +12,14 @@ from typing import Any
 
 import pytest
 
-from evaluation.pipeline import RaceJob, evaluate
+from evaluation.running.pipeline import RaceJob, evaluate
 from evaluation.sandbox.probe import probe
 from paddock.errors import UserFault
 from paddock.geometry.catalogue import CATALOGUE
 from paddock.rules.race import RaceRules
 from paddock.simulator import referee
 from tests.soak import one_of_each
-from training.hyperparameters import DEFAULT_ACTIONS, check_hyperparameters
+from training.jobs.settings_checks import DEFAULT_ACTIONS, check_hyperparameters
 from training.trainer import client
 from training.trainer.client import Iteration, Listener, train
 from training.trainer.spec import TrainerSpec
@@ -225,6 +225,7 @@ STOPS_THE_CLOCK = (
 if trainer:
     modules["time"].monotonic = lambda: 5.0
     trainer.Training._may_go_on = lambda self: True
+    modules["training.rewards.sandbox.call_limits"].watch.must_halt = lambda: False
 
 
 def reward_function(params):
@@ -295,6 +296,7 @@ def test_a_failure_only_in_training_is_the_functions_fault(case: str, monkeypatc
 @pytest.mark.parametrize(("stop", "why"), [(False, "time"), pytest.param(True, "stopped", marks=pytest.mark.soak)])
 def test_a_function_stopping_the_clock_gets_no_more_time(stop, why, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(client, "_FINISH_S", 4.0)
+    monkeypatch.setattr(client, "_OVERTIME_S", 30.0)  # of a busy host
     heard, began = Heard(), time.monotonic()
     asked = {"asked_to_stop": lambda: bool(heard.iterations)} if stop else {}
     ended = train(spec(STOPS_THE_CLOCK, stop_seconds=600.0 if stop else 2.0, stop_steps=None), heard, **asked)

@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 from league.models import Season, Webhook
-from league.services.webhooks import add_webhook
+from league.webhooks.services import add_webhook
 from tests.league.histories import write_season
 from tests.league.records import FEW
 from tests.league.seasons import a_season

@@ -10,8 +10,7 @@ from datetime import UTC, datetime, timedelta
 from pathlib import Path
 from typing import Any
 
-from league.history import RACE_COLUMNS, RESULT_COLUMNS
-from league.history.form import WORST_SCORE
+from league.history.columns import RACE_COLUMNS, RESULT_COLUMNS, WORST_SCORE
 
 START = datetime(2031, 1, 1, tzinfo=UTC)
 

@@ -9,8 +9,8 @@ from typing import Any
 import pytest
 
 from accounts.models import Racer
+from league.history.season_import import import_folder
 from league.models import ChampionshipPlace, FinalePlace, Membership, RecordedResult, Round, RoundPoints, Season
-from league.services.importing import import_folder
 from paddock.errors import UserFault
 from races.models import Entry, Race
 from tests.league.histories import START, month, read_csv, write_csv

@@ -8,7 +8,9 @@ from typing import Any
 
 from accounts.models import Racer
 from league.models import Round, Season
-from league.services import create_season, schedule_round
+from league.seasons.services.seasons import create_season, schedule_round
+from league.standings.selectors.boards import BoardCut, board_cut
+from races.boards.selectors.board import board as board_of
 from races.events import record_board
 from races.models import Entry, Race
 from tests.factories import a_racer, a_track
@@ -36,9 +38,8 @@ def a_round(season: Season, number: int, stage: str, **race: Any) -> Round:
     if stage == "championship":
         opens, closes = opens + timedelta(days=20), closes + timedelta(days=20)
     times = {"opens_at": opens, "closes_at": closes, "track": a_track(), "name": f"Month {number} {stage}"}
-    return schedule_round(
-        season=season, number=number, stage=stage, month=f"Month {number}", now=JANUARY, **(times | race)
-    )
+    times |= {"now": JANUARY}
+    return schedule_round(season=season, number=number, stage=stage, month=f"Month {number}", **(times | race))
 
 
 def racers(count: int) -> list[Racer]:
@@ -77,3 +78,10 @@ def stand(race: Race, racer: Racer, score_ms: int, **fields: Any) -> Entry:
 def after(round_: Round, **more: Any) -> datetime:
     """A moment after the race has closed."""
     return round_.race.closes_at + timedelta(**(more or {"minutes": 1}))
+
+
+def cut_of(round_: Round) -> BoardCut | None:
+    """The line through the first page of the board of a round."""
+    shown = board_of(round_.race)
+    ranks = {row.entry.racer_id: row.rank for row in shown.rows if row.rank is not None}
+    return board_cut(round_, shown.classified_count, ranks)

@@ -11,7 +11,7 @@ from django.urls import reverse
 
 from accounts.models import Racer
 from league.models import Membership, Round, Season, Stage
-from league.services import close_round
+from league.stewarding.official_results import close_round
 from tests.factories import a_race, a_racer, drive, laps
 from tests.league.seasons import a_round, a_season, after, board, racers, stand
 

@@ -8,11 +8,11 @@ import pytest
 
 from core.events import Event, follow
 from league.models import Notice, Round
-from league.services import close_round
-from league.services.clock import tick
+from league.seasons.services.clock import tick
+from league.stewarding.official_results import close_round
 from league.tasks import clock
+from races.entries.services.submissions import submit_model
 from races.models import Race
-from races.services import submit_model
 from tests.factories import a_model, a_race, a_racer, finish, laps
 from tests.league.seasons import HOUR, a_round, a_season, after, board, racers
 from tests.races.test_concurrency import at_once

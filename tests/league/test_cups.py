@@ -9,14 +9,15 @@ import pytest
 
 from core.events import Event
 from evaluation.models import Evaluation, State
+from league.cups.rules import divisions, drawn_ground, next_start
+from league.cups.selectors import cup_now, most_trophies, recap_of, stage_of, trophies_of
+from league.cups.services import run_cups, start_always, start_no_more
 from league.models import Cup, CupDivision, CupPlace
-from league.rules.cup import divisions, drawn_ground, next_start
-from league.selectors.cups import cup_now, most_trophies, recap_of, stage_of, trophies_of
-from league.services.cups import run_cups, start_always, start_no_more
 from paddock.errors import UserFault
+from races.duels.services import drive_all_on
+from races.entries.services.submissions import submit_model
 from races.models import Entry, Submission
-from races.services import cancel_race, submit_model
-from races.services.duels import drive_all_on
+from races.pages.services import cancel_race
 from tests.duels import driving, end, seeds
 from tests.factories import a_model, a_racer, finish, laps
 from tests.rows import track_row
@@ -216,9 +217,23 @@ def test_a_cancelled_cup_is_over_without_winners(at_eight):
     assert not Event.objects.filter(kind="cup.over").exists()
 
 
+def test_a_cancelled_knock_out_does_not_hold_up_its_cup(at_eight):
+    cup = announced()
+    qualified(cup, 18)
+    now = EVENING + timedelta(minutes=15)
+    run_cups(now=now)
+    cancel_race(race=cup.divisions.get(number=2).race, reason="The track is wet.", now=now)
+    run_out(now)
+    cup.refresh_from_db()
+    assert cup.over_at is not None
+    assert cup.places.filter(division=1).count() == 16
+    assert not cup.places.filter(division=2).exists(), "a cancelled knock-out has no winner"
+    assert stage_of(cup, now) == "over"
+
+
 def test_a_cup_that_fails_does_not_keep_the_next_one_waiting(at_eight, monkeypatch):
     cup = announced()
-    monkeypatch.setattr("league.services.cups._draw", lambda cup, now: 1 / 0)
+    monkeypatch.setattr("league.cups.services._draw", lambda cup, now: 1 / 0)
     later = EVENING + timedelta(hours=5)
     run_cups(now=later)
     assert Cup.objects.exclude(pk=cup.pk).exists()

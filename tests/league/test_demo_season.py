@@ -15,17 +15,17 @@ from django.utils import timezone
 
 from accounts.models import Racer
 from evaluation.models import Evaluation, TrainedModel
-from league.eligibility import check_division
+from league.house_cars import services as house_services
+from league.house_cars.services import HOUSE_CARS_DIR, enter_house_cars, house_cars
 from league.models import Round, Season, Stage
-from league.services import enter_house_cars, house_cars, open_demo_season
-from league.services import house as house_services
-from league.services.house import HOUSE_CARS_DIR
+from league.seasons.services.demo_season import open_demo_season
+from league.standings.selectors.boards import check_division
 from paddock.errors import PlatformFault
-from races.layout import race_rules
+from races.entries.selectors.lists import racing_now
 from races.models import Entry, Race, RaceKind, RaceState
-from races.selectors import racing_now
-from races.sensors import OFFERABLE
-from races.services import create_community_race
+from races.models.sensors import OFFERABLE
+from races.pages.services import create_community_race
+from races.rules.layout import race_rules
 from tests.factories import a_racer, a_track
 from tests.kept import Kept
 from tests.rows import model_row
@@ -106,7 +106,7 @@ def test_house_cars_do_not_enter_racers_own_races(now, stable):
     create_community_race(
         organiser=racer, now=now, name="Mine", track=a_track(), opens_at=now, closes_at=now + timedelta(days=1)
     )
-    assert enter_house_cars(now=now, folder=stable).submitted == 0
+    assert enter_house_cars(now=now, folder=stable) == 0
 
 
 def test_a_racer_with_a_house_cars_alias_keeps_it(now, stable):
@@ -200,10 +200,10 @@ def test_opening_the_season_twice_changes_nothing(season, now):
 
 
 def test_house_cars_enter_every_open_race_as_queued_baselines(season, now, stable):
-    report = enter_house_cars(now=now, folder=stable)
+    submitted = enter_house_cars(now=now, folder=stable)
     races = set(racing_now(now))
     assert len(races) == 8 and {race.division for race in races} == {"open", "pro", ""}
-    assert (report.cars, report.submitted) == (2, 16)
+    assert submitted == 16
     entries = Entry.objects.select_related("race", "racer")
     assert {(entry.race, entry.racer.alias) for entry in entries} == {
         (race, alias) for race in races for alias in ("Steady", "Quick")
@@ -215,23 +215,23 @@ def test_house_cars_enter_every_open_race_as_queued_baselines(season, now, stabl
 def test_house_cars_are_sent_again_only_to_newly_opened_races(season, now, stable):
     enter_house_cars(now=now, folder=stable)
     before = everything()
-    assert enter_house_cars(now=now, folder=stable).submitted == 0
+    assert enter_house_cars(now=now, folder=stable) == 0
     assert everything() == before
     december = now + timedelta(days=30)
-    assert enter_house_cars(now=december, folder=stable).submitted == 4
+    assert enter_house_cars(now=december, folder=stable) == 4
     assert TrainedModel.objects.count() == 2
 
 
 def test_a_deactivated_house_racer_is_not_sent(season, now, stable):
     enter_house_cars(now=now, folder=stable)
     Racer.objects.filter(alias="Quick").update(is_active=False)
-    assert enter_house_cars(now=now + timedelta(days=30), folder=stable).submitted == 2
+    assert enter_house_cars(now=now + timedelta(days=30), folder=stable) == 2
 
 
 def test_the_season_opens_even_without_house_cars(season, now, tmp_path, caplog):
     with caplog.at_level("INFO"):
-        assert enter_house_cars(now=now, folder=tmp_path).submitted == 0
-        assert enter_house_cars(now=now, folder=tmp_path / "none").cars == 0
+        assert enter_house_cars(now=now, folder=tmp_path) == 0
+        assert enter_house_cars(now=now, folder=tmp_path / "none") == 0
     assert "no house cars" in caplog.text
     assert not Entry.objects.exists()
 
@@ -249,7 +249,7 @@ def test_a_broken_house_car_is_logged_and_the_others_race(season, now, stable, m
         return real(owner=owner, **kwargs)
 
     monkeypatch.setattr(house_services, "upload_model", refuse_quick)
-    assert enter_house_cars(now=now, folder=stable).submitted == 8
+    assert enter_house_cars(now=now, folder=stable) == 8
     assert "Quick stays at home" in caplog.text or "quick stays at home" in caplog.text
     assert "broken" in caplog.text and "lonely" in caplog.text
 
@@ -258,3 +258,18 @@ def test_nobody_may_enter_the_first_pro_race_yet(season, now, alice):
     pro = Race.objects.get(slug="2026-11-pro")
     with pytest.raises(Exception, match="pro division"):
         check_division(pro, alice, now)
+
+
+def test_two_workers_that_create_a_house_racer_at_once_get_the_same_one(monkeypatch):
+    """As where all workers of a new site start together."""
+    given = {"name": "brisk", "display_name": "Brisk", "now": timezone.now()}
+    free_alias, other = house_services._free_alias, []
+
+    def free_meanwhile(*wanted):
+        alias = free_alias(*wanted)
+        monkeypatch.setattr(house_services, "_free_alias", free_alias)
+        other.append(house_services.house_racer(**given))
+        return alias
+
+    monkeypatch.setattr(house_services, "_free_alias", free_meanwhile)
+    assert house_services.house_racer(**given) == other[0]

@@ -8,10 +8,12 @@ import pytest
 from django.core.exceptions import ValidationError
 
 from league.models import Membership, Round, Season
-from league.selectors import division_of, season_of
-from league.services import create_season, put_in_division, schedule_round
+from league.seasons.selectors import standpoint_of
+from league.seasons.services.seasons import create_season, put_in_division, schedule_round
+from league.standings.selectors.boards import season_of
+from races.entries.services.entries import enter_race
+from races.entries.services.submissions import submit_model
 from races.errors import RaceRefused
-from races.services import enter_race, submit_model
 from tests.factories import a_model, a_race, a_racer, a_track
 from tests.refusals import refused
 
@@ -37,7 +39,7 @@ def november(season, division, now, number=1, **fields):
 
 def test_everybody_starts_in_the_open_division(season, alice, now):
     open_race, pro = november(season, "open", now), november(season, "pro", now)
-    assert division_of(season, alice) == "open" == division_of(None, alice) == division_of(season, None)
+    assert standpoint_of(season, alice).division == "open"
     assert enter_race(race=open_race, racer=alice, now=now)
     refused("race_pro_only", enter_race, race=pro, racer=alice, now=now)
     refused("race_pro_only", submit_model, race=pro, racer=alice, model=a_model(alice), now=now)
@@ -53,7 +55,7 @@ def test_a_pro_racer_enters_the_pro_race_and_no_other(season, alice, now):
 def test_a_division_applies_to_one_season(season, alice, now):
     put_in_division(season=season, racer=alice, division="pro", now=now)
     following = create_season(slug="2027", name="2027", starts_on=date(2027, 1, 1), ends_on=date(2027, 12, 31))
-    assert division_of(following, alice) == "open"
+    assert standpoint_of(following, alice).division == "open"
     race = november(following, "open", now)
     assert enter_race(race=race, racer=alice, now=now)
 

@@ -9,15 +9,16 @@ from django.db import transaction
 from hypothesis import given
 from hypothesis import strategies as st
 
-from league.history.duels import FIRST, LAST, DuelScore, read_duel_score
+from league.history.columns import FIRST_OF_DUELS, LAST_OF_DUELS, DuelScore, read_duel_score
+from league.history.proof import proof_of
+from league.history.season_export import export_season
+from league.history.season_import import import_folder
 from league.models import Round, RoundPoints
-from league.selectors.proof import proof_of
-from league.services import close_due_rounds, create_season
-from league.services.exporting import export_season
-from league.services.importing import import_folder
+from league.seasons.services.seasons import create_season
+from league.stewarding.official_results import close_due_rounds
+from races.boards.selectors.board import board
+from races.duels.services import draw_duels, drive_on
 from races.models import Entry, Race
-from races.selectors import board
-from races.services import draw_duels, drive_on
 from tests.duels import a_duel_race, end_all, qualify
 from tests.factories import a_racer
 from tests.league.histories import read_csv
@@ -51,10 +52,10 @@ def driven(entry: Entry) -> tuple:
 )
 def test_a_duel_score_encodes_what_went_into_it(bracket, cars, what):
     score = DuelScore(bracket, cars, **what)
-    assert FIRST <= score.number <= LAST and read_duel_score(score.number) == score
+    assert FIRST_OF_DUELS <= score.number <= LAST_OF_DUELS and read_duel_score(score.number) == score
 
 
-@given(st.integers(FIRST, LAST))
+@given(st.integers(FIRST_OF_DUELS, LAST_OF_DUELS))
 def test_an_impossible_duel_score_is_not_read(number):
     read = read_duel_score(number)
     assert read is None or read.number == number

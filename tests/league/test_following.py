@@ -3,25 +3,27 @@
 from __future__ import annotations
 
 from datetime import timedelta
+from unittest.mock import patch
 
 import pytest
 from django.test import Client
 from django.utils import timezone
 
-from accounts.following import follow_racer
+from accounts.following import follow_racer, followed_by
 from accounts.models import Racer, TeamInvitation
 from accounts.teams.services import found_team, invite_to_team
 from core.events import record
 from league.events import CUP_OVER, PROMOTED
+from league.following.selectors import Doing, doings_of_followed
 from league.models import Cup, CupPlace, Mail, Notice, NoticeChoice
-from league.notices import sentence
-from league.selectors.following import doings_of_followed
-from league.services import close_round
+from league.notices.sentences import sentence
+from league.stewarding.official_results import close_round
+from races.entries.services.entries import withdraw
 from races.models import Visibility
-from races.services import withdraw
 from tests.factories import a_race, a_racer, drive, laps
 from tests.happened import tell_what_happened
-from tests.league.seasons import a_round, a_season, after, board
+from tests.league.seasons import a_round, a_season, after, board, racers
+from tests.pages.test_queries import queries
 
 pytestmark = pytest.mark.django_db
 BACKEND = "django.contrib.auth.backends.ModelBackend"
@@ -29,6 +31,10 @@ BACKEND = "django.contrib.auth.backends.ModelBackend"
 
 def told(racer: Racer, kind: str = "followed") -> list[str]:
     return [sentence(one) for one in Notice.objects.filter(racer=racer, kind=kind).order_by("pk")]
+
+
+def doings(racer: Racer, now) -> list[Doing]:
+    return doings_of_followed(racer, followed_by(racer), now)
 
 
 def timed(race, racer, time: int, now) -> None:
@@ -56,17 +62,17 @@ def test_followers_hear_of_a_lead_once_a_day_and_by_mail_only_if_they_ask(alice,
 
 def test_of_races_by_invitation_nothing_is_told_and_only_who_may_see_them_reads_it(alice, bob, charlie, now, wakes):
     secret = a_race(now, visibility=Visibility.INVITATION, organiser=alice)
-    from races.services.entries import enter_as_invited
+    from races.entries.services.entries import enter_race
 
     for racer in (bob, (other := a_racer())):
-        enter_as_invited(race=secret, racer=racer, now=now)
+        enter_race(race=secret, racer=racer, now=now, invited=True)
     admin = a_racer(is_staff=True)
     for follower in (alice, charlie, other, admin):
         follow_racer(follower=follower, racer=bob, now=now)
     timed(secret, other, 11_000, now)
     timed(secret, bob, 10_000, now)
     assert not Notice.objects.filter(kind="followed").exists()
-    seen = {who: [one.race for one in doings_of_followed(who, now)] for who in (alice, charlie, other, admin)}
+    seen = {who: [one.race for one in doings(who, now)] for who in (alice, charlie, other, admin)}
     assert seen == {alice: [secret], charlie: [], other: [secret], admin: [secret]}
 
 
@@ -76,14 +82,12 @@ def test_a_best_stands_once_as_it_is_now(alice, bob, now, wakes):
         timed(race, bob, time, now)
     timed(left, bob, 9_000, now)
     withdraw(entry=left.entries.get(racer=bob), now=now)
-    assert doings_of_followed(alice, now) == []
+    assert doings(alice, now) == []
     follow_racer(follower=alice, racer=bob, now=now)
-    assert [(one.what, one.race, one.entry.best_lap_ms) for one in doings_of_followed(alice, now)] == [
-        ("best", race, 11_000)
-    ]
-    assert doings_of_followed(alice, now + timedelta(days=31)) == []
+    assert [(one.what, one.race, one.entry.best_lap_ms) for one in doings(alice, now)] == [("best", race, 11_000)]
+    assert doings(alice, now + timedelta(days=31)) == []
     Racer.objects.filter(pk=bob.pk).update(is_active=False)
-    assert doings_of_followed(alice, now) == []
+    assert doings(alice, now) == []
 
 
 def test_a_round_that_is_won_is_told(alice, bob, charlie, wakes):
@@ -94,7 +98,7 @@ def test_a_round_that_is_won_is_told(alice, bob, charlie, wakes):
     close_round(round=round_, now=now)
     tell_what_happened(now=now)
     assert [one for one in told(alice) if "has won" in one]
-    assert ("won", bob, round_.race) in [(one.what, one.racer, one.race) for one in doings_of_followed(alice, now)]
+    assert ("won", bob, round_.race) in [(one.what, one.racer, one.race) for one in doings(alice, now)]
 
 
 def test_a_cup_and_a_promotion(alice, bob, now):
@@ -106,7 +110,25 @@ def test_a_cup_and_a_promotion(alice, bob, now):
     record(PROMOTED, at=now, racer=bob.pk, race=race.pk, subject="gone", round=1)
     tell_what_happened(now=now)
     assert told(alice) == [f"bob has won division 2 of the cup of {cup.day}."]
-    assert [(one.what, one.division) for one in doings_of_followed(alice, now)] == [("cup", 2)]
+    assert [(one.what, one.division) for one in doings(alice, now)] == [("cup", 2)]
+
+
+def test_more_doings_cost_the_page_no_more_queries(alice, wakes):
+    season = a_season(promotion_percent=50)
+    first, client = a_round(season, 1, "open-qualifier"), Client()
+    field = racers(12)
+    board(first.race, field)
+    now = after(first)
+    close_round(round=first, now=now)
+    sent = []
+    with patch("django.utils.timezone.now", lambda: now):
+        client.force_login(alice, backend=BACKEND)
+        for racer in field[:6]:
+            follow_racer(follower=alice, racer=racer, now=now)
+            assert f"/racers/{racer.alias}/" in client.get("/following/").content.decode()
+            sent.append(len(queries(client, "/following/")))
+    promoted = [one for one in doings(alice, now) if one.what == "promoted"]
+    assert len(promoted) == 6 and set(sent) == {sent[0]}
 
 
 def test_the_pages(alice, bob, charlie, now, wakes):

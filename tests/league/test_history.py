@@ -7,14 +7,14 @@ from datetime import timedelta
 import pytest
 
 from accounts.models import Racer
+from league.history.proof import proof_of
 from league.models import ChampionshipPlace, FinalePlace, Membership, RoundPoints, Season
-from league.selectors.proof import proof_of
 from paddock.errors import UserFault
+from races.boards.selectors.board import board, rank_of
+from races.entries.services.standings import recompute_race
 from races.errors import RaceRefused
 from races.models import Entry, Race
-from races.ranking import NOT_CLASSIFIED
-from races.selectors import board, rank_of
-from races.services import recompute_race
+from races.ranks import NOT_CLASSIFIED
 from tests.factories import a_racer
 from tests.league import seasons
 from tests.league.histories import START, month, read_csv, result_rows, write_csv, write_season

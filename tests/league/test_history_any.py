@@ -11,6 +11,8 @@ from django.db import transaction
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
+from league.history.proof import proof_of
+from league.history.season_export import export_season
 from league.models import (
     ChampionshipPlace,
     FinalePlace,
@@ -18,11 +20,9 @@ from league.models import (
     RoundPoints,
     Season,
 )
-from league.rules import Promotion
-from league.selectors.proof import proof_of
-from league.services.exporting import export_season
+from league.standings.rules import Promotion
+from races.boards.selectors.board import board
 from races.models import Entry
-from races.selectors import board
 from tests.league.histories import random_season, read_csv, write_csv, write_season
 from tests.league.records import bring, contents, everything
 from tests.soak import examples

@@ -9,14 +9,14 @@ from pathlib import Path
 import pytest
 
 from accounts.models import Racer
+from league.history.proof import proof_of
+from league.history.season_import import import_folder
 from league.models import Round, Season
-from league.selectors.proof import proof_of
-from league.services import create_season
-from league.services.importing import import_folder
+from league.seasons.services.seasons import create_season
 from paddock.errors import UserFault
+from races.boards.selectors.board import board
+from races.entries.services.entries import enter_race
 from races.models import Entry, Race
-from races.selectors import board
-from races.services import enter_race
 from tests.league.histories import START, month, read_csv, write_csv, write_season
 from tests.league.records import FEW, bring, change, everything, refused
 from tests.races.test_concurrency import at_once

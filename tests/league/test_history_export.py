@@ -9,17 +9,17 @@ import pytest
 from django.core.management import CommandError, call_command
 from django.db import transaction
 
-from league.history import read_folder
+from league.history.folder_reader import read_folder
+from league.history.proof import proof_of
+from league.history.season_export import export_season
 from league.models import (
     Round,
     Season,
 )
-from league.selectors.proof import proof_of
-from league.services import close_due_rounds
-from league.services.exporting import export_season
+from league.stewarding.official_results import close_due_rounds
+from races.boards.selectors.board import board
 from races.models import Entry, Race
-from races.ranking import NOT_CLASSIFIED
-from races.selectors import board
+from races.ranks import NOT_CLASSIFIED
 from tests.factories import a_racer
 from tests.league import seasons
 from tests.league.histories import START, read_csv, write_csv

@@ -91,7 +91,7 @@ def test_a_rank_contradicting_the_score_is_refused(folder):
 def test_an_incomplete_file_is_refused(folder):
     rows = read_csv(folder / RESULTS)
     write_csv(folder / RESULTS, list(rows[0]), rows[:-1])
-    assert refused(folder, "import_row_count") == {"file": RESULTS, "found": 29, "said": 30}
+    assert refused(folder, "import_row_count") == {"file": RESULTS, "found": 29, "listed": 30}
 
 
 def test_a_race_that_closes_before_it_opens_is_refused(folder):

@@ -11,9 +11,8 @@ from django.test import Client
 from django.utils import timezone
 
 from accounts.models import RacerQuota
-from league.models import MailInvitation
-from league.services import inviting
-from league.services.inviting import (
+from league.invitations import services as inviting
+from league.invitations.services import (
     accept_mail_invitation,
     addresses_of,
     invitation_of,
@@ -25,9 +24,10 @@ from league.services.inviting import (
     stop_invitations,
     withdraw_invitation,
 )
+from league.models import MailInvitation
 from paddock.errors import UserFault
+from races.entries.selectors.visibility import can_see_race
 from races.models import Entry, Visibility
-from races.selectors import can_see_race
 from tests.factories import a_race, a_racer
 
 pytestmark = pytest.mark.django_db
@@ -249,13 +249,13 @@ def test_wrong_lines_do_not_keep_the_rest_from_being_invited(page):
     assert MailInvitation.objects.count() == 2
 
 
-def test_a_site_without_a_mail_server_says_that_mails_go_to_the_log(page, settings):
+def test_a_site_without_a_mail_server_says_that_mails_go_to_files(page, settings):
     client, address = page
-    settings.EMAIL_BACKEND = "django.core.mail.backends.console.EmailBackend"
+    settings.EMAIL_BACKEND = "core.mail.FolderBackend"
     assert "no mail server" in client.get(address).content.decode()
     text = client.post(address, {"invite": "1", "addresses": "ann@example.org"}, follow=True).content.decode()
-    assert "written to the log only" in text and "address is invited" not in text
-    for other in ("/accounts/password/reset/", "/settings/notices/", "/accounts/email/"):
+    assert "written to a file only" in text and "address is invited" not in text
+    for other in ("/accounts/password/reset/", "/settings/notices/", "/accounts/email/", "/accounts/confirm-email/"):
         answer = (Client() if "reset" in other else client).get(other)
         assert answer.status_code == 200 and "no mail server" in answer.content.decode(), other
     settings.EMAIL_BACKEND = "django.core.mail.backends.smtp.EmailBackend"

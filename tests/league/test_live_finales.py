@@ -7,10 +7,10 @@ from datetime import timedelta
 import pytest
 
 from league.models import ChampionshipPlace
-from league.services import close_due_rounds, close_round
+from league.stewarding.official_results import close_due_rounds, close_round
+from races.boards.selectors.board import board as board_of
+from races.live.services import begin_live, choose_model, end_live, plan_live, prepare_ahead, tick_live
 from races.models import LiveEvent, LiveSlot, LiveState
-from races.selectors import board as board_of
-from races.services.live import begin_live, choose_model, end_live, plan_live, prepare_ahead, tick_live
 from tests.factories import a_model, a_racer
 from tests.league.seasons import HOUR, a_round, a_season, after, board, racers
 from tests.live_shows import compute, show, slot_of

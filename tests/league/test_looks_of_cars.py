@@ -7,13 +7,13 @@ from pathlib import Path
 import pytest
 from django.utils import timezone
 
-from evaluation.looks import VehicleLook
+from evaluation.appearance.looks import VehicleLook
 from evaluation.models import TrainedModel
-from league.services.house import LOOKS, _model_of, house_cars, house_racer
+from league.house_cars.services import LOOKS, _model_of, house_cars, house_racer
 from tests.factories import a_racer, a_track
 from tests.training.jobs import a_training
+from training.jobs.services.results import admit_networks
 from training.models import TrainingJob
-from training.services.results import admit_networks
 
 pytestmark = pytest.mark.django_db(transaction=True)
 HOUSE_CARS = Path(__file__).resolve().parents[2] / "training" / "house_cars"

@@ -5,10 +5,10 @@ from __future__ import annotations
 import pytest
 
 from league.models import ChampionshipPlace, FinalePlace, Membership, RoundPoints
-from league.services import close_due_rounds, disqualify, put_back
-from league.services.organising import consequences_of
-from league.services.stewards import lock_round
-from league.services.succession import copy_season
+from league.seasons.services.race_changes import consequences_of
+from league.seasons.services.succession import copy_season
+from league.stewarding.official_results import close_due_rounds
+from league.stewarding.services import disqualify, lock_round, put_back
 from races.models import Entry, Race
 from tests.factories import a_racer
 from tests.league.seasons import HOUR, a_round, a_season, after, board, racers

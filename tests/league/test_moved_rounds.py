@@ -8,7 +8,7 @@ import pytest
 from django.core.exceptions import ValidationError
 
 from races.errors import RaceRefused
-from races.services import cancel_race, edit_race
+from races.pages.services import cancel_race, edit_race
 from tests.league.seasons import HOUR, JANUARY, MONTH, a_round
 
 pytestmark = pytest.mark.django_db

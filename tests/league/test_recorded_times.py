@@ -8,8 +8,8 @@ from io import StringIO
 import pytest
 from django.core.management import call_command
 
+from league.history.proof import proof_of
 from league.models import ChampionshipPlace, FinalePlace
-from league.selectors.proof import proof_of
 from tests.league.histories import Recorded, month, write_season
 from tests.league.records import bring
 

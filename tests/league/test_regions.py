@@ -7,10 +7,10 @@ from django.core.exceptions import ImproperlyConfigured
 from django_countries import countries
 
 from accounts.models import Racer
-from accounts.regions import USUAL, region_name, region_of, regions_in
+from accounts.profile.regions import USUAL, region_name, region_of, regions_in
 from config.env import env_regions
-from league.selectors.standings import region_standings, standings_within
-from league.services import close_round
+from league.standings.selectors.standings import season_standings, standings_within
+from league.stewarding.official_results import close_round
 from tests.factories import a_racer
 from tests.league.seasons import a_round, a_season, after, board
 
@@ -29,17 +29,20 @@ def test_the_points_of_all_countries_of_a_region_add_up(client, settings):
     cast = [a_racer(country=country) for country in ("KR", "JP", "DE", "")]
     board(round_.race, cast)
     close_round(round=round_, now=after(round_))
-    assert [(line.who, line.points) for line in region_standings(season, "open")] == [("Asia", 16), ("Europe", 3)]
+    assert [(line.holder, line.points) for line in season_standings(season, "open", "regions")] == [
+        ("Asia", 16),
+        ("Europe", 3),
+    ]
     address = f"/seasons/{season.slug}/standings/?of=regions"
     page = client.get(address).content.decode()
     assert "Asia" in page and ">16<" in page
     assert "아시아" in client.get(address, headers={"Accept-Language": "ko"}).content.decode()
     settings.REGIONS = "Far & near: KR DE"
-    assert [(line.who, line.points) for line in region_standings(season, "open")] == [("Far & near", 13)]
+    assert [(line.holder, line.points) for line in season_standings(season, "open", "regions")] == [("Far & near", 13)]
     assert "Far &amp; near" in client.get(address).content.decode()
     assert client.get(f"/api/v1/seasons/{season.slug}/standings/?of=regions").json()["results"][0]["points"] == 13
     Racer.objects.update(country="FR")  # who moves takes nothing along
-    assert region_standings(season, "open")[0].points == 13
+    assert season_standings(season, "open", "regions")[0].points == 13
 
 
 @pytest.mark.django_db
@@ -52,7 +55,7 @@ def test_racers_of_a_region_have_standings_among_each_other(client, settings):
     board(round_.race, cast)
     close_round(round=round_, now=after(round_))
     lines = standings_within(season, "open", "Asia")
-    assert [(line.place, line.who, line.points) for line in lines] == [(1, cast[0].pk, 10), (2, cast[2].pk, 5)]
+    assert [(line.place, line.holder, line.points) for line in lines] == [(1, cast[0].pk, 10), (2, cast[2].pk, 5)]
     assert standings_within(season, "open", "nowhere") == []
     address = f"/seasons/{season.slug}/standings/"
     assert '<a class="name" href="?region=Asia">Asia</a>' in client.get(f"{address}?of=regions").content.decode()

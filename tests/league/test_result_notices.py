@@ -10,9 +10,9 @@ from django.utils import translation
 from accounts.models import Racer
 from evaluation.models import Evaluation
 from league.models import Notice
-from league.notices import sentence
+from league.notices.sentences import sentence
 from paddock.errors import UserFault
-from races.services import submit_model
+from races.entries.services.submissions import submit_model
 from tests.factories import a_model, a_race, a_racer, drive, fail, lap, laps
 from tests.happened import tell_what_happened
 

@@ -13,9 +13,9 @@ from django.urls import reverse
 
 from accounts.models import Racer
 from league.models import Decision, Membership, Notice, Round, Stage, StewardDecision
-from league.services import close_round, disqualify
-from league.services.organising import consequences_of, postpone_round
-from league.services.stewards import lock_round
+from league.seasons.services.race_changes import consequences_of, postpone_round
+from league.stewarding.official_results import close_round
+from league.stewarding.services import disqualify, lock_round
 from paddock.errors import UserFault
 from tests.factories import a_racer
 from tests.league.seasons import HOUR, a_round, a_season, after, board, racers
@@ -28,11 +28,6 @@ LIST = "admin:league_round_changelist"
 def _long_sessions(settings) -> None:
     """Nobody is logged out while the clock moves."""
     settings.SESSION_COOKIE_AGE = 10 * 365 * 24 * 3600
-
-
-@pytest.fixture
-def set_clock(monkeypatch: pytest.MonkeyPatch):
-    return lambda moment: monkeypatch.setattr("django.utils.timezone.now", lambda: moment)
 
 
 @pytest.fixture

@@ -9,7 +9,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from league.rules import ChampionshipField, FinaleField, PointsTable, Promotion, RoundRank, Standings
+from league.standings.rules import ChampionshipField, FinaleField, PointsTable, Promotion, RoundRank, Standings
 
 PERCENTS = st.decimals(min_value="0.1", max_value="99.9", places=1)
 
@@ -66,7 +66,7 @@ def test_a_points_table_never_rises():
 
 def lines(results, rounds, drop=0):
     made = Standings(drop).lines([RoundRank(*one) for one in results], rounds)
-    return [(line.who, line.points) for line in made]
+    return [(line.holder, line.points) for line in made]
 
 
 def test_points_add_up_and_the_worst_results_are_dropped():
@@ -75,7 +75,7 @@ def test_points_add_up_and_the_worst_results_are_dropped():
     # a loses the 15, b the round that they missed; the same places but for a's third
     assert lines(results, 3, drop=1) == [("a", 43), ("b", 43)]
     dropped = Standings(1).lines([RoundRank(*one) for one in results], 3)
-    assert {line.who: line.dropped for line in dropped} == {"a": {3}, "b": frozenset()}
+    assert {line.holder: line.dropped for line in dropped} == {"a": {3}, "b": frozenset()}
 
 
 def test_at_least_one_result_always_counts():

@@ -1,7 +1,8 @@
 """Seasons that a league like the real one could have had: raced by the test with rules of its own, written down in the
 form of the record, and imported. The command must say of each of them what it says of the season of 2022.
 
-The rules are here a second time on purpose, in whole numbers and plain lists, and share nothing with ``league.rules``.
+The rules are here a second time on purpose, in whole numbers and plain lists, and share nothing with
+``league.standings.rules``.
 """
 
 from __future__ import annotations

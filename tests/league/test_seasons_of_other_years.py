@@ -8,10 +8,10 @@ from datetime import UTC, datetime, timedelta
 import pytest
 from django.core.exceptions import ValidationError
 
+from league.history.proof import proof_of
+from league.history.season_export import export_season
 from league.models import ChampionshipPlace, FinalePlace, Membership, Round
-from league.selectors.proof import proof_of
-from league.services.exporting import export_season
-from races.services import edit_race
+from races.pages.services import edit_race
 from tests.league.histories import Recorded, write_season
 from tests.league.records import bring, contents
 from tests.league.seasons import HOUR, JANUARY, MONTH, a_round, a_season

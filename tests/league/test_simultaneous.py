@@ -13,13 +13,12 @@ from django.test import Client
 
 from accounts.models import Racer
 from league.models import Membership, Round, RoundPoints
-from league.services import close_due_rounds, close_round, disqualify
-from league.services.organising import postpone_round
-from league.services.stewards import put_back, reopen_round
+from league.seasons.services.race_changes import postpone_round
+from league.stewarding.official_results import close_due_rounds, close_round
+from league.stewarding.services import disqualify, put_back, reopen_round
 from paddock.errors import PaddockError
 from races.models import Race
-from races.services import edit_race
-from races.services.races import edition_of
+from races.pages.services import edit_race, edition_of
 from tests.factories import a_track
 from tests.league.seasons import HOUR, JANUARY, a_round, after, board, racers
 from tests.races.test_concurrency import at_once

@@ -9,13 +9,16 @@ import pytest
 from core.events import follow
 from evaluation.models import Evaluation
 from league.models import ChampionshipPlace, FinalePlace, Membership, Round, RoundPoints, StewardDecision
-from league.selectors import decisions_of, season_standings
-from league.services import close_due_rounds, close_round, disqualify, put_back, reopen_round
+from league.seasons.selectors import decisions_of
+from league.standings.selectors.standings import season_standings
+from league.stewarding.official_results import close_due_rounds, close_round
+from league.stewarding.services import disqualify, put_back, reopen_round
 from paddock.errors import PlatformFault
+from races.entries.services.entries import enter_race, remove_entry, withdraw
+from races.entries.services.submissions import repeat_submission, submit_model
 from races.models import Entry
-from races.services import enter_race, remove_entry, repeat_submission, submit_model
 from tests.factories import a_model, a_racer, fail, finish, laps
-from tests.league.seasons import HOUR, a_round, after, board, racers
+from tests.league.seasons import HOUR, a_round, after, board, cut_of, racers, stand
 from tests.refusals import refused
 
 pytestmark = pytest.mark.django_db
@@ -39,7 +42,7 @@ def test_a_disqualified_racers_place_goes_to_the_next(season, steward):
     )
     assert promoted(season) == {ten[1].pk, ten[2].pk}
     assert (decision.decision, decision.reason, decision.by) == ("disqualified", "Two accounts", steward)
-    assert [line.who for line in season_standings(season, "open")] == [one.pk for one in ten[1:5]]
+    assert [line.holder for line in season_standings(season, "open")] == [one.pk for one in ten[1:5]]
     assert Entry.objects.get(racer=ten[0]).removal_reason == "Two accounts"
     put_back(round=january, racer=ten[0], by=steward, reason="A mistake of ours", now=after(january, hours=2))
     assert promoted(season) == {ten[0].pk, ten[1].pk}
@@ -165,3 +168,25 @@ def test_a_run_repeated_within_the_window_changes_the_season(season, wakes):
     follow("seasons", now=after(january, hours=1))
     assert promoted(season) == {racer.pk}
     assert Evaluation.objects.count() == 2
+
+
+@pytest.mark.parametrize("late", [False, True], ids=["withdrawn at once", "withdrawn last"])
+def test_a_month_with_a_tie_at_the_line_a_withdrawal_and_a_disqualification(season, steward, late):
+    """Of ten a fifth moves: the line is below the second, between two of equal times of whom one came first."""
+    month = a_round(season, 1, "open-qualifier")
+    ten = racers(10)
+    board(month.race, ten)
+    for racer, hour in ((ten[1], 3), (ten[2], 2)):
+        stand(month.race, racer, 31_000, achieved_at=month.race.opens_at + hour * HOUR)
+    assert cut_of(month).moved == {ten[0].pk, ten[2].pk}
+    withdraw(entry=Entry.objects.get(race=month.race, racer=ten[0]), now=after(month, minutes=-1 if late else -60))
+    close_due_rounds(now=after(month))
+    assert promoted(season) == {ten[2].pk, ten[1].pk}, "a fifth of nine is two, too"
+    points = RoundPoints.objects.filter(round=month).order_by("rank").values_list("rank", "racer")
+    assert list(points)[:2] == [(1, ten[2].pk), (2, ten[1].pk)]
+    refused("race_closed", withdraw, entry=Entry.objects.get(race=month.race, racer=ten[1]), now=after(month))
+    disqualify(round=month, racer=ten[2], by=steward, reason="A short cut.", now=after(month, hours=1))
+    assert promoted(season) == {ten[1].pk, ten[3].pk}
+    assert list(points.all())[:2] == [(1, ten[1].pk), (2, ten[3].pk)]
+    put_back(round=month, racer=ten[2], by=steward, reason="An appeal.", now=after(month, hours=2))
+    assert promoted(season) == {ten[2].pk, ten[1].pk}

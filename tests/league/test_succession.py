@@ -11,15 +11,15 @@ from django.core.exceptions import ValidationError
 from accounts.models import Racer
 from core.events import Event, follow
 from league.models import Membership, Notice, Round, Season, Stage
-from league.services import close_due_rounds, close_round, create_season, open_demo_season, put_in_division
-from league.services.clock import tick
-from league.services.fields import give_fields
-from league.services.seasons import edit_season, schedule_round, set_stage_rules
-from league.services.succession import LEAD, copy_season, later_text
+from league.seasons.services.clock import tick
+from league.seasons.services.demo_season import open_demo_season
+from league.seasons.services.seasons import create_season, edit_season, put_in_division, schedule_round, set_stage_rules
+from league.seasons.services.succession import LEAD, copy_season, later_text
+from league.standings.services import give_fields
+from league.stewarding.official_results import close_due_rounds, close_round
 from paddock.errors import UserFault
 from races.models import Division, Race, RaceState
-from races.services import cancel_race
-from races.services.races import add_months
+from races.pages.services import add_months, cancel_race
 from tests.factories import a_racer, a_track
 from tests.league.seasons import JANUARY, a_round, a_season, after, board, racers
 from tests.races.test_concurrency import at_once
@@ -58,6 +58,7 @@ def of_months(*months: int, year: int = 2027, slug: str = "2027", **settings) ->
     return season
 
 
+@pytest.mark.slow
 def test_an_untouched_site_has_an_open_and_a_pro_race_in_each_of_36_months(now):
     open_demo_season(now=now)
     months = [add_months(datetime(2026, 12, 1, tzinfo=UTC), month) for month in range(36)]
@@ -102,6 +103,17 @@ def test_the_successor_is_drafted_60_days_ahead_and_admins_are_notified():
     told = Notice.objects.get(kind="season")
     assert told.racer == admin and told.path == copy.get_absolute_url() and helper.notices.count() == 0
     assert told.params["season"] == "Season 2028" and "2028-01-01" in told.params["opens"]
+
+
+def test_texts_stored_before_are_copied_without_their_invisible_characters():
+    season = of_months(1)
+    Season.objects.filter(pk=season.pk).update(name="Season\u202e 2027", prizes="A cup\u200b\nfor all")
+    Round.objects.filter(season=season).update(name="January\u202e")
+    Race.objects.filter(round__season=season).update(name="Night\u202e", description="One\u200b\ntwo")
+    copy = copy_season(season=season, now=JANUARY).season
+    round_ = copy.rounds.select_related("race").get()
+    assert (copy.name, copy.prizes, round_.name) == ("Season 2028", "A cup\nfor all", "January")
+    assert (round_.race.name, round_.race.description) == ("Night", "One\ntwo")
 
 
 @pytest.mark.django_db(transaction=True)

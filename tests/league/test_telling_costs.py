@@ -10,10 +10,10 @@ from django.test.utils import CaptureQueriesContext
 from django.utils import timezone
 
 from accounts.models import Racer
-from league.services.deliveries import deliver_due
-from league.services.mails import send_mails
-from league.services.webhooks import add_webhook
-from races.services import cancel_race
+from league.notices.services import send_mails
+from league.webhooks.deliveries import deliver_due
+from league.webhooks.services import add_webhook
+from races.pages.services import cancel_race
 from tests.factories import a_race, drive, laps
 from tests.happened import queue_deliveries, tell_what_happened
 

@@ -8,11 +8,12 @@ import pytest
 from django.conf import settings as configured
 
 from config.celery import app
-from league import outgoing, tasks
+from league import tasks
 from league.models import Webhook, WebhookDelivery, WebhookHost
-from league.services import deliveries
-from league.services.deliveries import GIVEN_UP_AFTER, LONGEST_PAUSE, deliver_due, hosts_due
-from league.services.webhooks import add_webhook, send_test, tidy_webhooks
+from league.webhooks import deliveries
+from league.webhooks import outgoing_requests as outgoing
+from league.webhooks.deliveries import GIVEN_UP_AFTER, LONGEST_PAUSE, deliver_due, hosts_due
+from league.webhooks.services import add_webhook, send_test, tidy_webhooks
 
 pytestmark = pytest.mark.django_db
 MINUTE = timedelta(minutes=1)

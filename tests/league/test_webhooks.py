@@ -11,12 +11,12 @@ from django.db import IntegrityError, transaction
 from django.test import Client
 from django.utils import timezone
 
-from core import wakeup
-from league.happenings import EVENTS
+from core.wakeups import workers as wakeup
 from league.models import Stage, Webhook, WebhookDelivery
-from league.services import close_round
-from league.services.deliveries import TRIES, deliver_due, signature
-from league.services.webhooks import PER_RACER, TESTS_AN_HOUR, add_webhook, send_test
+from league.stewarding.official_results import close_round
+from league.webhooks.deliveries import TRIES, deliver_due, signature
+from league.webhooks.payloads import EVENTS
+from league.webhooks.services import PER_RACER, TESTS_AN_HOUR, add_webhook, send_test
 from paddock.errors import UserFault
 from tests.factories import a_race, a_racer, drive, laps
 from tests.happened import queue_deliveries

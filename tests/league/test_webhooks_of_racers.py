@@ -12,15 +12,15 @@ from django.utils import timezone
 from standardwebhooks import Webhook as Receiver
 from standardwebhooks import WebhookVerificationError
 
-from league import chats
-from league.happenings import EVENTS, LABELS, WORDS
 from league.models import NoticeChoice, Stage, Webhook, WebhookDelivery
-from league.services import close_round, disqualify, reopen_round
-from league.services.deliveries import deliver_due
-from league.services.webhooks import add_webhook, change_secret, send_test
-from league.signing import shown
+from league.stewarding.official_results import close_round
+from league.stewarding.services import disqualify, reopen_round
+from league.webhooks import payloads as chats
+from league.webhooks.deliveries import deliver_due, shown
+from league.webhooks.payloads import EVENTS, LABELS, WORDS
+from league.webhooks.services import add_webhook, change_secret, send_test
 from paddock.errors import UserFault
-from races.services import submit_model
+from races.entries.services.submissions import submit_model
 from tests.docs.pages import code_blocks, text
 from tests.factories import a_model, a_race, a_racer, drive, fail, laps
 from tests.happened import queue_deliveries

@@ -29,7 +29,7 @@ import django; django.setup()
 import json
 from django.core.management import call_command
 from django.utils import timezone
-from races.services import submit_model
+from races.entries.services.submissions import submit_model
 from tests.factories import a_model, a_race, a_track
 from accounts.models import Racer
 call_command("migrate", interactive=False, verbosity=0)

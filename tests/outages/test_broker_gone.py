@@ -11,13 +11,13 @@ from time import monotonic
 import pytest
 from redis import Redis
 
-from config import broker
+from config.serving import broker
 from tests.evaluation.processes import suspended, wait_for
 from tests.outages.small_site import Answer, SmallSite, Somebody
 
 SWEEP = (
     "import django; django.setup()\n"
-    "from evaluation.services import EVALUATIONS; from core.clock import database_now\n"
+    "from evaluation.running.queue.jobs import EVALUATIONS; from core.database.clock import database_now\n"
     "print(EVALUATIONS.sweep(now=database_now()).waiting)"
 )
 IN_ALL = "import django; django.setup(); from races.models import Submission; print(Submission.objects.count())"

@@ -17,8 +17,8 @@ from typing import Any
 
 import pytest
 
+from tests.config.test_run import environment
 from tests.evaluation.processes import is_running, wait_for
-from tests.league.test_run import environment
 from tests.live_site import QUIET, LiveSite
 from tests.shared import CHECKOUT
 

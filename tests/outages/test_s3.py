@@ -15,9 +15,13 @@ from django.utils import timezone
 
 from core.jobs import work as turns
 from core.jobs.models import Outage
-from evaluation import pipeline, services
+from evaluation import stored_files as stored
 from evaluation.models import Damage, Evaluation, Result, State, StoredFile
-from evaluation.services import stored, work
+from evaluation.running import pipeline
+from evaluation.running.queue import worker as work
+from evaluation.running.queue.jobs import EVALUATIONS
+from evaluation.running.queue.services import queue_evaluation
+from evaluation.running.queue.worker import run_next_evaluation
 from paddock.errors import PlatformFault
 from paddock.rules.race import RaceRules
 from tests.evaluation.stubs import finishes
@@ -36,14 +40,14 @@ READS = [mood for mood in MOODS if mood != "full"]  # a full one is still read
 def turn(monkeypatch, now):
     """A worker's turn ``after`` seconds, as the pipeline's stub plays it; it sweeps before it looks."""
     monkeypatch.setattr(pipeline, "evaluate", finishes)
-    monkeypatch.setattr(services.EVALUATIONS, "heartbeat", lambda job: contextlib.nullcontext(Steady()))
+    monkeypatch.setattr(EVALUATIONS, "heartbeat", lambda job: contextlib.nullcontext(Steady()))
 
     def take(after):
         at = now + timedelta(seconds=after)
         for part in (turns, work):
             monkeypatch.setattr(part, "database_now", lambda: at)
-        services.EVALUATIONS.sweep(now=at, wake=False)
-        return services.run_next_evaluation(worker="w")
+        EVALUATIONS.sweep(now=at, wake=False)
+        return run_next_evaluation(worker="w")
 
     return take
 
@@ -74,7 +78,7 @@ def test_accepted_cars_finish_once_the_bucket_is_back(mood, s3, turn, alice, ova
         model.network.onnx.delete(save=False)
         model.network.onnx.name = stored.store(f"networks/{number}.onnx", f"network {number}".encode())
         model.network.save(update_fields=["onnx"])
-        services.queue_evaluation(owner=alice, model=model, track=oval, rules=RaceRules(), now=now)
+        queue_evaluation(owner=alice, model=model, track=oval, rules=RaceRules(), now=now)
     s3.be(mood)
     taken = [turn(second) for second in range(0, 4)]
     assert taken.count(True) <= 3 and not Result.objects.exists()

@@ -8,12 +8,12 @@ import pytest
 from django.core.files.storage import default_storage
 from django.utils import timezone
 
-from config.backup.files import stored
-from config.backup.making import back_up
+from config.operations.backup.files import stored
+from config.operations.backup.making import back_up
 from paddock.errors import PlatformFault
+from tests.config.backed_up import answers
+from tests.config.test_backup import addresses, command, empty_place
 from tests.factories import a_race, a_racer, drive, laps
-from tests.league.backed_up import answers
-from tests.league.test_backup import addresses, command, empty_place
 from tests.outages.bucket import BUCKET
 
 pytestmark = [pytest.mark.django_db(transaction=True), pytest.mark.slow]
@@ -49,7 +49,7 @@ def test_a_site_restored_into_an_empty_bucket_works_as_before(s3, race, tmp_path
         s3.be("")
         restored = command(environment | of_bucket, "manage.py", "restore", str(file))
         assert restored.returncode == 0, restored.stderr
-        after = command(environment | of_bucket, "-m", "tests.league.backed_up", "racer-0-of-backup", *asked)
+        after = command(environment | of_bucket, "-m", "tests.config.backed_up", "racer-0-of-backup", *asked)
     assert set(stored()) == names
     assert json.loads(after.stdout) == before
 

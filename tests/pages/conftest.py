@@ -23,8 +23,9 @@ from django.utils import timezone
 from accounts.models import Racer
 from evaluation.models import Evaluation, TrainedModel
 from paddock.errors import PlatformFault, UserFault
+from races.entries.services.entries import enter_race
+from races.entries.services.submissions import submit_model
 from races.models import Race, RankingMethod, Submission, Visibility
-from races.services import enter_race, submit_model
 from tests.factories import a_model, a_race, a_racer, a_track, drive, fail, lap, laps, start
 from tests.kept import Kept
 from tests.shared import CHECKOUT

@@ -7,9 +7,9 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 
-from league.services.house import HOUSE_CARS_DIR
+from league.house_cars.services import HOUSE_CARS_DIR
 from paddock.geometry.catalogue import CATALOGUE
-from paddock.geometry.npy import write_npy
+from paddock.geometry.files import write_npy
 from tests.pages.form_world import PASSWORD, a_picture
 
 CAR = HOUSE_CARS_DIR / "flyer.onnx"
@@ -149,14 +149,14 @@ CASES = [
         "Ben Park is out of the class.",
         {"Ben Park": True, "css=#sure": True},
     ),
-    Case("alice", "/classes/7c/", "Delete everything", "Class deleted", {"Its name, to be sure": "7c"}),
+    Case("alice", "/classes/7c/", "Delete everything", "Class deleted", {"Type the class name to confirm": "7c"}),
     Case("guest", "/class/", "css=form button", "Unknown code.", {"Code on your card": "ABCD"}),
     Case("guest", "/class/ABCDEFGHJKMN/", "css=form button", "Unknown code."),
     # teams
     Case("admin", "/teams/new/", "Found the team", "The team is founded.", {"Name": "Kites"}),
     Case("alice", "/teams/comets/", "Ask to join", "Saved.", {"Alias": "slowpoke"}),
     Case("alice", "/teams/comets/", "css=#invite li:has-text('slowpoke') button", "Saved."),
-    Case("newcomer", "/teams/comets/", "Turn down", "Saved."),
+    Case("newcomer", "/teams/comets/", "Decline", "Saved."),
     Case("newcomer", "/teams/", "css=form[action='/teams/rockets/'] [value=decline]", "Saved."),
     Case("newcomer", "/teams/", "css=form[action='/teams/rebels/'] [value=accept]", "Saved."),
     Case("newcomer", "/teams/rebels/", "Leave the team", "You have left the team."),
@@ -175,7 +175,7 @@ CASES = [
     Case("alice", "/groups/club/", "css=#members [value=hand_over]", "Saved."),
     Case("newcomer", "/groups/club/", "Leave the group", "You are no longer in the group."),
     Case("admin", "/groups/club/", "css=#members [value=remove]", "Saved."),
-    Case("admin", "/groups/club/", "Turn down", "Saved."),
+    Case("admin", "/groups/club/", "Decline", "Saved."),
     Case("admin", "/groups/club/", "Delete the group", "Group deleted."),
     # invitations by e-mail
     Case(
@@ -214,13 +214,13 @@ CASES = [
         "alice",
         "/races/real-race/timing/set-up/",
         "Name a timekeeper",
-        "may take times now.",
+        "is now a timekeeper.",
         {"Alias of the timekeeper": "newcomer"},
     ),
     Case("alice", "", "Dismiss newcomer", "newcomer is no longer a timekeeper."),
     Case("alice", "", "Make a sensor", "Copy it now", {"Name of the sensor": "Strip"}),
     Case("alice", "/races/real-race/timing/set-up/", "Revoke Old gate", "Token revoked."),
-    Case("alice", "", "Give Tom Guest", "are those of gone now.", {"Alias of Tom Guest": "gone"}),
+    Case("alice", "", "Give Tom Guest", "now belong to gone.", {"Alias of Tom Guest": "gone"}),
     Case("alice", "", "Take the laps", "1 lap imported.", {"CSV file": [LAPS]}),
     Case(
         "alice",
@@ -235,7 +235,7 @@ CASES = [
     Case("newcomer", "/races/real-race/laps/", "css=#car button", "Saved.", {"Model on the car": "Spark"}),
     Case("newcomer", "/spoilers/", "Hide results from now on", "Results are hidden since"),
     Case("newcomer", "/races/open-race/", "css=#board .spoiler-offer button", "css=#board .card-head"),
-    Case("newcomer", "/spoilers/", "Show all results", "Results are shown."),
+    Case("newcomer", "/spoilers/", "Show all results", "Results are visible."),
     Case("alice", "/races/rain-race/cancel/", "Cancel the race", "Race cancelled.", {"Reason": "Rain"}),
     Case("alice", "/races/secret-race/close/", "Close now", "Race closed."),
     Case("alice", "/races/duel-race/duels/", "Draw now", "Duels drawn."),
@@ -312,6 +312,15 @@ CASES = [
     Case("alice", "/train/{ended}/", "Evaluate: three laps", "css=#evaluation"),
     Case("alice", "/train/{ended}/", "css=form[action$='/submit/'] button", "css=#board"),
     Case("alice", "/train/{ended}/delete/", "Delete", "Training deleted:"),
+    Case("alice", "/train/sweeps/{sweep}/", "Stop the sweep", "Stopping. The best setting so far becomes a model."),
+    Case("alice", "/train/sweeps/{swept}/delete/", "Delete", "Sweep deleted. Its models stay."),
+    Case(
+        "alice",
+        "/train/new/",
+        "Try these settings",
+        "css=#trials",
+        {"Name": "Tuned", "css=[name=sweep-vary][value=lr]": True},
+    ),
     Case("alice", "/learn/laboratory/", "Show on the track", "css=#maps svg"),
     Case("alice", "/learn/laboratory/", "Validate", "No problems found", scripts=False),
     # runs
@@ -383,7 +392,7 @@ CASES = [
     Case("admin", "", "Revoke results", "css=#stewards", inside="body"),
     Case("admin", "/races/round-2/", "Publish results", "css=button[value=confirmed]", inside=STEWARD),
     Case("admin", "/seasons/2027/", "Do not continue", "The season ends without a successor."),
-    Case("admin", "", "Continue by itself", "The season continues by itself"),
+    Case("admin", "", "Continue automatically", "The season continues automatically"),
     Case(
         "admin",
         "/seasons/2027/copy/",

@@ -12,21 +12,24 @@ from allauth.account.models import EmailAddress, EmailConfirmationHMAC
 from allauth.account.utils import user_pk_to_url_str
 from PIL import Image
 
-from accounts.classes import add_learners, make_class
+from accounts.class_accounts.services import add_learners, make_class
 from accounts.following import follow_racer
 from accounts.groups.services import ask_to_join, confirm_member, make_group
 from accounts.models import Racer
 from accounts.teams.services import found_team, invite_to_team, join_by_link
-from accounts.tokens import create_token
-from evaluation.services import share_model, stop_evaluation
-from league.models import MailInvitation, NoticeKind, Round, Stage
-from league.services import close_due_rounds, close_round
-from league.services.inviting import invite_by_mail, link_token, stop_token
-from league.services.notices import stopping_token
-from league.services.webhooks import add_webhook
+from accounts.tokens.services import create_token
+from evaluation.garage.services import share_model
+from evaluation.running.queue.services import stop_evaluation
+from league.invitations.services import invite_by_mail, link_token, stop_token
+from league.models import MailInvitation, Round, Stage
+from league.notices import kinds as notice_kinds
+from league.notices.services import stopping_token
+from league.stewarding.official_results import close_due_rounds, close_round
+from league.webhooks.services import add_webhook
+from races.entries.services.entries import enter_race, remove_entry, withdraw
 from races.models import Guest, Race
-from races.services import drive_own, enter_race, remove_entry, withdraw
-from races.services.timing import carry_over, make_sensor
+from races.test_runs.services import drive_own
+from races.timing.services import carry_over, make_sensor
 from tests.drawn_runs import a_driven_run
 from tests.duels import a_duel_race, qualify
 from tests.evaluation.reports import a_report, drive, off_the_road
@@ -35,11 +38,11 @@ from tests.happened import tell_what_happened
 from tests.league.seasons import a_season, board, racers
 from tests.pages.conftest import World
 from tests.races.timing import a_session, a_timed_race
-from tests.training.jobs import a_training
-from training.lessons import LESSONS
+from tests.training.jobs import a_sweep_row, a_training
+from training.lessons.catalogue import LESSONS
 from training.models import JobState, TrainingJob
-from training.vehicles import save_vehicle
-from videos.services import ask_for_video, run_next_video
+from training.vehicles.services import save_vehicle
+from videos.services import request_video, run_next_video
 
 PASSWORD = "a long enough passphrase"
 
@@ -91,15 +94,17 @@ class Cast:
         share_model(model=theirs, now=now)
         driven = a_driven_run(world.race, bob, now)
         chased = a_driven_run(a_race(now, slug="chase-race", name="Chase race"), bob, now, lap_ms=1_100)
-        ready = ask_for_video(evaluation=driven, by=bob, car=0, part="best", language="en", now=now).video
+        ready = request_video(evaluation=driven, by=bob, car=0, part="best", language="en", now=now).video
         run_next_video(worker="test")
-        waits = ask_for_video(evaluation=driven, by=alice, car=0, part="whole", language="en", now=now).video
+        waits = request_video(evaluation=driven, by=alice, car=0, part="whole", language="en", now=now).video
 
         running = a_training(alice, world.track, now, name="Underway")
         ended = a_training(newcomer, world.track, now, name="Ended")
         values = {"state": JobState.FINISHED, "ended_because": "time", "ended_at": now, "steps_done": 2000}
         values |= {"best_model": spare, "last_model": spare, "owner": alice}
         TrainingJob.objects.filter(pk=ended.pk).update(**values)
+        sweep = a_sweep_row(alice, world.track, now, name="Rates")
+        swept = a_sweep_row(alice, world.track, now, name="Swept", state="stopped", ended_at=now)
         vehicle = save_vehicle(owner=alice, vehicle=None, name="Buggy", sensors=["FRONT_FACING_CAMERA"])
 
         create_token(racer=world.admin, now=now)
@@ -165,12 +170,14 @@ class Cast:
             "theirs": theirs.public_id,
             "job": running.public_id,
             "ended": ended.public_id,
+            "sweep": sweep.public_id,
+            "swept": swept.public_id,
             "vehicle": vehicle.public_id,
             "own": own[0].evaluation.public_id,
             "report": done.public_id,
             "report_waits": waiting.public_id,
             "report_listed": listed.public_id,
-            "stop": stopping_token(alice.pk, NoticeKind.RESULT),
+            "stop": stopping_token(alice.pk, notice_kinds.RESULT),
             "confirm": EmailConfirmationHMAC(fresh).key,
             "reset": key,
         }
@@ -214,6 +221,7 @@ class Cast:
             "notices/<int:pk>/": [],
             "settings/": [],
             "train/<str:public_id>/": [{"public_id": said["job"]}, {"public_id": said["ended"]}],
+            "train/sweeps/<": [{"public_id": said["sweep"]}, {"public_id": said["swept"]}],
             "vehicles/<str:public_id>/": [{"public_id": said["vehicle"]}],
             "cups/": [],  # a page without a form; the form of the list has a case
             "classes/<": [{"slug": "7c"}],

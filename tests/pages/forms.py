@@ -143,3 +143,70 @@ def _routes(patterns: Iterable[URLPattern | URLResolver], before: str = "") -> I
             yield from _routes(pattern.url_patterns, route)
         elif pattern.name is not None:
             yield route, pattern.name
+
+
+class _Fields(HTMLParser):
+    """The fields of each form of a page that is sent by POST, as they stand there, and the labels of all fields."""
+
+    def __init__(self, address: str, html: str) -> None:
+        super().__init__()
+        self.forms: list[tuple[str, dict[str, object]]] = []
+        self.labels: dict[str, str] = {}
+        self._address, self._now, self._ids = address, None, {}
+        self._label = self._area = self._select = ""
+        self.feed(html)
+
+    def name_of(self, label: str) -> str:
+        """The name of the field with a label, or that ``css=[name=...]`` means; empty for another way to name it."""
+        if found := re.fullmatch(r"css=\[name=([\w-]+)\]", label):
+            return found[1]
+        return self._ids.get(self.labels.get(label, ""), "")
+
+    def handle_starttag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
+        said = {name: value or "" for name, value in attrs}
+        name, value = said.get("name", ""), said.get("value", "")
+        if said.get("id") and name:
+            self._ids[said["id"]] = name
+        if tag == "label":
+            self._label = said.get("for", "")
+        elif tag == "form":
+            self._now = {} if said.get("method", "").lower() == "post" else None
+            if self._now is not None:
+                self.forms.append((urlsplit(said.get("action") or self._address).path, self._now))
+        elif self._now is None:
+            return
+        elif tag == "textarea":
+            self._area, self._now[name] = name, ""
+        elif tag == "select":
+            self._select = name
+        elif tag == "option" and self._select and ("selected" in said or self._select not in self._now):
+            self._now[self._select] = value
+        elif tag in ("input", "button") and name:
+            kind = said.get("type", "submit" if tag == "button" else "text")
+            chosen = kind not in ("checkbox", "radio", "file", "submit", "image") or "checked" in said
+            if chosen or (kind == "submit" and "" not in self._now):
+                self._now[name] = value or ("on" if kind == "checkbox" else "")
+                self._now |= {"": name} if kind == "submit" else {}
+
+    def handle_data(self, data: str) -> None:
+        if self._label and data.strip():
+            self.labels.setdefault(data.strip().rstrip(":"), self._label)
+        elif self._area and self._now is not None:
+            self._now[self._area] += data
+
+    def handle_endtag(self, tag: str) -> None:
+        if tag == "form":
+            self._now = None
+        elif tag in ("label", "textarea", "select"):
+            setattr(self, {"label": "_label", "textarea": "_area", "select": "_select"}[tag], "")
+
+
+def filled_form(address: str, html: str, action: str, fill: Mapping[str, object]) -> dict[str, object] | None:
+    """What a browser sends from a page by the first form that goes to ``action``, ``fill`` in the fields of these
+    labels; None where no form goes there."""
+    page = _Fields(urlsplit(address).path, html)
+    sent = next((fields for path, fields in page.forms if path == action), None)
+    if sent is not None:
+        sent.pop("", None)
+        sent |= {name: value for label, value in fill.items() if (name := page.name_of(label))}
+    return sent

@@ -12,7 +12,7 @@ from django.utils import timezone
 from knox.models import AuthToken
 
 from accounts.models import Racer
-from accounts.tokens import TOKENS_PER_RACER, create_token
+from accounts.tokens.services import TOKENS_PER_RACER, create_token
 from tests.pages.conftest import World
 
 PASSWORD = "a long enough passphrase"

@@ -11,11 +11,11 @@ from django.utils import timezone
 
 from accounts.models import Racer
 from evaluation.models import Evaluation
-from evaluation.services import finish_evaluation
-from league.models import NoticeKind
-from league.services.telling import Told, tell
+from evaluation.running.queue.jobs import finish_evaluation
+from league.notices import kinds as notice_kinds
+from league.notices.writer import NewNotice, notify
+from races.live.services import end_live, prepare_ahead
 from races.models import LiveEvent, LiveSlot, WatchedRace
-from races.services.live import end_live, prepare_ahead
 from tests.factories import a_racer, lap, outcome, start
 from tests.live_shows import a_live_race, a_show, begun, show
 from tests.pages.browsing import IN_A_BROWSER, chromium, visitor
@@ -55,8 +55,8 @@ def test_from_no_spoilers_to_the_podium(browser, live_server, event):
     from playwright.sync_api import expect
 
     zoe = a_racer("zoe")
-    tell(
-        Told(NoticeKind.FOLLOWED, "n", [zoe.pk], "/races/race-night/", {"race": "Race night", "racer": "carl"}),
+    notify(
+        NewNotice(notice_kinds.FOLLOWED, "n", [zoe.pk], "/races/race-night/", {"race": "Race night", "racer": "carl"}),
         timezone.now(),
     )
     Racer.objects.filter(pk=zoe.pk).update(hides_results_since=timezone.now() - timedelta(days=1))

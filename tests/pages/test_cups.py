@@ -9,6 +9,7 @@ from django.urls import reverse
 
 from league.models import Cup, CupDivision, CupPlace, CupStarter
 from tests.factories import a_model, a_race, a_racer
+from tests.pages.test_queries import FEW, queries
 
 pytestmark = pytest.mark.django_db
 
@@ -50,6 +51,24 @@ def test_a_cup_that_is_over_costs_as_many_queries_whoever_raced(client, real_now
         CupPlace.objects.create(cup=cup, division=1, racer=a_racer(), place=number, qualified=number)
     with django_assert_max_num_queries(15):
         client.get(cup.get_absolute_url())
+
+
+def test_pages_of_cups_need_few_queries_for_any_number(client, real_now, wakes):
+    racer = a_racer()
+    client.force_login(racer)
+    CupStarter.objects.create(racer=racer, model=a_model(racer), since=real_now)
+    a_cup(real_now)
+    sent = {}
+    for days in range(1, 4):
+        race = a_race(
+            real_now, opens_at=real_now - timedelta(days=days, hours=1), closes_at=real_now - timedelta(days=days)
+        )
+        over = Cup.objects.create(day=race.opens_at.date(), race=race, drawn_at=real_now, over_at=real_now)
+        for place in range(1, 4):
+            CupPlace.objects.create(cup=over, division=1, racer=a_racer(), place=place, qualified=place)
+        for page in (reverse("cups"), over.get_absolute_url()):
+            sent[days, page == reverse("cups")] = len(queries(client, page))
+    assert max(sent.values()) <= FEW and len({(is_list, count) for (_days, is_list), count in sent.items()}) == 2
 
 
 @pytest.mark.parametrize("day", ["2026-13-01", "tomorrow", "2020-01-01"])

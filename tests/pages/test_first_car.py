@@ -11,14 +11,14 @@ import pytest
 from django.utils import timezone
 
 from accounts.models import Racer
+from races.entries.services.entries import withdraw
 from races.models import Race
-from races.services import withdraw
 from tests.clients import logged_in
 from tests.factories import a_model, a_race, a_racer, drive, laps
 from tests.pages.conftest import World
 from tests.pages.test_queries import LIMIT, queries
 from training.models import JobState, TrainingJob
-from training.services import train_first_car
+from training.starter_training.services import train_first_car
 from training.trainer.network import NetworkLayout
 
 pytestmark = [pytest.mark.django_db, pytest.mark.usefixtures("trainings_taken_on", "wakes")]

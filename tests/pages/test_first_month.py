@@ -12,9 +12,11 @@ from django.test import Client
 from django.utils import timezone
 
 from league.models import Round, Season, Stage
-from league.selectors import months_of
-from league.selectors.overview import fields_in_time, fields_of, leaders_shown, running_rounds, standings_table
-from league.services import close_round, create_season, schedule_round
+from league.seasons.services.seasons import create_season, schedule_round
+from league.standings.selectors.finale_fields import fields_in_time, fields_of
+from league.standings.selectors.months import months_of
+from league.standings.selectors.tables import leaders_shown, running_rounds, standings_table
+from league.stewarding.official_results import close_round
 from races.models import Race
 from tests.factories import a_racer, a_track
 from tests.kept import Kept

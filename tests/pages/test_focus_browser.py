@@ -9,8 +9,8 @@ import pytest
 from django.utils import timezone
 
 from evaluation.models import Evaluation
-from evaluation.services import finish_evaluation
-from races.services import submit_model
+from evaluation.running.queue.jobs import finish_evaluation
+from races.entries.services.submissions import submit_model
 from tests.factories import a_model, a_race, a_racer, a_track, laps, outcome, start
 from tests.pages.browsing import IN_A_BROWSER, chromium, visitor
 from tests.training.jobs import a_training
@@ -64,7 +64,7 @@ def test_the_alias_field_names_its_format(browser, live_server, now) -> None:
         page.locator("[name=password1]").fill("lane-9-apex")
         page.locator("[name=password2]").fill("lane-9-apex")
         page.get_by_role("main").get_by_role("button", name="Sign up").click()
-        message = "2 to 64 letters, digits, hyphens and underscores."
+        message = "2 to 64 English letters, digits, hyphens and underscores."
         assert alias.evaluate("field => field.validationMessage") == message
         alias.fill("two-words")
         assert alias.evaluate("field => field.checkValidity()")

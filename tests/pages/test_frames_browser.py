@@ -8,8 +8,8 @@ from datetime import timedelta
 import pytest
 from django.utils import timezone
 
+from races.live.services import launch
 from races.models import LiveEvent
-from races.services.live import launch
 from tests.factories import a_racer
 from tests.live_shows import a_live_race, a_show, begun, slot_of
 from tests.pages.browsing import IN_A_BROWSER, chromium, visitor

@@ -16,9 +16,9 @@ from django.core.files.uploadedfile import SimpleUploadedFile
 from django.utils import timezone
 from PIL import Image
 
-from evaluation import services
+from evaluation.garage import services as garage_services
+from evaluation.garage.services import UploadedModel
 from evaluation.models import TrainedModel
-from evaluation.services import UploadedModel
 from paddock.errors import PlatformFault, UserFault
 from paddock.geometry.track import TrackGeometry
 from tests.factories import a_model, a_race
@@ -89,7 +89,7 @@ def test_a_model_is_uploaded_and_shown(world: World, monkeypatch: pytest.MonkeyP
         got.update(owner=owner, name=name, description=description, sent=[(f.name, f.stream.read()) for f in files])
         return UploadedModel(a_model(world.newcomer, name=name or "model"), created=True)
 
-    monkeypatch.setattr(services, "upload_model", keep)
+    monkeypatch.setattr(garage_services, "upload_model", keep)
     files = SimpleUploadedFile("a.onnx", b"net"), SimpleUploadedFile("model_metadata.json", b"{}")
     response = upload(world.client("newcomer"), *files, name="Bolt", description="Fast")
     assert got["sent"] == [("a.onnx", b"net"), ("model_metadata.json", b"{}")]
@@ -99,7 +99,7 @@ def test_a_model_is_uploaded_and_shown(world: World, monkeypatch: pytest.MonkeyP
 
 
 def test_uploading_the_same_network_leads_to_the_existing_model(world: World, monkeypatch) -> None:
-    monkeypatch.setattr(services, "upload_model", lambda **_: UploadedModel(world.model, created=False))
+    monkeypatch.setattr(garage_services, "upload_model", lambda **_: UploadedModel(world.model, created=False))
     client = world.client("alice")
     response = upload(client, SimpleUploadedFile("a.onnx", b"net"))
     assert response["Location"] == f"/models/{world.model.public_id}/"
@@ -113,7 +113,7 @@ def test_a_full_garage_and_a_busy_site_have_different_messages(world: World, mon
     def refuse(**_):
         raise fault
 
-    monkeypatch.setattr(services, "upload_model", refuse)
+    monkeypatch.setattr(garage_services, "upload_model", refuse)
     response = upload(world.client("alice"), SimpleUploadedFile("a.onnx", b"net"))
     assert response.status_code == status
     assert f'data-code="{fault.code}"' in response.content.decode()
@@ -140,7 +140,9 @@ def test_a_model_page_shows_what_its_sensors_see(world: World, monkeypatch: pyte
     assert world.client("bob").get(address).status_code == 404
 
     # drawn once for all models that read the same
-    monkeypatch.setattr("evaluation.pictures.sensor_picture", lambda *_: pytest.fail("drawn again"))
+    monkeypatch.setattr(
+        "evaluation.camera_replay.sensor_pictures.sensor_picture", lambda *_: pytest.fail("drawn again")
+    )
     other = a_model(world.alice)
     assert world.client("alice").get(f"/models/{other.public_id}/sensors.png").content == picture.content
 

@@ -9,8 +9,8 @@ from html.parser import HTMLParser
 import pytest
 from django.test import Client
 
-from config import guides
-from config.guides import GUIDES, Guide, anchor_of, page_of, search
+from config.guides import pages as guides
+from config.guides.pages import GUIDES, Guide, anchor_of, page_of, search
 from tests.docs.pages import DOCS, anchors
 
 every_guide = pytest.mark.parametrize("guide", GUIDES, ids=lambda guide: guide.slug)
@@ -134,3 +134,31 @@ def test_a_guide_that_is_not_there_is_not_found(written):
     written("# Racers\n")  # and no other
     assert Client().get("/guides/api/").status_code == 404
     assert Client().get("/guides/passwords/").status_code == 404
+
+
+OLD_ANCHORS_FOR_RACERS = """
+a-cars-report a-video-of-a-run account at-home bring-a-car-that-was-trained-elsewhere commands comparing-runs
+conversion-of-a-tensorflow-graph domain-randomisation downloads duels every-reason-code follow-racers for-racers
+from-sign-up-to-the-first-result from-the-checkout how-a-training-learns hyperparameters live-events live-races
+model_metadatajson no-spoilers notices on-the-track other-systems-and-other-pythons own-runs paddocks-own-faults
+policies-of-stable-baselines3 practise-on-your-own-machine programs prove-a-result race races read-a-result
+recorded-drives reports reward-functions runs-of-your-own several-cars-in-a-race several-tracks share-a-model
+stacked-frames submit-on-every-push take-a-model-elsewhere teams terms-of-a-race texts the-board the-command
+the-cup-of-the-day the-league the-network the-onnx-contract the-package the-same-hash-at-home the-stream track-files
+train-a-car trainings upload vehicles videos what-a-reward-function-may-import what-is-on-the-track
+what-may-be-uploaded while-it-trains-and-after write-a-reward-function you-against-another-racer your-account
+your-cars-speed
+""".split()  # noqa: SIM905
+
+
+def test_every_old_address_of_the_guide_for_racers_still_leads_to_its_section():
+    page = Links(Client().get("/guides/racers/").content.decode())
+    assert len(page.ids) == len(set(page.ids)) and set(OLD_ANCHORS_FOR_RACERS) <= set(page.ids)
+    for link in page.links:
+        if match := re.fullmatch(r"/guides/(\w+)/#(.+)", link):
+            assert match[2] in article(match[1]).ids, link
+
+
+def test_the_old_address_of_the_rules_redirects_to_their_table():
+    answer = Client().get("/guides/rules/")
+    assert (answer.status_code, answer["Location"]) == (301, "/guides/reference/#the-rules-of-a-race")

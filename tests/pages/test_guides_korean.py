@@ -9,9 +9,9 @@ import pytest
 from django.test import Client
 from django.utils.translation import gettext, override
 
-from config import guides
-from config.guide_words import in_language, needs_words
-from config.guides import GUIDES, blocks_of, guide_named, page_of, search
+from config.guides import pages as guides
+from config.guides.pages import GUIDES, blocks_of, guide_named, page_of, search
+from config.guides.translation import in_language, needs_words
 from tests.docs.korean_guides import CATALOGUE, translations
 from tests.pages.test_guides import Links
 
@@ -79,12 +79,12 @@ def test_line_breaks_of_the_file_do_not_matter(written):
 
 
 def test_reasons_and_rules_are_said_as_the_site_says_them():
-    racers, rules = (str(page_of(guide_named(slug), "ko").html) for slug in ("racers", "rules"))
+    page = str(page_of(guide_named("reference"), "ko").html)
     damaged = "The archive is damaged or incomplete. Download or pack it again, then upload it."
     with override("ko"):
-        assert f"<td>{gettext(damaged)}</td>" in racers
-    assert damaged not in racers and "<em>limit</em>" in racers
-    assert "맞대결: 봇 수." in rules and "<td>1~20</td>" in rules
+        assert f"<td>{gettext(damaged)}</td>" in page
+    assert damaged not in page and "<em>limit</em>" in page
+    assert "맞대결: 봇 수." in page and "<td>1~20</td>" in page
     assert "The archive is damaged or incomplete. Download or pack it again, then upload it." not in translations(
         CATALOGUE
     )

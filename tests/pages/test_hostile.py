@@ -10,12 +10,13 @@ from django.test import Client, override_settings
 from accounts.models import Racer
 from evaluation.models import Evaluation, TrainedModel
 from paddock.geometry.catalogue import CATALOGUE
-from paddock.geometry.npy import write_npy
+from paddock.geometry.files import write_npy
 from races.models import Entry, Race, Submission
 from tests.factories import a_model, drive, laps
 from tests.pages.conftest import World
 from tests.pages.test_pages import INLINE
 from tests.rows import model_row
+from tracks.models import Track
 
 SCRIPT = '"><script>alert(1)</script><img src=x onerror=alert(1)>'
 RIGHT_TO_LEFT = "\u202egnp.exe\u202c مرحبا"
@@ -26,11 +27,9 @@ LONG = "W" * 64
 def test_a_hostile_name_is_plain_text_wherever_it_is_shown(world: World, name: str) -> None:
     Race.objects.filter(pk=world.race.pk).update(name=name, description=name)
     Race.objects.filter(pk=world.cancelled.pk).update(name=name, cancel_reason=name)
-    world.track.name = name
-    world.track.description = name
-    world.track.save()
-    model = model_row(world.alice, name=name, onnx=b"hostile")
-    TrainedModel.objects.filter(pk=model.pk).update(description=name)
+    Track.objects.filter(pk=world.track.pk).update(name=name, description=name)
+    model = model_row(world.alice, onnx=b"hostile")
+    TrainedModel.objects.filter(pk=model.pk).update(name=name, description=name)
     submission = drive(world.race, world.alice, laps(9_000, 9_000, 9_000), world.now)
     Evaluation.objects.filter(pk=submission.evaluation_id).update(model=model)
     Entry.objects.filter(race=world.race, racer=world.bob).update(removal_reason=name)
@@ -161,7 +160,7 @@ def test_a_huge_body_is_refused_before_it_is_read(world: World) -> None:
     def post(path: str, size: int, user: Racer | AnonymousUser = AnonymousUser()):  # noqa: B008  it is nobody
         from django.core.handlers.wsgi import WSGIRequest
 
-        from config.body_limit import BodyLimit
+        from config.middleware.body_limit import BodyLimit
 
         environ = {
             "REQUEST_METHOD": "POST",
@@ -185,7 +184,7 @@ def test_a_huge_body_is_refused_before_it_is_read(world: World) -> None:
 
 
 def test_the_limit_on_body_size_is_enabled(settings) -> None:
-    assert "config.body_limit.BodyLimit" in settings.MIDDLEWARE
+    assert "config.middleware.body_limit.BodyLimit" in settings.MIDDLEWARE
 
 
 def test_a_track_file_that_lies_about_its_size_is_refused(world: World) -> None:
@@ -200,7 +199,7 @@ def test_a_debug_page_is_never_shown(world: World) -> None:
     with override_settings(DEBUG=False):
         from unittest import mock
 
-        with mock.patch("league.views.home.racing_now", side_effect=RuntimeError("secret detail")):
+        with mock.patch("league.home.views.racing_now", side_effect=RuntimeError("secret detail")):
             response = client.get("/")
     assert response.status_code == 500
     html = response.content.decode()

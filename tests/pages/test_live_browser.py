@@ -11,16 +11,16 @@ import pytest
 from django.utils import timezone
 
 from evaluation.models import Evaluation
-from evaluation.services import finish_evaluation
+from evaluation.running.queue.jobs import finish_evaluation
+from races.entries.services.submissions import submit_model
 from races.models import Race
-from races.services import submit_model
 from tests.drawn_runs import a_driven_run, driven_trace
 from tests.factories import a_model, a_race, a_racer, laps, outcome, start
 from tests.pages.browsing import IN_A_BROWSER, chromium, visitor
 from training.models import TrainingJob
-from training.vehicles import save_vehicle
+from training.vehicles.services import save_vehicle
 from videos import drawing
-from videos.services import ask_for_video, run_next_video
+from videos.services import request_video, run_next_video
 
 pytestmark = [*IN_A_BROWSER, pytest.mark.django_db(transaction=True)]
 # every message of the polite region and every start of the player, from the moment that the page is there
@@ -85,6 +85,7 @@ def test_the_live_card_keeps_the_focus_and_announces_changes(browser, live_serve
     assert page.evaluate(kept)
     finishes(evaluation, now)
     said(page, "Finished, best lap 0:01.000.")
+    said(page, "alice: 0:01.000.")  # the board's row, which may be the later of the two
     page.locator("#live-card .pill.finished").wait_for()
     assert page.evaluate(kept)
 
@@ -151,7 +152,7 @@ def test_a_replay_is_controlled_from_the_keyboard(browser, live_server, now) -> 
 def test_video_progress_is_announced_and_its_button_keeps_focus(browser, live_server, now) -> None:
     alice = a_racer("alice")
     run = a_driven_run(a_race(now), alice, now)
-    video = ask_for_video(evaluation=run, by=alice, car=0, part="best", language="en", now=now).video
+    video = request_video(evaluation=run, by=alice, car=0, part="best", language="en", now=now).video
     video.state, video.progress, video.attempt = "drawing", 12, 1
     video.lease, video.leased_until = "12345678123456781234567812345678", now + timedelta(minutes=5)
     video.started_at = now

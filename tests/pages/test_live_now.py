@@ -8,9 +8,9 @@ import pytest
 from django.test import Client
 from django.utils import timezone
 
+from races.live.selectors.events import live_now
+from races.live.services import launch, plan_live
 from races.models import Visibility
-from races.selectors.live import live_now
-from races.services.live import launch, plan_live
 from tests.factories import a_race, a_racer
 from tests.league.seasons import a_season
 from tests.live_shows import a_live_race, a_show, begun, compute, slot_of

@@ -11,10 +11,10 @@ from django.utils import timezone
 
 from core.events import Event
 from evaluation.models import Evaluation, Result
-from evaluation.services import finish_evaluation
+from evaluation.running.queue.jobs import finish_evaluation
+from races.entries.services.entries import enter_race
+from races.live.services import begin_live, launch, plan_live, prepare_ahead, tick_live
 from races.models import Duel, DuelCompetitor, LiveSlot, Race
-from races.services import enter_race
-from races.services.live import begin_live, launch, plan_live, prepare_ahead, tick_live
 from tests.duels import duel_outcome
 from tests.factories import a_model, a_racer, drive, laps, start
 from tests.pages.conftest import make_world

@@ -10,12 +10,12 @@ from datetime import timedelta
 import pytest
 from django.utils import timezone
 
-from config.streams.hub import Hub
-from config.streams.reader import Reader
+from config.serving.streams.hub import Hub
+from config.serving.streams.reader import Reader
 from core.streams import TOPICS
 from core.streams.topics import asked_for
 from evaluation.models import Evaluation
-from races.services.live import say_to_spectators
+from races.live.services import set_message
 from tests.pages.test_live_walls import PLAYED_S, VIEWERS, Show, show  # noqa: F401  (the fixture)
 from tests.streams.process import session_of
 
@@ -26,7 +26,7 @@ HELLO = b'"message":"Hello"'
 
 @pytest.fixture(autouse=True)
 def looks_at_once(monkeypatch) -> None:
-    monkeypatch.setattr("races.live_stream.LEAST_S", 0.0)  # the clock of the show stands still
+    monkeypatch.setattr("races.live.streaming.event_stream.LEAST_S", 0.0)  # the clock of the show stands still
 
 
 def topics_around(shown: Show) -> set[str]:
@@ -70,7 +70,7 @@ def heard(shown: Show, told_to: Collection[str] = VIEWERS) -> dict[str, bytes]:
 def said(shown: Show) -> None:
     from django.db import connection
 
-    say_to_spectators(event=shown.event, message="Hello", by=shown.world.alice, seen=None, now=timezone.now())
+    set_message(event=shown.event, message="Hello", by=shown.world.alice, seen=None, now=timezone.now())
     connection.close()
 
 

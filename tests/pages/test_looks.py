@@ -9,8 +9,8 @@ import pytest
 from django.test import Client
 from django.utils import timezone
 
+from evaluation.appearance.shells import FROM_ABOVE
 from evaluation.models import TrainedModel
-from evaluation.shells import FROM_ABOVE
 from tests.duels import drawn, driving, end
 from tests.factories import a_race, a_racer, drive, laps
 from tests.pages.conftest import World

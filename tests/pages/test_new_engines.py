@@ -11,10 +11,10 @@ from django.core.management import CommandError, call_command
 from django.test import Client
 from django.utils import timezone
 
-from evaluation.services.nodes import start_worker
+from evaluation.running.worker_nodes import start_worker
 from paddock.errors import PlatformFault
+from races.entries.services.redrives import sweep_redrives
 from races.models import Race
-from races.services.redrives import sweep_redrives
 from races.tasks import redrives as task
 from tests.factories import a_race, a_racer, drive, laps
 from tests.redrives import SITE, break_down, end, pending

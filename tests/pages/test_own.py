@@ -8,10 +8,10 @@ from functools import partial
 import pytest
 
 from accounts.models import RacerQuota
-from evaluation.services import share_model
+from evaluation.garage.services import share_model
 from paddock.errors import PlatformFault
 from races.models import OwnEvaluation, Submission
-from races.services import drive_own
+from races.test_runs.services import drive_own
 from tests.factories import a_model, a_race, a_racer, drive, fail, lap, laps
 from tests.pages.conftest import World
 from tests.pages.test_queries import LIMIT, queries

@@ -7,7 +7,7 @@ from collections.abc import Iterator
 import pytest
 from django.utils import timezone
 
-from evaluation.services import finish_evaluation
+from evaluation.running.queue.jobs import finish_evaluation
 from races.models import OwnEvaluation
 from tests.factories import a_model, a_racer, a_track, laps, outcome, start
 from tests.pages.browsing import IN_A_BROWSER, chromium, visitor

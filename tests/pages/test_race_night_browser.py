@@ -14,7 +14,7 @@ from time import monotonic
 
 import pytest
 
-from tests.league.test_run import environment
+from tests.config.test_run import environment
 from tests.live_site import QUIET, LiveSite
 from tests.pages.browsing import IN_A_BROWSER, chromium
 from tests.shared import CHECKOUT

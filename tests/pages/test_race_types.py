@@ -11,7 +11,7 @@ from django.utils import timezone
 
 from paddock.simulator.layout import lay_out
 from races.models import Race
-from races.services import race_rules
+from races.rules.layout import race_rules
 from tests.factories import a_race, a_racer, a_track, drive, lap
 from tests.pages.conftest import World
 from tests.pages.test_races import form

@@ -11,6 +11,8 @@ import pytest
 from django.utils import timezone
 
 from evaluation.models import Evaluation
+from paddock.errors import PlatformFault
+from races.aftermath import views as afterwards
 from races.models import Entry, Race, RankingMethod, Submission
 from tests.factories import a_model, a_race, a_racer, drive, laps
 from tests.pages.conftest import World
@@ -317,9 +319,11 @@ def test_only_an_open_race_can_be_closed_now(world: World, slug: str, code: str)
 def test_the_live_box_polls_only_while_something_happens(world: World) -> None:
     client = world.client("alice")
     page = client.get("/races/waiting-race/").content.decode()
-    asked_first = re.search(r'hx-get="(/races/waiting-race/live/\?seen=[^"]+)" hx-trigger="load, paddock:moved"', page)
+    asked_first = re.search(
+        r'hx-get="(/races/waiting-race/live/\?seen=[^"]+)"\s+hx-trigger="load, paddock:moved"', page
+    )
     box = client.get(asked_first[1]).content.decode()
-    polled = re.search(r'hx-get="(/races/waiting-race/live/\?seen=[^"]+)" hx-trigger="paddock:moved"', box)
+    polled = re.search(r'hx-get="(/races/waiting-race/live/\?seen=[^"]+)"\s+hx-trigger="paddock:moved"', box)
     assert polled and "In queue: next." in box
     unchanged = client.get(polled[1])
     assert (unchanged.status_code, unchanged.content) == (204, b"")
@@ -436,3 +440,12 @@ def test_a_changed_race_reports_all_problems_at_once(world: World) -> None:
     answer = world.client("admin").post(f"/races/{world.upcoming.slug}/edit/", sent)
     assert answer.status_code == 422
     assert set(answer.context["form"].errors) >= {"name", "opens_at", "closes_at"}
+
+
+def test_a_platform_fault_is_a_503_and_no_message(world: World, monkeypatch) -> None:
+    def fail(*_args: object) -> bytes:
+        raise PlatformFault("storage_failed")
+
+    monkeypatch.setattr(afterwards, "results_pdf", fail)
+    answer = world.client("alice").get(f"/races/{world.closed.slug}/results.pdf")
+    assert (answer.status_code, answer["Retry-After"]) == (503, "30")

@@ -17,7 +17,7 @@ from tests.factories import a_model, a_race
 from .conftest import World
 
 # Operators filter failures by code; the page of the API explains codes.
-FOR_OPERATORS = {"config/failed_runs.html", "config/workers.html", "config/api.html"}
+FOR_OPERATORS = {"config/operations/failed_runs.html", "config/operations/workers.html", "config/api/reference.html"}
 PRINTED = re.compile(r"\{\{\s*[\w.]*\breason_code\s*\}\}|\{\{\s*(?:\w+\.)*(?:fault|error)\.code\s*\}\}")
 
 

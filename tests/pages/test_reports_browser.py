@@ -9,8 +9,8 @@ from datetime import timedelta
 import pytest
 from django.utils import timezone
 
+from evaluation.models.reports import CarReport
 from evaluation.reports.jobs import CHUNKS, finish_chunk
-from evaluation.reports.models import CarReport
 from tests.evaluation.reports import a_report, drive, off_the_road, outcome_of
 from tests.factories import a_model, a_track
 from tests.pages.browsing import IN_A_BROWSER, chromium, visitor

@@ -13,15 +13,16 @@ from django.utils import timezone
 
 from accounts.models import Racer
 from evaluation.models import Evaluation
-from evaluation.services import finish_evaluation
+from evaluation.running.queue.jobs import finish_evaluation
+from paddock.errors import UserFault
 from paddock.geometry.track import TrackGeometry
+from races.live.services import crown, end_live, launch, prepare_ahead, set_message, tick_live
+from races.live.services.show import MOST_IN_A_WINDOW
 from races.models import LiveEvent, LiveReaction, LiveSlot, Race
-from races.services.live import crown, end_live, launch, prepare_ahead, say_to_spectators, tick_live
-from races.services.live.reacting import MOST_IN_A_WINDOW
 from tests.clients import logged_in
 from tests.duels import drawn, end_all
 from tests.evaluation.stubs import HEADER
-from tests.factories import a_racer, lap, outcome, start
+from tests.factories import a_racer, break_down, lap, outcome, start
 from tests.live_shows import a_live_race, a_show, begun, slot_of
 from tests.pages.browsing import IN_A_BROWSER, chromium, visitor
 
@@ -92,7 +93,7 @@ def test_every_screen_while_a_run_is_played(browser, live_server, event):
 
     alice, wrong = event.race.organiser, []
     begun(event, alice, timezone.now())
-    say_to_spectators(event=event, message="Dinner is at eight.", by=alice, seen=None, now=timezone.now())
+    set_message(event=event, message="Dinner is at eight.", by=alice, seen=None, now=timezone.now())
     shown(event, "bob")
     compute(event)
     on_track(event, "carl", 6.5)
@@ -303,7 +304,7 @@ def test_no_message_stands_over_the_podium(browser, live_server, event):
     begun(event, alice, now)
     for alias in LAP_MS:
         shown(event, alias)
-    say_to_spectators(event=event, message="Dinner is at eight.", by=alice, seen=None, now=timezone.now())
+    set_message(event=event, message="Dinner is at eight.", by=alice, seen=None, now=timezone.now())
     end_live(event=event, by=alice, seen=None, now=timezone.now())
     crown(event=event, entry=slot_of(event, "carl").racer.entry, by=alice, seen=None, now=now)
     page = visitor(browser, live_server.url, viewport={"width": 1920, "height": 1080}).new_page()
@@ -314,6 +315,32 @@ def test_no_message_stands_over_the_podium(browser, live_server, event):
     expect(page.get_by_text("Rockets")).to_be_visible()
     expect(page.get_by_text("A helmet")).to_be_visible()
     keep(page, "big-podium-cards")
+
+
+def test_a_run_without_a_result_says_so(browser, live_server, event):
+    from playwright.sync_api import expect
+
+    alice = event.race.organiser
+    begun(event, alice, timezone.now())
+    bob = slot_of(event, "bob")
+    break_down(Evaluation.with_sealed.get(pk=bob.evaluation_id), UserFault("policy_memory", limit_mb=5), timezone.now())
+    shown(event, "bob")
+    guest = visitor(browser, live_server.url, viewport={"width": 1920, "height": 1080}).new_page()
+    guest.goto("/races/race-night/live/screen/")
+    row = guest.locator("[data-tower] li", has_text="bob")
+    expect(row.locator(".time")).to_have_text("no result", timeout=LATE_MS)
+    expect(guest.locator("[data-tower] li", has_text="carl").locator(".time")).to_have_text("–")
+    keep(guest, "big-no-result")
+    guest.goto("/races/race-night/event/")
+    expect(guest.locator("tr", has_text="bob")).to_contain_text("no result")
+    context = visitor(browser, live_server.url, viewport={"width": 360, "height": 800})
+    cookie = logged_in(alice).cookies["sessionid"].value
+    context.add_cookies([{"name": "sessionid", "value": cookie, "url": live_server.url}])
+    console = context.new_page()
+    console.goto("/races/race-night/event/console/")
+    said = console.locator(".console-slot", has_text="bob")
+    expect(said).to_contain_text("no result: The network needed more than 5 MB of memory.")
+    keep(console, "console-no-result", full_page=True)
 
 
 def test_the_console_shows_the_lamp_of_a_connected_screen(browser, live_server, event):

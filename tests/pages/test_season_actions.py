@@ -11,15 +11,17 @@ from django.urls import reverse
 
 from accounts.models import Racer
 from league.models import Round, Season, Stage
-from league.selectors.overview import current_season
-from league.services import create_season, open_demo_season
-from league.services.clock import tick
+from league.seasons.selectors import current_season
+from league.seasons.services.clock import tick
+from league.seasons.services.demo_season import open_demo_season
+from league.seasons.services.seasons import create_season
+from races.entries.services.entries import enter_race
 from races.models import Race
-from races.services import cancel_race, enter_race
+from races.pages.services import cancel_race
 from tests.clients import logged_in
 from tests.factories import a_racer, a_track
 from tests.league.seasons import JANUARY, MONTH, a_round, a_season
-from tests.pages.test_seasons import form_data, make
+from tests.pages.test_season_making import form_data, make
 
 pytestmark = pytest.mark.django_db
 NOW = datetime(2026, 11, 15, 12, tzinfo=UTC)

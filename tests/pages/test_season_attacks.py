@@ -10,9 +10,11 @@ from django.test import Client
 from icalendar import Calendar
 
 from accounts.models import Racer
-from league.models import Membership, Notice, NoticeKind, Round, Season, Stage, Webhook
-from league.services import close_round, disqualify
-from league.services.webhooks import add_webhook
+from league.models import Membership, Notice, Round, Season, Stage, Webhook
+from league.notices import kinds as notice_kinds
+from league.stewarding.official_results import close_round
+from league.stewarding.services import disqualify
+from league.webhooks.services import add_webhook
 from tests.factories import a_racer
 from tests.league.seasons import HOUR, a_round, a_season, after, board, racers
 
@@ -60,7 +62,7 @@ def addresses(first: Round, alias: str) -> list[str]:
 def test_markup_in_user_text_is_escaped_on_every_page(first):
     leader = Racer.objects.get(round_points__rank=1)
     Notice.objects.create(
-        racer=leader, kind=NoticeKind.MESSAGE, about="x", params={"race": MARK, "text": MARK}, at=first.closed_at
+        racer=leader, kind=notice_kinds.MESSAGE, about="x", params={"race": MARK, "text": MARK}, at=first.closed_at
     )
     client = logged_in(leader)
     boss = logged_in(a_racer("boss", is_staff=True, is_superuser=True))
@@ -90,7 +92,7 @@ def test_a_name_or_reason_cannot_inject_calendar_lines(first):
 
 class TestViewingChangesNothing:
     def test_every_change_needs_a_post(self, first, alice):
-        notice = Notice.objects.create(racer=alice, kind=NoticeKind.OPENS, about="1", at=first.closed_at)
+        notice = Notice.objects.create(racer=alice, kind=notice_kinds.OPENS, about="1", at=first.closed_at)
         hook = add_webhook(owner=alice, url="https://example.org/")
         client, race = logged_in(alice), first.race.get_absolute_url()
         for path in (

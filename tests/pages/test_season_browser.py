@@ -8,10 +8,10 @@ from datetime import UTC, datetime, timedelta
 
 import pytest
 
-from evaluation.services.work import run_next_evaluation
+from evaluation.running.queue.worker import run_next_evaluation
+from league.house_cars.services import HOUSE_CARS_DIR
 from league.models import Membership, Season, Stage
-from league.services import close_due_rounds
-from league.services.house import HOUSE_CARS_DIR
+from league.stewarding.official_results import close_due_rounds
 from races.models import Entry, Race
 from tests.factories import a_racer, a_track
 from tests.happened import tell_what_happened

@@ -9,14 +9,14 @@ import pytest
 from django.utils import timezone
 
 from league.models import Season, Stage
-from league.services import open_demo_season
-from league.services.demo import OPEN_TRACKS, PRO_TRACKS
-from league.services.template import Turning
+from league.seasons.services.demo_season import OPEN_TRACKS, PRO_TRACKS, open_demo_season
+from league.seasons.services.season_plan import Turning
 from paddock.rules.race import LAYOUT
 from races.models import Race
-from races.sensors import OFFERABLE
+from races.models.sensors import OFFERABLE
+from tests.clients import logged_in
 from tests.factories import a_racer, a_track
-from tests.pages.test_seasons import form_data, logged_in, make
+from tests.pages.test_season_making import form_data, make
 
 pytestmark = pytest.mark.django_db
 NOW = datetime(2026, 11, 15, 12, tzinfo=UTC)
@@ -219,7 +219,7 @@ def test_impossible_boxes_are_refused_on_the_races_own_page(client):
     page = open_round(client, short(), "1-pro")
     boxes = {"boxes-1-percent": "50", "boxes-1-lane": "inner", "boxes-2-percent": "50", "boxes-2-lane": "outer"}
     answer = keep(client, page, race_type="object_avoidance", box_choice="fixed", **boxes)
-    assert answer.status_code == 422 and answer.templates[0].name == "league/season_round_form.html"
+    assert answer.status_code == 422 and answer.templates[0].name == "league/seasons/round_form.html"
     answer = keep(client, page, laps="0")
     assert "laps" in answer.context["form"].errors
 

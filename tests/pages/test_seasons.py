@@ -1,60 +1,32 @@
-"""Seasons on the site: made from one form, shown to everybody, with feeds."""
+"""Seasons on the site: shown to everybody, with feeds."""
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable
 from datetime import UTC, datetime, timedelta
 from xml.etree import ElementTree
-from zoneinfo import ZoneInfo
 
 import pytest
-from django.contrib.admin.models import LogEntry
 from django.test import Client
 from django.urls import reverse
 from icalendar import Calendar
 
 from accounts.models import Racer
-from league.models import Round, Season, Stage
-from league.season_form import SeasonForm
-from league.services import close_due_rounds, close_round, disqualify, open_demo_season
+from core.database.commit_cache import Unchanged
+from core.streams import shared_pieces
+from league.models import DuelRating, Round, RoundPoints, Season, Stage
+from league.seasons.services.demo_season import open_demo_season
+from league.stewarding.official_results import close_due_rounds, close_round
+from league.stewarding.services import disqualify
 from tests.clients import logged_in
-from tests.factories import a_model, a_race, a_racer, a_track, drive, laps
+from tests.factories import a_model, a_race, a_racer, drive, laps
 from tests.kept import Kept
 from tests.league.seasons import HOUR, JANUARY, a_round, a_season, after, board, racers
 from tests.pages.test_pages import INLINE
-from tests.pages.test_queries import LIMIT, queries
+from tests.pages.test_queries import FEW, LIMIT, queries
 
 pytestmark = pytest.mark.django_db
-
-
-@pytest.fixture(autouse=True)
-def _alone(wakes: list[dict]) -> None:
-    """No broker."""
-
-
-@pytest.fixture
-def set_clock(monkeypatch: pytest.MonkeyPatch):
-    """Make it this moment for every view."""
-    return lambda moment: monkeypatch.setattr("django.utils.timezone.now", lambda: moment)
-
-
-def form_data(now: datetime, **changes: object) -> dict[str, object]:
-    """What the form sends when an admin changes nothing but ``changes``."""
-    form = SeasonForm(now=now)
-    data = {}
-    for name in form.fields:
-        value = form[name].value()
-        data[name] = "" if value is None or value is False else value
-    return data | changes
-
-
-def make(client: Client, data: dict[str, object]):
-    """Preview the season that a form says, and make it as it was seen; returns the last answer."""
-    seen = client.post("/seasons/new/", data)
-    if seen.status_code != 200:
-        return seen
-    assert not Season.objects.filter(slug=data["slug"]).exists(), "it is looked at before it is made"
-    return client.post("/seasons/new/", data | {"seen": seen.context["form"]["seen"].value(), "do": "make"})
 
 
 @pytest.fixture(scope="session")
@@ -81,96 +53,6 @@ def _make_season() -> Season:
     return made
 
 
-class TestSeasonForm:
-    def test_one_post_schedules_a_whole_season(self, set_clock):
-        now = datetime(2026, 11, 15, 12, tzinfo=UTC)
-        set_clock(now)
-        a_track()
-        admin = a_racer("boss", is_staff=True, is_superuser=True)
-        client = logged_in(admin)
-        assert client.get("/seasons/new/").status_code == 200
-        answer = make(client, form_data(now, zone="Asia/Seoul", drop_worst="2", prizes="A mug"))
-        assert answer.status_code == 302, answer.context["form"].errors
-        season = Season.objects.get()
-        assert answer["Location"] == season.get_absolute_url() == "/seasons/2027/"
-        stages = list(season.rounds.values_list("stage", flat=True))
-        assert {stage: stages.count(stage) for stage in set(stages)} == {
-            "open-qualifier": 12,
-            "pro-qualifier": 12,
-            "pro-finale": 12,
-            "championship": 1,
-        }
-        seoul = ZoneInfo("Asia/Seoul")
-        march = season.rounds.get(number=3, stage=Stage.OPEN).race
-        assert march.opens_at == datetime(2027, 3, 1, tzinfo=seoul) and march.closes_at == datetime(
-            2027, 4, 1, tzinfo=seoul
-        )
-        finale = season.rounds.get(number=3, stage=Stage.FINALE).race
-        assert finale.opens_at == datetime(2027, 4, 10, 18, tzinfo=seoul)
-        assert finale.ranking_method == "total" and finale.max_submissions is None
-        final = season.rounds.get(stage=Stage.CHAMPIONSHIP).race
-        assert final.opens_at == datetime(2028, 1, 18, 18, tzinfo=seoul) and season.ends_on == final.closes_at.date()
-        assert season.drop_worst == 2 and season.prizes == "A mug"
-        assert "37 races" in LogEntry.objects.get(user=admin).change_message
-
-    @pytest.mark.slow
-    def test_the_proposed_values_work_beside_the_demo_season(self, set_clock):
-        now = datetime(2026, 11, 15, 12, tzinfo=UTC)
-        set_clock(now)
-        open_demo_season(now=now)
-        answer = make(logged_in(a_racer("boss", is_staff=True, is_superuser=True)), form_data(now))
-        assert answer.status_code == 302, answer.context["form"].errors
-        assert Season.objects.get(slug="2027").rounds.count() == 37
-
-    def test_past_months_are_left_out(self, set_clock):
-        now = datetime(2027, 10, 15, 12, tzinfo=UTC)
-        set_clock(now)
-        a_track()
-        client = logged_in(a_racer("boss", is_staff=True, is_superuser=True))
-        assert make(client, form_data(now, year="2027")).status_code == 302
-        season = Season.objects.get()
-        assert season.rounds.filter(stage=Stage.OPEN).count() == 3
-        assert season.starts_on.month == 10
-
-    @pytest.mark.parametrize(
-        ("changes", "field", "word"),
-        [
-            ({"promotion_percent": "0"}, "promotion_percent", "share 0 %"),
-            ({"promotion_percent": "100"}, "promotion_percent", "share 100 %"),
-            ({"points": "5, 9"}, "points", "must not increase"),
-            ({"points": "five"}, "points", "whole numbers"),
-            ({"championship_places": "17"}, "championship_places", "larger finale"),
-            ({"pro_minimum_laps": "9"}, "pro_minimum_laps", ""),
-            ({"zone": "Nowhere/Else"}, "zone", ""),
-            ({"year": "2020"}, "__all__", "later year"),
-            ({f"open_{month}": "" for month in range(1, 13)}, "__all__", "Choose a track"),
-            ({"finale_day": "1", "finale_hours": "240", "year": "2040"}, "__all__", "days from now"),
-        ],
-    )
-    def test_invalid_values_are_refused_on_their_field(self, set_clock, changes, field, word):
-        now = datetime(2026, 11, 15, 12, tzinfo=UTC)
-        set_clock(now)
-        a_track()
-        answer = logged_in(a_racer("boss", is_staff=True, is_superuser=True)).post(
-            "/seasons/new/", form_data(now) | changes
-        )
-        assert answer.status_code == 422
-        assert word in " ".join(answer.context["form"].errors[field])
-        assert not Season.objects.exists() and not Round.objects.exists()
-
-    def test_a_season_address_can_be_used_only_once(self, season, set_clock):
-        set_clock(JANUARY)
-        answer = logged_in(a_racer("boss", is_staff=True, is_superuser=True)).post(
-            "/seasons/new/", form_data(JANUARY, slug=season.slug)
-        )
-        assert "already" in " ".join(answer.context["form"].errors["slug"])
-
-    def test_only_superusers_make_seasons(self):
-        assert Client().get("/seasons/new/").status_code == 302
-        for racer in (a_racer("member"), a_racer("helper", is_staff=True)):
-            assert logged_in(racer).get("/seasons/new/").status_code == 403
-
-
 PAGES = (
     "/seasons/",
     "/seasons/2027/",
@@ -191,7 +73,8 @@ PAGES = (
 def test_every_season_page_is_public(season, set_clock, language):
     set_clock(JANUARY + timedelta(days=45))
     first = Round.objects.get(number=1).race.entries.first().racer
-    for client in (Client(), logged_in(first)):
+    admin = a_racer("boss", is_staff=True, is_superuser=True)
+    for client in (Client(), logged_in(first), logged_in(a_racer()), logged_in(admin)):
         client.cookies["django_language"] = language
         for path in (*PAGES, f"/seasons/2027/racers/{first.alias}/"):
             answer = client.get(path)
@@ -199,7 +82,47 @@ def test_every_season_page_is_public(season, set_clock, language):
             html = answer.content.decode()
             assert not INLINE.search(html), path
             assert f'<html lang="{language}"' in html
-            assert len(queries(client, path)) <= LIMIT, path
+            assert len(queries(client, path)) <= FEW, path
+
+
+def test_season_pages_need_no_more_queries_for_more_rows(season, set_clock):
+    set_clock(JANUARY + timedelta(days=45))
+    reader = Round.objects.get(number=1).race.entries.first().racer
+    paths = (*PAGES, f"/seasons/2027/racers/{reader.alias}/", "/seasons/2027/standings/?division=open&page=2")
+    client, first = logged_in(reader), Round.objects.get(number=1)
+    before = {path: len(queries(client, path)) for path in paths}
+    for number in range(3, 6):
+        board(a_round(season, number, Stage.OPEN).race, [reader, *racers(60)])
+    RoundPoints.objects.bulk_create(
+        RoundPoints(round=first, racer=racer, rank=100 + place, points=1, country="KR")
+        for place, racer in enumerate(racers(60))
+    )
+    DuelRating.objects.bulk_create(
+        DuelRating(season=season, racer=racer, mu=25, sigma=8, duels=1) for racer in (reader, *racers(9))
+    )
+    assert {path: len(queries(client, path)) for path in paths} == before
+
+
+def test_each_racer_finds_their_own_row_in_a_table_drawn_once(season, set_clock, monkeypatch):
+    set_clock(JANUARY + timedelta(days=45))
+    pro = Round.objects.get(stage=Stage.PRO)
+    field = [one.racer for one in pro.race.entries.order_by("rank_score")]
+    DuelRating.objects.bulk_create(DuelRating(season=season, racer=one, mu=25, sigma=8, duels=1) for one in field)
+    monkeypatch.setattr(shared_pieces, "is_shared", lambda: True)
+    monkeypatch.setattr(shared_pieces, "LIVES_S", 3600.0)
+    monkeypatch.setattr(shared_pieces, "_parts", Unchanged(400))
+    mine = re.compile(r'<(?:tr|li)[^>]* class="[^"]*\bme".*?/racers/([\w-]+)/"', re.DOTALL)
+    for path, times in (
+        ("/seasons/2027/", 3),
+        ("/seasons/2027/standings/?division=open", 1),
+        ("/seasons/2027/finales/", 1),
+    ):
+        for reader in (field[0], field[1], field[0]):
+            html = logged_in(reader).get(path).content.decode()
+            assert mine.findall(html) == [reader.alias] * times, path
+        for client in (Client(), logged_in(a_racer())):
+            html = client.get(path).content.decode()
+            assert mine.findall(html) == [] and field[0].alias in html, path
 
 
 def test_rounds_of_a_season_show_their_race_type():

@@ -11,11 +11,11 @@ from django.utils import timezone
 
 from accounts.models import Racer
 from evaluation.models import Evaluation
-from evaluation.services import finish_evaluation
+from evaluation.running.queue.jobs import finish_evaluation
 from paddock.geometry.track import TrackGeometry
+from races.entries.services.entries import enter_race
+from races.live.services import choose_model, plan_live, prepare_ahead, show, tick_live
 from races.models import LiveEvent, LiveSlot
-from races.services import enter_race
-from races.services.live import choose_model, plan_live, prepare_ahead, show, tick_live
 from tests.evaluation.stubs import HEADER
 from tests.factories import a_model, a_racer, lap, outcome, start
 from tests.live_shows import a_live_race
@@ -143,7 +143,7 @@ def test_from_the_lobby_to_the_podium(browser, live_server, event):
 def test_a_place_is_dragged(browser, live_server, event):
     from playwright.sync_api import expect
 
-    from races.services.live import begin_live
+    from races.live.services import begin_live
 
     alice = Racer.objects.get(alias="alice")
     begin_live(event=event, by=alice, seen=None, now=timezone.now())

@@ -40,7 +40,18 @@ def test_a_wrong_password_speaks_of_alias_or_address(login: str) -> None:
     assert said and not re.search("user ?name", said, re.I)
 
 
+@pytest.mark.parametrize("language", ["en", "ko"])
+def test_a_new_racer_reads_where_the_link_is(language: str, settings, tmp_path) -> None:
+    settings.EMAIL_BACKEND, settings.EMAIL_FILE_PATH = "core.mail.FolderBackend", tmp_path
+    client = Client(headers={"accept-language": language})
+    new = {"username": "newcomer", "email": f"{language}@example.org"}  # an address gets one mail in minutes
+    text = client.post("/accounts/signup/", SIGN_UP | new, follow=True).content.decode()
+    assert len(list(tmp_path.iterdir())) == 1
+    assert "was sent to" not in text and "보냈습니다" not in text
+    assert ("in the folder mail of the data folder" if language == "en" else "데이터 폴더의 mail 폴더") in text
+
+
 def test_the_alias_pattern_is_named_where_a_browser_shows_it() -> None:
     html = Client().get("/accounts/signup/").content.decode()
     field = re.search(r'<input[^>]*name="username"[^>]*>', html)[0]
-    assert "pattern=" in field and 'title="2 to 64 letters, digits, hyphens and underscores."' in field
+    assert "pattern=" in field and 'title="2 to 64 English letters, digits, hyphens and underscores."' in field

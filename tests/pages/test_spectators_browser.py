@@ -10,9 +10,10 @@ import pytest
 from django.urls import reverse
 from django.utils import timezone
 
+from races.entries.services.entries import accept_invitation
 from races.models import Visibility
-from races.services import accept_invitation, renew_spectator_link
-from races.spectators import spectator_token
+from races.pages.services import renew_spectator_link
+from races.web.spectator_links import spectator_token
 from tests.factories import a_racer
 from tests.live_shows import a_live_race, a_show, begun
 from tests.pages.browsing import IN_A_BROWSER, chromium, visitor

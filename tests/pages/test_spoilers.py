@@ -11,15 +11,15 @@ from django.urls import URLPattern, get_resolver, reverse
 from django.utils import timezone
 
 from accounts.models import Racer
-from league.models import Notice, NoticeKind
-from league.selectors.notices import notices_of
-from league.services.mails import send_mails
-from league.services.notices import mark_read
-from league.services.telling import Told, tell
+from league.models import Notice
+from league.notices import kinds as notice_kinds
+from league.notices.selectors import notices_of
+from league.notices.services import mark_read, send_mails
+from league.notices.writer import NewNotice, notify
 from races.models import Entry, LiveEvent, Race, Visibility, WatchedRace
-from races.services.spoilers import hide_results, note_watched, show_results
-from races.spoiler_pages import names_with_results
-from races.spoilers import COOKIE, Spoilers, spoilers_of_racer
+from races.spoilers.hidden_addresses import SCOPES
+from races.spoilers.selectors import COOKIE, Spoilers, spoilers_of_racer
+from races.spoilers.services import hide_results, note_watched, show_results
 from tests.clients import logged_in
 from tests.factories import a_race, a_racer, drive, laps
 from tests.live_shows import an_ended_show
@@ -88,9 +88,9 @@ def _names(patterns):
 
 def test_what_is_covered_are_addresses_that_there_are():
     names = set(_names(get_resolver().url_patterns))
-    assert not names_with_results() - names
+    assert not SCOPES.keys() - names
     assert not MASKED - names
-    assert not names_with_results() & (MASKED | NOT_COVERED)
+    assert not SCOPES.keys() & (MASKED | NOT_COVERED)
 
 
 def test_every_address_of_a_race_a_run_or_a_season_is_decided_on():
@@ -123,7 +123,7 @@ def test_every_address_of_a_race_a_run_or_a_season_is_decided_on():
         for pattern in entry.url_patterns
         if isinstance(pattern, URLPattern) and str(pattern.pattern).startswith(beginnings)
     }
-    assert not found - names_with_results() - MASKED - NOT_COVERED - harmless
+    assert not found - SCOPES.keys() - MASKED - NOT_COVERED - harmless
 
 
 def test_pages_of_a_hidden_race_tell_nothing(now):
@@ -215,16 +215,16 @@ def test_the_switch_off_shows_all_and_keeps_what_was_watched(now):
 
 def told_of(race: Race, racer: Racer, now) -> Notice:
     params = {"race": race.name, "leader": "zelda"}
-    tell(Told(NoticeKind.LOST_LEAD, "x", [racer.pk], race.get_absolute_url(), params), now)
-    return Notice.objects.get(racer=racer, kind=NoticeKind.LOST_LEAD)
+    notify(NewNotice(notice_kinds.LOST_LEAD, "x", [racer.pk], race.get_absolute_url(), params), now)
+    return Notice.objects.get(racer=racer, kind=notice_kinds.LOST_LEAD)
 
 
 def test_notices_and_their_number_wait(now):
     race, bob = a_led_race(now), a_racer("bob")
     told_of(race, bob, now)
-    tell(Told(NoticeKind.OPENS, "o", [bob.pk], race.get_absolute_url(), {"race": race.name}), now)
+    notify(NewNotice(notice_kinds.OPENS, "o", [bob.pk], race.get_absolute_url(), {"race": race.name}), now)
     client = hiding(bob, now)
-    assert [one.kind for one in notices_of(bob)] == [NoticeKind.OPENS]
+    assert [one.kind for one in notices_of(bob)] == [notice_kinds.OPENS]
     assert "zelda" not in client.get("/notices/").content.decode()
     assert '<span class="bell-count">1<' in client.get("/notices/").content.decode()
     mark_read(racer=bob, now=now)

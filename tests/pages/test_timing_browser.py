@@ -10,7 +10,7 @@ import pytest
 from django.utils import timezone
 
 from races.models import Entry, MeasuredLap, TimedSession
-from races.services.timing import make_sensor, name_timekeeper, take_crossing
+from races.timing.services import make_sensor, name_timekeeper, take_crossing
 from tests.factories import a_racer
 from tests.pages.browsing import IN_A_BROWSER, chromium, visitor
 from tests.races.timing import a_physical_race

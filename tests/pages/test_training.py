@@ -14,18 +14,17 @@ from django.utils.html import escape
 
 from evaluation.models import Evaluation
 from evaluation.templatetags.looks import shell_picture
-from races.services import enter_race, remove_entry
+from races.entries.services.entries import enter_race, remove_entry
 from tests.factories import a_race
 from tests.pages.conftest import VIEWERS, World
 from tests.pages.test_pages import INLINE
 from tests.rows import track_row
 from tests.training.jobs import REWARD, a_training
 from tracks.models import Track
-from training.graph import MOST_CLOUDS, draw_graph, points_of, smoothed
-from training.lessons import LESSONS
+from training.jobs.progress_graph import MOST_CLOUDS, draw_graph, points_of, smoothed
+from training.lessons.catalogue import LESSONS
 from training.models import JobState, TrainingIteration, TrainingJob, Vehicle
 from training.templatetags.training import span
-from training.views import learn
 
 pytestmark = pytest.mark.usefixtures("trainings_taken_on")
 MINE = ("/train/", "/train/new/", "/train/new/?clone=x&job=y&example=z&speed_max=fast", "/learn/laboratory/")
@@ -168,30 +167,8 @@ def test_the_training_pages_are_entirely_in_korean(world: World, job: TrainingJo
         assert not english.search(body), (path, english.search(body)[0][:90])
 
 
-def test_every_lesson_is_written_in_every_language(world: World, settings) -> None:
-    assert set(learn.WRITTEN_IN) == {code for code, _name in settings.LANGUAGES}
-    texts = set()
-    for language in learn.WRITTEN_IN:
-        client = Client()
-        client.cookies["django_language"] = language
-        texts |= {client.get(f"/learn/{lesson.slug}/").content for lesson in LESSONS}
-    assert len(texts) == len(learn.WRITTEN_IN) * len(LESSONS)
-
-
-@pytest.mark.parametrize("lesson", LESSONS, ids=lambda lesson: lesson.slug)
-def test_what_a_lesson_proposes_is_accepted(world: World, lesson, monkeypatch) -> None:
-    monkeypatch.setattr("training.views.wizard.refusals", lambda *_: [])
-    client = world.client("newcomer")
-    for _label, query in lesson.tries:
-        TrainingJob.objects.all().delete()
-        name = dict(part.split("=") for part in query.split("&"))["name"]
-        response = client.post("/train/new/", form_of(client, f"?{query}", name=name))
-        assert response.status_code == 302, response.context["form"].errors
-        assert TrainingJob.objects.get().name == name
-
-
 def test_the_wizard_creates_the_training_it_shows(world: World, monkeypatch) -> None:
-    monkeypatch.setattr("training.views.wizard.refusals", lambda *_: [])
+    monkeypatch.setattr("training.wizard.views.refusals", lambda *_: [])
     client = world.client("newcomer")
     response = client.post("/train/new/", form_of(client, stop_clean_laps="3", submit_to_race="open-race"))
     job = TrainingJob.objects.get(owner=world.newcomer)
@@ -212,14 +189,14 @@ WRONG = {
     "speed_high": ({"action_space_type": "continuous", "speed_low": "3", "speed_high": "2"}, "less than"),
     "reward_code": ({"reward_code": ""}, "examples"),
     "vehicle": ({"vehicle": "somebodys"}, "garage"),
-    "clone": ({"clone": "somebodys"}, ""),
+    "clone": ({"start": "model", "clone": "somebodys"}, ""),
     "random_boxes": ({"race_type": "object_avoidance", "random_boxes": "60"}, ""),
 }
 
 
 @pytest.mark.parametrize("field", WRONG)
 def test_an_error_is_shown_at_its_field(world: World, field: str, monkeypatch) -> None:
-    monkeypatch.setattr("training.views.wizard.refusals", lambda *_: [])
+    monkeypatch.setattr("training.wizard.views.refusals", lambda *_: [])
     client = world.client("newcomer")
     changes, words = WRONG[field]
     response = client.post("/train/new/", form_of(client, **changes))
@@ -231,7 +208,7 @@ def test_an_error_is_shown_at_its_field(world: World, field: str, monkeypatch) -
 
 
 def test_a_taken_name_and_a_full_quota_are_reported(world: World, job: TrainingJob, settings, monkeypatch) -> None:
-    monkeypatch.setattr("training.views.wizard.refusals", lambda *_: [])
+    monkeypatch.setattr("training.wizard.views.refusals", lambda *_: [])
     client = world.client("alice")
     assert "name" in client.post("/train/new/", form_of(client, name=job.name)).context["form"].errors
     settings.TRAINING_MINUTES_A_MONTH = 15
@@ -243,11 +220,13 @@ def test_a_taken_name_and_a_full_quota_are_reported(world: World, job: TrainingJ
 
 
 def test_the_pages_say_if_torch_is_missing(world: World, settings, monkeypatch) -> None:
-    monkeypatch.setattr("training.views.wizard.refusals", lambda *_: [])
+    monkeypatch.setattr("training.wizard.views.refusals", lambda *_: [])
     settings.TRAINING = False
     client = world.client("alice")
     for path in ("/train/", "/train/new/", "/learn/agent/"):
         assert "Training is not installed on this site" in client.get(path).content.decode()
+    for path in ("/train/", "/train/new/"):
+        assert "Minutes left this month" in client.get(path).content.decode()
     response = client.post("/train/new/", form_of(client))
     assert response.status_code == 503
 
@@ -280,7 +259,7 @@ def test_the_editor_gets_lines_and_messages(world: World) -> None:
 
 
 def test_a_racer_runs_one_check_at_a_time(world: World, monkeypatch) -> None:
-    from training.checks import one_check
+    from training.rewards.check_slots import one_check
 
     with one_check(world.alice):
         response = world.client("alice").post("/train/validate/", {"reward_code": REWARD})
@@ -364,7 +343,7 @@ def test_continued_training_copies_settings_weights_and_vehicle(world: World, jo
 def test_races_the_racer_may_not_enter_are_not_offered(world: World) -> None:
     def offered() -> set[str]:
         form = world.client("newcomer").get("/train/new/").context["form"]
-        return set(form.fields["submit_to_race"].queryset.values_list("slug", flat=True))
+        return {race.slug for race in form.fields["submit_to_race"].offered}
 
     pros = a_race(world.now, kind="league", division="pro")
     everybodys = a_race(world.now, kind="league", division="all")
@@ -409,7 +388,7 @@ def test_vehicles_can_be_added_changed_and_deleted(world: World) -> None:
 @pytest.mark.parametrize("direction", ["ccw", "cw"])
 def test_the_inner_pilot_drives_inside_in_both_directions(world: World, direction: str) -> None:
     """Inside of the oval: nearer to its middle."""
-    from training.views.lab import LabForm, _drive
+    from training.rewards.laboratory.views import LabForm, _drive
 
     middle = Track.objects.get(slug="oval").geometry.centre.mean(axis=0)
     far = {}
@@ -423,25 +402,9 @@ def test_the_inner_pilot_drives_inside_in_both_directions(world: World, directio
     assert far["inner"] < far["pilot"] < far["outer"]
 
 
-@pytest.mark.slow
-def test_the_laboratory_compares_two_reward_functions(world: World) -> None:
-    client = world.client("alice")
-    sent = {"track": "oval", "direction": "ccw", "drive": "inner", "reward_code": REWARD}
-    first = client.post("/learn/laboratory/", sent, headers={"HX-Request": "true"})
-    assert first.context["points"] > 100
-    assert "heat-point" in first.content.decode()
-    changed = REWARD.replace("1e-3", "2e-3").replace("(0.5, 0.1)", "(0.5, 0.9)")
-    second = client.post("/learn/laboratory/", {**sent, "before": REWARD, "reward_code": changed}).content.decode()
-    assert "Effect of the change" in second
-    broken = client.post(
-        "/learn/laboratory/", {**sent, "reward_code": "def reward_function(params):\n    return nothing\n"}
-    )
-    assert "nothing" in broken.content.decode() and "heat-point" not in broken.content.decode()
-
-
 def test_the_graph_works_for_one_iteration_and_for_thousands(world: World, job: TrainingJob) -> None:
     assert draw_graph([]) == ""
-    one = points_of(run(job, 1))
+    one = points_of(run(job, 1), job.iterations.last())
     assert draw_graph(one).count("<polyline") == 3
     many = draw_graph(one * 5000, 9)
     assert 1000 < dots(many) <= 1500
@@ -450,7 +413,7 @@ def test_the_graph_works_for_one_iteration_and_for_thousands(world: World, job: 
 
 def test_a_long_training_draws_episodes_of_some_iterations(job: TrainingJob) -> None:
     run(job, 2 * MOST_CLOUDS + 1)
-    points = points_of(job)
+    points = points_of(job, job.iterations.order_by("number").last())
     assert len(points) == 2 * MOST_CLOUDS + 1
     drawn = [point.number for point in points if point.rewards]
     assert MOST_CLOUDS / 2 < len(drawn) <= MOST_CLOUDS

@@ -68,7 +68,7 @@ class TestWithoutAScript:
     @pytest.fixture
     def made(self, world, trainings_taken_on, monkeypatch):
         """Send the wizard as it is shown but for ``changes``; the training that it makes."""
-        monkeypatch.setattr("training.views.wizard.refusals", lambda *_: [])
+        monkeypatch.setattr("training.wizard.views.refusals", lambda *_: [])
 
         def send(query: str = "", **changes: str) -> TrainingJob:
             sent = form_of(world.client("alice"), query, action_space_type="continuous", **changes)

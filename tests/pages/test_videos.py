@@ -12,7 +12,7 @@ from tests.drawn_runs import a_driven_run
 from tests.duels import a_duel_race, driving, end, qualify
 from tests.pages.conftest import World
 from videos.models import Video
-from videos.services import VIDEOS, ask_for_video, run_next_video
+from videos.services import VIDEOS, request_video, run_next_video
 
 HTMX = {"HTTP_HX_REQUEST": "true"}
 
@@ -80,7 +80,7 @@ def test_without_scripts_the_page_follows_the_video_to_its_end(world, run):
 
 def test_with_scripts_the_card_follows_the_video(world, run):
     card = ask(world, run, **HTMX).content.decode()
-    assert card.startswith('<section class="card" id="video" data-say="Video: waiting.">')
+    assert re.match(r'<section class="card"\s+id="video" data-say="Video: waiting.">', card)
     client = world.client("newcomer")
     address = re.search(r'hx-get="(/videos/\w+/live/\?seen=[^"]+)"', card)[1].replace("&amp;", "&")
     assert client.get(address).status_code == 204
@@ -150,7 +150,7 @@ def test_a_changed_look_hides_the_old_video_and_offers_a_new_one(world, run):
 def test_a_duel_offers_laps_of_each_car_and_names_the_followed_one(world, video_wakes):
     race = a_duel_race(world.now)
     qualify(race, [world.alice, world.bob], world.now)
-    from races.services import draw_duels, drive_on
+    from races.duels.services import draw_duels, drive_on
 
     draw_duels(race=race, now=race.closes_at)
     drive_on(race=race, now=race.closes_at)
@@ -213,7 +213,7 @@ def test_a_private_run_has_private_videos(world, video_wakes):
 
 def test_videos_of_other_parts_and_languages_are_linked(world, run):
     for part, language in (("1", "en"), ("2", "ko"), ("whole", "en")):
-        ask_for_video(evaluation=run, by=world.newcomer, part=part, language=language, now=timezone.now())
+        request_video(evaluation=run, by=world.newcomer, part=part, language=language, now=timezone.now())
         run_next_video(worker="w")
     html = page_of(world, "bob", run)
     assert html.count("<video") == 1

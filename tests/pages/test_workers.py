@@ -12,12 +12,12 @@ from django.db.models.functions import Now
 from django.test import Client
 from django.utils import timezone
 
-from config.workers import queues_at, workers_at
-from core.clock import database_now
+from config.operations.workers import queues_at, workers_at
+from core.database.clock import database_now
 from evaluation.models import Evaluation, State, WorkerNode
-from evaluation.proof import Proof
-from evaluation.services import queue_evaluation
-from evaluation.services.nodes import (
+from evaluation.running.proof import Proof
+from evaluation.running.queue.services import queue_evaluation
+from evaluation.running.worker_nodes import (
     BEAT_EVERY_S,
     FORGOTTEN_AFTER,
     SILENT_AFTER,
@@ -26,8 +26,8 @@ from evaluation.services.nodes import (
     stop_worker,
 )
 from paddock.rules.race import RaceRules
+from races.entries.services.submissions import submit_model
 from races.models import Entry
-from races.services import submit_model
 from tests.drawn_runs import a_driven_run
 from tests.factories import a_model, a_race, a_racer, a_track
 from tests.training.jobs import a_training

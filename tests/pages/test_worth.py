@@ -13,8 +13,8 @@ from django.utils import timezone
 
 from accounts.models import Racer
 from league.models import Round
+from races.entries.services.entries import withdraw
 from races.models import Entry, Submission
-from races.services import withdraw
 from tests.duels import drawn, end_all
 from tests.factories import a_model, a_race, a_racer, drive, lap, laps
 from tests.league.seasons import a_season

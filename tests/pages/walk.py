@@ -11,20 +11,22 @@ from allauth.mfa.totp.internal.auth import TOTP
 from django.conf import settings
 from django.urls import URLPattern, get_resolver, resolve
 
-from accounts.classes import add_learners, make_class
+from accounts.class_accounts.services import add_learners, make_class
 from accounts.following import follow_racer
 from accounts.groups.services import ask_to_join, confirm_member, make_group
 from accounts.models import RacerGroup, Team
 from accounts.teams.services import found_team, invite_to_team
-from evaluation.reports.models import CarReport
-from evaluation.services import finish_evaluation, share_model
+from evaluation.garage.services import share_model
+from evaluation.models.reports import CarReport
+from evaluation.running.queue.jobs import finish_evaluation
+from league.invitations.services import invite_by_mail, stop_token
 from league.models import Cup, CupPlace, Season, Stage
-from league.services import close_due_rounds, open_demo_season
-from league.services.inviting import invite_by_mail, stop_token
-from league.services.notices import stopping_token
-from league.services.webhooks import add_webhook
+from league.notices.services import stopping_token
+from league.seasons.services.demo_season import open_demo_season
+from league.stewarding.official_results import close_due_rounds
+from league.webhooks.services import add_webhook
 from races.models import OwnEvaluation
-from races.services import drive_own
+from races.test_runs.services import drive_own
 from tests.drawn_runs import a_driven_run
 from tests.duels import drawn, end_all
 from tests.evaluation import reports
@@ -34,11 +36,11 @@ from tests.live_shows import a_live_race, a_show, begun
 from tests.pages.conftest import World, make_world
 from tests.pages.test_training import end, run
 from tests.races.timing import a_timed_race
-from tests.training.jobs import a_training
-from training.lessons import LESSONS
-from training.models import TrainingJob
-from training.vehicles import save_vehicle
-from videos.services import ask_for_video, run_next_video
+from tests.training.jobs import a_sweep_row, a_training
+from training.lessons.catalogue import LESSONS
+from training.models import Sweep, TrainingJob
+from training.vehicles.services import save_vehicle
+from videos.services import request_video, run_next_video
 
 # Addresses that show no page of their own: files, parts of pages, and what is only written to.
 NO_PAGES = {
@@ -61,7 +63,15 @@ NO_PAGES = {
     ),
     *("standings_file", "submit", "theme", "training_best", "training_evaluate", "training_last", "training_live"),
     *("report_again", "report_live", "report_stop"),
-    *("training_logs", "training_metrics", "training_sb3", "training_stop", "training_trace", "video_file"),
+    *(
+        "training_logs",
+        "training_metrics",
+        "training_sb3",
+        "training_stop",
+        "sweep_stop",
+        "training_trace",
+        "video_file",
+    ),
     "live_again",  # of an event that has ended: tests/pages/test_again_browser.py
     *("live_again_data", "live_highlights", "live_laps_csv", "live_results_csv"),
     *("race_certificate", "race_results_pdf"),
@@ -128,15 +138,17 @@ def make_site() -> Site:
     drive(under_way.race, world.bob, laps(21_000, 20_500, 20_400), now)
     filmed = a_race(now, slug="video-race", name="Video race")
     driven, chased = a_driven_run(filmed, world.alice, now), a_driven_run(filmed, world.bob, now, lap_ms=1_100)
-    ask_for_video(evaluation=driven, by=world.alice, language="en", now=now)
+    request_video(evaluation=driven, by=world.alice, language="en", now=now)
     run_next_video(worker="w")
-    ask_for_video(evaluation=driven, by=world.bob, part="whole", language="en", now=now)
+    request_video(evaluation=driven, by=world.bob, part="whole", language="en", now=now)
     robin = drawn(now - timedelta(hours=2), 4, slug="robin", name="Robin")
     end_all(robin, now)
     share_model(model=a_model(world.bob, name="Shared one"), now=now)
     vehicle = save_vehicle(owner=world.alice, name="My van", sensors=["STEREO_CAMERAS", "LIDAR"])
     trained = end(run(a_training(world.alice, world.track, now, name="trained")), world)
     training = run(a_training(world.alice, world.track, now, name="trains"))
+    a_sweep_row(world.alice, world.track, now)
+    a_sweep_row(world.alice, world.track, now, name="swept", state="stopped", ended_at=now)
     add_webhook(owner=world.alice, url="https://example.org/hook", race=world.race)
     tell_what_happened(now=now)
     follow_racer(follower=world.alice, racer=world.bob, now=now)
@@ -239,6 +251,8 @@ def _paths(world, season, trained, training, pair, vehicle, token) -> dict[str, 
             *(f"/models/{world.model.public_id}/edit/", f"/models/{world.model.public_id}/delete/"),
             *("/vehicles/", "/vehicles/new/", f"/vehicles/{vehicle.public_id}/"),
             *(f"/vehicles/{vehicle.public_id}/delete/", "/train/", "/train/new/"),
+            *(one.get_absolute_url() for one in Sweep.objects.all()),
+            f"{Sweep.objects.get(name='swept').get_absolute_url()}delete/",
             *(f"/train/{trained.public_id}/", f"/train/{training.public_id}/", f"/train/{trained.public_id}/delete/"),
             *(
                 "/learn/",

@@ -13,9 +13,9 @@ from django.utils import timezone
 from accounts.models import Racer
 from paddock.errors import PlatformFault, UserFault
 from paddock.geometry.catalogue import by_slug
-from paddock.geometry.npy import write_npy
+from paddock.geometry.files import write_npy
+from races.entries.services.submissions import submit_model
 from races.models import Entry, Race, Submission
-from races.services import submit_model
 from tests.factories import a_model, a_race, a_racer, a_track, drive, fail, laps
 from tracks.models import Track
 
@@ -298,7 +298,7 @@ def test_a_refused_change_is_not_reported_as_made(boss, now, monkeypatch):
     def refused(**_):
         raise UserFault("race_changed_meanwhile")
 
-    monkeypatch.setattr("races.admin.race.edit_race", refused)
+    monkeypatch.setattr("races.pages.services.edit_race", refused)
     race = a_race(now, kind="league", division="open", opens_at=now + timedelta(days=1))
     answer = boss.post(change(race), form(now, laps="5"), follow=True)
     (said,) = answer.context["messages"]
@@ -307,11 +307,11 @@ def test_a_refused_change_is_not_reported_as_made(boss, now, monkeypatch):
 
 def test_an_admin_stops_videos_and_deletes_them_with_their_files(boss, now, video_wakes, commits):
     from videos.models import Video
-    from videos.services import ask_for_video, run_next_video
+    from videos.services import request_video, run_next_video
 
     run = drive(a_race(now), a_racer(), laps(9_000, 9_100, 9_200), now).evaluation
     for part in ("1", "2"):
-        ask_for_video(evaluation=run, by=run.owner, part=part, language="en", now=now)
+        request_video(evaluation=run, by=run.owner, part=part, language="en", now=now)
         if part == "1":
             run_next_video(worker="w")
     ready, waiting = Video.objects.order_by("part")

@@ -11,17 +11,16 @@ from django.urls import reverse
 from django.utils import timezone
 
 from paddock.errors import UserFault
-from races.afterwards.again import again_document
-from races.afterwards.certificate import certificate, placed
-from races.afterwards.highlights import moments_of
-from races.afterwards.paper import Paper
-from races.afterwards.results import event_csv, laps_csv, results_pdf
-from races.afterwards.statistics import figures_of
-from races.afterwards.words import figure_words
+from races.aftermath import views
+from races.aftermath.certificate import certificate, placed
+from races.aftermath.highlights import moments_of
+from races.aftermath.pdf import Paper
+from races.aftermath.results import event_csv, laps_csv, results_pdf
+from races.aftermath.watch_again import again_document
+from races.live.selectors.runs import driven_runs
+from races.live.services import cancel_live, end_live
+from races.live.statistics import figure_words, figures_of
 from races.models import Entry, LiveRacer, LiveState, Race, Visibility
-from races.selectors.live_runs import driven_runs
-from races.services.live import cancel_live, end_live
-from races.views import afterwards as views
 from tests.clients import logged_in
 from tests.factories import a_race, a_racer
 from tests.live_shows import a_live_race, a_show, an_ended_show, begun, compute, slot_of

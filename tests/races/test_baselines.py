@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from races.selectors import podiums, to_beat
+from races.boards.selectors.board import podiums, to_beat
 from tests.factories import a_race
 from tests.races.test_boards import many_entries
 

@@ -10,25 +10,23 @@ from django.db import connection
 from django.test.utils import CaptureQueriesContext
 
 from accounts.models import Racer
-from races.models import Entry, Race
-from races.ranking import NOT_CLASSIFIED
-from races.selectors import (
-    board,
+from races.boards.selectors.board import board, board_entries, podiums, rank_of, whole_board
+from races.entries.selectors.lists import (
     closed_races,
     entry_of,
     organised_by,
-    podiums,
     racer_history,
     races_of,
     races_on,
     racing_now,
-    rank_of,
     submissions_of,
     upcoming,
-    whole_board,
 )
-from races.selectors.boards import board_entries
-from races.services import enter_race, remove_entry, submit_model, withdraw
+from races.entries.selectors.visibility import races_visible_to
+from races.entries.services.entries import enter_race, remove_entry, withdraw
+from races.entries.services.submissions import submit_model
+from races.models import Entry, Race
+from races.ranks import NOT_CLASSIFIED
 from tests.factories import a_model, a_race, a_racer, a_track, drive, lap, laps
 from tests.rows import track_row
 
@@ -244,8 +242,8 @@ def test_races_are_listed_by_time(alice, now):
     assert list(racing_now(now, alice)) == [league, short, secret, long]
     assert list(upcoming(now)) == [soon, later]
     assert list(closed_races(now)) == [over]
-    assert list(organised_by(alice, alice)) == [secret]
-    assert list(organised_by(alice)) == []
+    assert list(organised_by(alice, races_visible_to(alice))) == [secret]
+    assert list(organised_by(alice, races_visible_to(None))) == []
 
 
 def test_a_track_lists_open_races_first_and_finished_ones_last(now, alice):
@@ -281,15 +279,15 @@ def test_a_racer_has_lists_of_their_own_races(alice, bob, now):
     assert entry_of(race, alice) == submission.entry
     assert entry_of(other, alice).is_withdrawn
     assert entry_of(race, AnonymousUser()) is None is entry_of(race, None)
-    history = racer_history(alice, None)
+    history = racer_history(alice, races_visible_to(None))
     assert [(row.race, row.rank) for row in history] == [(race, 2)]
 
 
 def test_only_members_see_a_private_race_in_a_racers_history(alice, bob, now):
     race = a_race(now, organiser=bob, visibility="invitation")
     drive(race, bob, laps(8_000, 8_000, 8_000), now)
-    assert racer_history(bob, alice) == [] == racer_history(bob, None)
-    assert len(racer_history(bob, bob)) == 1
+    assert racer_history(bob, races_visible_to(alice)) == [] == racer_history(bob, races_visible_to(None))
+    assert len(racer_history(bob, races_visible_to(bob))) == 1
 
 
 def test_submissions_are_listed_with_their_standing(alice, now):

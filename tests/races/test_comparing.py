@@ -10,11 +10,12 @@ from django.utils import timezone
 
 from evaluation.models import Evaluation
 from paddock.errors import UserFault
-from races.comparing import best_lap, compare, lap_line
+from races.entries.selectors.visibility import can_see_evaluation
+from races.entries.services.entries import accept_invitation
+from races.entries.services.submissions import submit_model
 from races.models import Visibility
-from races.selectors import can_see_evaluation
-from races.selectors.comparable import Why, comparable_with, offers_to_compare, refuse_incomparable
-from races.services import accept_invitation, submit_model
+from races.runs.comparison import best_lap, compare, lap_line
+from races.runs.selectors import Why, comparable_with, offers_to_compare, refuse_incomparable
 from tests.drawn_runs import a_driven_run
 from tests.evaluation.stubs import HEADER
 from tests.factories import a_model, a_race, a_racer, lap
@@ -137,15 +138,15 @@ def refusal(client, address):
 def test_the_pages_and_the_api_refuse_with_a_reason(runs, client):
     client.force_login(runs["bob"].owner)
     at = reverse("evaluation_compare", args=[runs["alice"].public_id])
-    for other, code in {
-        runs["alice"].public_id: "compare_itself",
-        "nothing-there": "compare_unknown",
-        runs["waiting"].public_id: "compare_no_result",
-        runs["reverse"].public_id: "compare_elsewhere",
-    }.items():
+    for other, code, status in (
+        (runs["alice"].public_id, "compare_itself", 400),
+        ("nothing-there", "compare_unknown", 404),
+        (runs["waiting"].public_id, "compare_no_result", 409),
+        (runs["reverse"].public_id, "compare_elsewhere", 400),
+    ):
         assert refusal(client, f"{at}?with={other}") == code
         answer = client.get(f"/api/v1/evaluations/{runs['alice'].public_id}/compare/{other}/")
-        assert answer.status_code == (404 if code == "compare_unknown" else 400)
+        assert answer.status_code == status
         assert code == "compare_unknown" or answer.json()["code"] == code
     link = "https://example.org" + runs["bob"].get_absolute_url()
     assert client.get(at, {"with": link}).url == f"{at}{runs['bob'].public_id}/"

@@ -11,20 +11,15 @@ from django.db import connection
 
 from accounts.models import RacerQuota
 from evaluation.models import Evaluation, TrainedModel
-from evaluation.services import finish_evaluation, stop_evaluation
+from evaluation.running.queue.jobs import finish_evaluation
+from evaluation.running.queue.services import stop_evaluation
 from paddock.errors import PaddockError
+from races.entries.services.entries import enter_race, withdraw
+from races.entries.services.standings import recompute_race
+from races.entries.services.submissions import submit_model
 from races.models import Entry, OwnEvaluation, Race, RaceCar, Submission
-from races.services import (
-    cancel_race,
-    create_community_race,
-    delete_own,
-    drive_own,
-    edit_race,
-    enter_race,
-    recompute_standing,
-    submit_model,
-    withdraw,
-)
+from races.pages.services import cancel_race, create_community_race, edit_race
+from races.test_runs.services import delete_own, drive_own
 from tests.factories import a_model, a_race, a_racer, a_track, laps, outcome, start
 
 pytestmark = pytest.mark.django_db(transaction=True)
@@ -196,8 +191,7 @@ def test_concurrent_results_stops_and_withdrawals_lose_nothing(now):
     )
     assert not [answer for answer in answers if isinstance(answer, BaseException)], answers
     before = list(Entry.objects.order_by("pk").values()), Race.objects.values().get()
-    for entry in Entry.objects.all():
-        recompute_standing(entry=entry)
+    recompute_race(race=Race.objects.get())
     assert (list(Entry.objects.order_by("pk").values()), Race.objects.values().get()) == before
     assert Entry.objects.filter(racer__in=keep, classified=True).count() == 3
 

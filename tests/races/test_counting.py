@@ -11,14 +11,14 @@ from django.db.models import F
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from races.board_triggers import install, rebuild
+from races.boards.selectors.board import board, board_entries, rank_of, ranks_of, whole_board
+from races.boards.selectors.counts import score_at, totals_of
+from races.boards.triggers import install, rebuild
+from races.entries.selectors.lists import racing_now
+from races.entries.services.entries import restore_entry, withdraw
 from races.models import BoardCount, Entry, Race
 from races.models.counting import CLASSIFIED, EVERYBODY, SHIFTS, TOTAL
-from races.ranking import MOST_DRIVEN, NOT_CLASSIFIED
-from races.selectors import board, racing_now, rank_of, whole_board
-from races.selectors.boards import board_entries, ranks_of
-from races.selectors.counting import score_at, totals_of
-from races.services import restore_entry, withdraw
+from races.ranks import MOST_DRIVEN, NOT_CLASSIFIED
 from tests.factories import a_race, a_racer
 from tests.soak import examples
 

@@ -11,17 +11,18 @@ import pytest
 from django.db.models import Model
 from django.utils import timezone
 
-from config.management.race_options import add_race_options, rules_of
 from league.models import Stage, StageRules
-from league.stage_fields import PROPOSALS as OF_A_SEASON
+from league.seasons.forms.stage_fields import PROPOSALS as OF_A_SEASON
 from paddock.rules.race import PROPOSED_BOTS, PROPOSED_BOXES, RACE_TYPES, RaceRules
-from paddock.simulator.envs.setting import head_to_head, object_avoidance, rules_of_episodes
-from races.forms import RaceForm
-from races.layout import race_rules
+from paddock.simulator.envs.configuration import rules_of_episodes
+from paddock.simulator.envs.setting import head_to_head, object_avoidance
+from races.management.race_options import add_race_options, rules_of
 from races.models import Race
+from races.pages.forms import RaceForm
+from races.rules.layout import race_rules
 from tests.factories import a_track
-from training.forms.training import INITIAL
 from training.models import TrainingJob
+from training.wizard.forms import INITIAL
 
 RULES = {field.name: getattr(RaceRules(), field.name) for field in dataclasses.fields(RaceRules)}
 # An episode of an environment is one lap that ends at the first fault: that is what it is for.

@@ -5,21 +5,16 @@ from __future__ import annotations
 import pytest
 
 from evaluation.models import Evaluation, State
-from evaluation.services import finish_evaluation
+from evaluation.running.queue.jobs import finish_evaluation
 from evaluation.signals import evaluation_ended
 from paddock.rules.race import RaceRules
-from races import services
+from races.boards.selectors.board import podiums
+from races.duels import services as duel_services
+from races.duels.services import draw_duels, drive_all_on, drive_on, record_ended_duel
+from races.entries.services.standings import recompute_race
+from races.entries.services.submissions import submit_model
 from races.models import Draw, DuelCompetitor, DuelState, Entry
-from races.selectors import podiums
-from races.services import (
-    draw_duels,
-    drive_all_on,
-    drive_on,
-    recompute_race,
-    record_ended_duel,
-    submit_model,
-)
-from races.services import duels as duel_services
+from races.rules.layout import race_rules
 from tests.duels import (
     a_duel_race,
     drawn,
@@ -48,7 +43,7 @@ def test_a_heat_evaluates_the_front_car_with_the_others_as_rivals(now):
     evaluation = duel.evaluation
     assert (evaluation.model, evaluation.owner) == (models[0], cars[0].entry.racer)
     assert [rival.model for rival in evaluation.rivals.order_by("number")] == models[1:]
-    assert RaceRules.from_dict(evaluation.spec["rules"]) == services.race_rules(race)
+    assert RaceRules.from_dict(evaluation.spec["rules"]) == race_rules(race)
 
 
 def test_a_model_deleted_after_qualifying_still_drives(now):
@@ -72,7 +67,7 @@ def test_heats_of_a_round_are_queued_together(now):
 
 
 def test_a_waiting_submission_goes_before_the_duels(now, alice):
-    from evaluation.services import EVALUATIONS
+    from evaluation.running.queue.jobs import EVALUATIONS
 
     drawn(now, 4)
     race = a_race(now)

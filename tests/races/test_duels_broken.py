@@ -5,14 +5,11 @@ from __future__ import annotations
 import pytest
 
 from evaluation.models import State
-from evaluation.services import stop_evaluation
+from evaluation.running.queue.services import stop_evaluation
+from races.boards.selectors.board import board
+from races.duels import services as duel_services
+from races.entries.services.entries import remove_entry, restore_entry
 from races.models import Draw, Duel, DuelState, Entry, Race
-from races.selectors import board
-from races.services import duels as duel_services
-from races.services import (
-    remove_entry,
-    restore_entry,
-)
 from tests.duels import (
     break_down,
     drawn,

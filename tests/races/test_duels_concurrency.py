@@ -5,9 +5,10 @@ from __future__ import annotations
 import pytest
 
 from evaluation.models import Evaluation
-from evaluation.services import finish_evaluation
+from evaluation.running.queue.jobs import finish_evaluation
+from races.duels.services import draw_duels, drive_all_on, drive_on
+from races.entries.services.entries import remove_entry
 from races.models import Draw, Duel, DuelCompetitor, DuelState, Entry
-from races.services import draw_duels, drive_all_on, drive_on, remove_entry
 from tests.duels import a_duel_race, drawn, driving, duel_outcome, end_all, qualify
 from tests.factories import a_racer, start
 from tests.races.test_concurrency import at_once

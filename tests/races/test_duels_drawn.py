@@ -9,19 +9,13 @@ from datetime import timedelta
 import pytest
 
 from paddock.errors import PlatformFault, UserFault
-from races import services
+from races.boards.selectors.board import board
+from races.duels import services as duel_services
+from races.duels.services import draw_duels, drive_all_on, drive_on
+from races.entries.services.entries import enter_race, withdraw
+from races.entries.services.submissions import repeat_submission, submit_model
 from races.models import Draw, Duel, DuelCompetitor, Entry, Race
-from races.selectors import board
-from races.services import (
-    cancel_race,
-    draw_duels,
-    drive_all_on,
-    drive_on,
-    enter_race,
-    repeat_submission,
-    submit_model,
-)
-from races.services import duels as duel_services
+from races.pages.services import cancel_race
 from tests.duels import (
     a_duel_race,
     drawn,
@@ -116,7 +110,7 @@ def test_only_classified_racers_still_in_the_race_are_drawn(now):
     drive(race, a_racer("house", is_house=True), laps(9_000, 9_000, 9_000), now)
     drive(race, a_racer("slow"), [lap(1, 9_000), lap(2, 9_000), lap(3, 9_000, complete=False, percentage=50)], now)
     enter_race(race=race, racer=a_racer("idle"), now=now)
-    services.withdraw(entry=Entry.objects.get(racer=gone), now=now)
+    withdraw(entry=Entry.objects.get(racer=gone), now=now)
     assert draw_duels(race=race, now=race.closes_at).entrants == 2
     assert list(Entry.objects.filter(seed__isnull=False).values_list("racer__alias", flat=True)) == ["car-1", "car-2"]
 

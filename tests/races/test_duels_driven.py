@@ -9,13 +9,16 @@ from io import BytesIO
 import pytest
 from django.utils import timezone
 
+from evaluation.garage.services import upload_model
 from evaluation.models import Evaluation, State
-from evaluation.services import run_next_evaluation, upload_model
-from league.services.house import HouseCar, house_cars
+from evaluation.running.queue.worker import run_next_evaluation
+from league.house_cars.services import HouseCar, house_cars
 from paddock.packages.read import UploadPart
+from races.boards.selectors.board import board
+from races.duels.selectors import duels_of
+from races.duels.services import drive_all_on
+from races.entries.services.submissions import submit_model
 from races.models import Draw, Duel, DuelState, Entry, Race
-from races.selectors import board, duels_of
-from races.services import drive_all_on, submit_model
 from tests.duels import a_duel_race
 from tests.factories import a_racer
 

@@ -8,9 +8,10 @@ import pytest
 from django.urls import reverse
 from django.utils import timezone
 
+from races.duels.services import draw_duels, drive_all_on
+from races.live.services import begin_live, plan_live
 from races.models import Draw, Duel, DuelState, LiveEvent, LiveSlot, Race, RaceKind
-from races.services import close_race, draw_duels, drive_all_on, edit_race
-from races.services.live import begin_live, plan_live
+from races.pages.services import close_race, edit_race
 from tests.clients import logged_in
 from tests.duels import a_duel_race, qualify
 from tests.factories import a_racer

@@ -7,9 +7,10 @@ from datetime import timedelta
 import pytest
 
 from evaluation.models import State
+from races.boards.selectors.board import board
+from races.entries.services.entries import accept_invitation, enter_race, remove_entry, restore_entry, withdraw
+from races.entries.services.submissions import submit_model
 from races.models import Entry, Visibility
-from races.selectors import board
-from races.services import accept_invitation, enter_race, remove_entry, restore_entry, submit_model, withdraw
 from tests.factories import a_model, a_race, a_racer, drive, laps
 from tests.refusals import refused
 

@@ -7,10 +7,14 @@ from django.contrib.auth.models import AnonymousUser
 
 from core.events import Event, can_see_event, events_visible_to
 from evaluation.models import Evaluation
-from evaluation.services import EVALUATIONS, stop_evaluation
+from evaluation.running.queue.jobs import EVALUATIONS
+from evaluation.running.queue.services import stop_evaluation
 from paddock.errors import PlatformFault, UserFault
+from races.duels.services import draw_duels, drive_on
+from races.entries.services.entries import enter_race, withdraw
+from races.entries.services.submissions import submit_model
 from races.models import Visibility
-from races.services import cancel_race, draw_duels, drive_on, enter_race, submit_model, withdraw
+from races.pages.services import cancel_race
 from tests.duels import a_duel_race, end_all, qualify
 from tests.factories import a_model, a_race, a_racer, drive, fail, laps
 

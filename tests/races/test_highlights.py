@@ -10,7 +10,7 @@ from django.utils import timezone
 
 from evaluation.models import Evaluation
 from paddock.errors import UserFault
-from races.afterwards.highlights import TracedStep, crashes_in, evaluations_of, moments_of, saves_in, segments_of
+from races.aftermath.highlights import TracedStep, crashes_in, evaluations_of, moments_of, saves_in, segments_of
 from races.models import Entry, Race, Visibility
 from tests import factories
 from tests.clients import logged_in
@@ -19,10 +19,9 @@ from tests.live_shows import an_ended_show
 from tests.pages.test_show_browser import round_the_track
 from videos.drawing import Form
 from videos.models import REEL, Video, VideoState
-from videos.reel import Reel
-from videos.run import VideoRun
+from videos.scenes import Reel, VideoRun
 from videos.selectors import shown_video, videos_of
-from videos.services import ask_for_reel, remove_videos_of_model, run_next_video
+from videos.services import remove_videos_of_model, request_reel, run_next_video
 
 pytestmark = pytest.mark.django_db
 STEP_MS = 1000 // 15
@@ -86,7 +85,7 @@ def test_there_are_none_before_the_end_nor_of_nothing(alice, now):
 def asked(event, by, now) -> Video:
     segments = segments_of(moments_of(event), "en")
     runs = evaluations_of(segments)
-    return ask_for_reel(evaluations=runs, segments=segments, by=by, language="en", now=now).video
+    return request_reel(evaluations=runs, segments=segments, by=by, language="en", now=now).video
 
 
 def test_one_video_is_made_of_them(alice, now, monkeypatch):

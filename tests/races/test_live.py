@@ -9,12 +9,12 @@ import pytest
 from core.events import Event
 from evaluation.models import Evaluation, Result
 from paddock.errors import UserFault
-from races.afterwards.certificate import placed
-from races.models import Entry, LiveEvent, LiveLog, LiveSlot, LiveState, SlotState, Submission
-from races.selectors import board, can_see_evaluation
-from races.selectors.live import can_see_live, live_standings, played
-from races.services import accept_invitation
-from races.services.live import (
+from races.aftermath.certificate import placed
+from races.boards.selectors.board import board
+from races.entries.selectors.visibility import can_see_evaluation
+from races.entries.services.entries import accept_invitation
+from races.live.selectors.events import can_see_live, live_standings, played
+from races.live.services import (
     begin_live,
     call_slot,
     end_live,
@@ -29,6 +29,7 @@ from races.services.live import (
     tick_live,
     undo_last,
 )
+from races.models import Entry, LiveEvent, LiveLog, LiveSlot, LiveState, SlotState, Submission
 from tests.factories import a_model, a_racer, drive, laps
 from tests.live_shows import a_live_race, a_show, begun, compute, show, slot_of, slots
 from tests.refusals import refused
@@ -280,7 +281,7 @@ class TestByItself:
         assert Submission.objects.filter(is_live=True).count() == 2
 
     def test_who_has_deleted_their_model_is_held_and_the_next_drives(self, alice, now):
-        from evaluation.services import delete_model
+        from evaluation.garage.services import delete_model
 
         event = a_show(now, alice, ["bob", "carl"], auto_run=True, order="as_entered", gap_s=0)
         delete_model(model=slot_model(event, "bob"), now=now)
@@ -300,7 +301,7 @@ def slot_model(event, alias):
 
 
 def test_a_model_deleted_after_it_was_computed_drives_all_the_same(alice, now):
-    from evaluation.services import delete_model
+    from evaluation.garage.services import delete_model
 
     event = begun(a_show(now, alice, ["bob"]), alice, now)
     compute(slot_of(event, "bob"), now, 9_000)
@@ -313,7 +314,7 @@ def test_a_model_deleted_after_it_was_computed_drives_all_the_same(alice, now):
 @pytest.mark.parametrize("computed", [True, False])
 def test_a_model_deleted_between_call_and_launch_drives_all_the_same(alice, now, computed):
     """Its run is computed, or has been asked for: the racer was called with this car."""
-    from evaluation.services import delete_model
+    from evaluation.garage.services import delete_model
 
     event = begun(a_show(now, alice, ["bob", "carl"], order="as_entered"), alice, now)
     if computed:
@@ -330,7 +331,7 @@ def test_a_model_deleted_between_call_and_launch_drives_all_the_same(alice, now,
 
 
 def test_another_model_throws_away_what_was_computed(alice, now):
-    from races.services.live import choose_model
+    from races.live.services import choose_model
 
     event = begun(a_show(now, alice, ["bob"]), alice, now)
     old = compute(slot_of(event, "bob"), now, 9_000)

@@ -8,10 +8,10 @@ import pytest
 
 from core.events import Event
 from evaluation.models import Evaluation, Result
-from evaluation.services import EVALUATIONS
+from evaluation.running.queue.jobs import EVALUATIONS
+from races.live.services import choose_model, launch, prepare_ahead, skip_slot, tick_live
+from races.live.services.show import reveal
 from races.models import LiveLog, LiveSlot, SlotState, Submission
-from races.services.live import choose_model, launch, prepare_ahead, skip_slot, tick_live
-from races.services.live.show import reveal
 from tests.factories import a_model, a_racer, start
 from tests.live_shows import a_show, begun, compute, racer_of, slot_of
 from tests.races.test_concurrency import at_once

@@ -10,19 +10,18 @@ from django.urls import reverse
 from PIL import Image
 
 from core.events import Event
+from evaluation.garage.quotas import _traces
 from evaluation.models import Evaluation, Result, State
-from evaluation.quotas import _traces
-from evaluation.services import finish_evaluation
+from evaluation.running.queue.jobs import finish_evaluation
 from paddock.errors import UserFault
-from races.api.live import poses_document
-from races.live_document import live_document
-from races.live_seen import frames_of
-from races.live_story import story_of
-from races.models import Draw, Duel, DuelCompetitor, DuelState, Entry, LiveEvent, LiveSlot, LiveState, SlotState
-from races.selectors import duels_of
-from races.selectors.live import console_rows
-from races.services import drive_all_on, remove_entry
-from races.services.live import (
+from races.duels.selectors import duels_of
+from races.duels.services import drive_all_on
+from races.entries.services.entries import remove_entry
+from races.live.api import poses_document
+from races.live.commentary import story_of
+from races.live.document import live_document
+from races.live.selectors.events import console_rows
+from races.live.services import (
     add_late,
     begin_live,
     cancel_live,
@@ -40,6 +39,8 @@ from races.services.live import (
     tick_live,
     undo_last,
 )
+from races.live.streaming.camera import frames_of
+from races.models import Draw, Duel, DuelCompetitor, DuelState, Entry, LiveEvent, LiveSlot, LiveState, SlotState
 from tests.clients import logged_in
 from tests.duels import a_duel_race, duel_outcome, qualify
 from tests.factories import a_model, a_racer, break_down, start

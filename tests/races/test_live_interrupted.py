@@ -8,11 +8,11 @@ import pytest
 from django.core.cache import cache
 
 from core.streams import life
-from races.live_story import story_of
-from races.live_stream import Telling
+from races.live.commentary import story_of
+from races.live.selectors.events import console_rows
+from races.live.services import choose_model, launch, pause_live, release_slot, tick_live
+from races.live.streaming.event_stream import EventFeed
 from races.models import LiveEvent, SlotState, Submission
-from races.selectors.live import console_rows
-from races.services.live import choose_model, launch, pause_live, release_slot, tick_live
 from tests.factories import a_model, a_racer
 from tests.live_shows import a_show, begun, compute, racer_of, slot_of
 
@@ -124,11 +124,11 @@ def test_a_stream_process_that_lived_has_shown_the_run(alice, now, began_s, at_s
 
 def test_spectators_are_shown_the_run_from_its_start(alice, now, monkeypatch):
     event, now = on_track(now, alice, auto=True)
-    telling = Telling(str(event.race_id))
+    feed = EventFeed(str(event.race_id))
 
     def told(at):
-        monkeypatch.setattr("races.live_stream.timezone.now", lambda: at)
-        return [one["poses"] for one in telling.next(False)[0] if "poses" in one and one["poses"]["chunks"]]
+        monkeypatch.setattr("races.live.streaming.event_stream.timezone.now", lambda: at)
+        return [one["poses"] for one in feed.next(False)[0] if "poses" in one and one["poses"]["chunks"]]
 
     assert told(now)[-1]["chunks"][-1]["n"] == 9
     now += timedelta(seconds=60)

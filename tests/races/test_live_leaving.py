@@ -7,11 +7,10 @@ from django.urls import reverse
 from django.utils import timezone
 
 from evaluation.models import Evaluation
-from races.live_document import live_document
-from races.models import LiveSlot, SlotState, Submission
-from races.selectors.live import live_racers, live_standings
-from races.services import enter_race, remove_entry, withdraw
-from races.services.live import (
+from races.entries.services.entries import enter_race, remove_entry, withdraw
+from races.live.document import live_document
+from races.live.selectors.events import live_racers, live_standings
+from races.live.services import (
     add_late,
     call_slot,
     crown,
@@ -23,6 +22,7 @@ from races.services.live import (
     run_again,
     tick_live,
 )
+from races.models import LiveSlot, SlotState, Submission
 from tests.clients import logged_in
 from tests.factories import a_racer
 from tests.live_shows import a_show, begun, compute, racer_of, show, slot_of, slots
@@ -51,7 +51,7 @@ def names(event) -> list[str]:
 
 
 def to_come(event) -> list[str]:
-    return [slot.who for slot in slots(event) if slot.state in ("waiting", "called", "held")]
+    return [slot.driver_names for slot in slots(event) if slot.state in ("waiting", "called", "held")]
 
 
 def test_who_leaves_in_the_lobby_is_in_no_list(alice, now, wakes):
@@ -77,7 +77,9 @@ def test_who_leaves_is_taken_out_of_the_running_order_at_once(
         else:
             remove_entry(entry=entry_of(event, "bob"), by=alice, now=now)
     assert set(to_come(event)) == {"carl", "dora"}
-    assert {(slot.state, slot.reason_code) for slot in slots(event) if slot.who == "bob"} == {("removed", "live_left")}
+    assert {(slot.state, slot.reason_code) for slot in slots(event) if slot.driver_names == "bob"} == {
+        ("removed", "live_left")
+    }
     assert not Evaluation.with_sealed.filter(pk=sealed).exists() or slot_of(event, "bob").evaluation_id is None
     page = logged_in(alice).get(reverse("live_console", args=[event.race.slug])).content.decode()
     assert "left the race" in page and f'id="release-{slot_of(event, "bob").pk}"' not in page

@@ -9,9 +9,9 @@ import pytest
 from django.urls import reverse
 from django.utils import timezone
 
+from races.entries.services.entries import enter_race
+from races.live.services import launch
 from races.models import LiveEvent, LiveSlot, LiveState, SlotState, Visibility
-from races.services import enter_race
-from races.services.live import launch
 from tests.clients import logged_in
 from tests.factories import a_model, a_racer
 from tests.live_shows import a_live_race, a_show, begun, compute, racer_of, slot_of, slots
@@ -46,7 +46,7 @@ def test_a_private_event_is_nowhere_for_a_stranger(alice, now):
 
 
 def a_show_in(race, alice, now):
-    from races.services.live import plan_live
+    from races.live.services import plan_live
 
     return plan_live(race=race, by=alice, now=now, starts_at=now + timedelta(minutes=30))
 

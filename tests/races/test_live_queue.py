@@ -8,9 +8,10 @@ import pytest
 
 from evaluation.models import State
 from paddock.errors import UserFault
+from races.entries.services.entries import enter_race
+from races.entries.services.submissions import submit_model
+from races.live.services import begin_live, hold_slot, launch, plan_live, prepare_ahead, tick_live
 from races.models import LiveState, SlotState
-from races.services import enter_race, submit_model
-from races.services.live import begin_live, hold_slot, launch, plan_live, prepare_ahead, tick_live
 from tests.factories import a_model, a_racer, fail, finish, laps
 from tests.live_shows import START, a_live_race, compute, racer_of, slot_of
 

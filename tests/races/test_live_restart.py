@@ -12,8 +12,8 @@ from time import sleep
 
 import pytest
 
+from tests.config.test_run import manage
 from tests.evaluation.processes import is_running, wait_for
-from tests.league.test_run import manage
 from tests.live_site import START_S, LiveSite
 
 pytestmark = [pytest.mark.slow, pytest.mark.xdist_group("run")]

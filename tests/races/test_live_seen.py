@@ -14,16 +14,16 @@ from django.urls import reverse
 from django.utils import timezone
 from PIL import Image
 
+from evaluation.camera_replay.replay import CAMERA
 from evaluation.models import Evaluation
-from evaluation.seeing import CAMERA
-from evaluation.services import finish_evaluation
+from evaluation.running.queue.jobs import finish_evaluation
 from paddock.simulator.camera.view import Scene
 from paddock.simulator.retracing import RunSight, TracePath
 from paddock.simulator.sensors import make_sensors
-from races import live_seen, live_seen_stream
+from races.live.services import launch
+from races.live.streaming import camera as live_seen
+from races.live.streaming.pose_chunks import cut
 from races.models import Visibility
-from races.poses import cut
-from races.services.live import launch
 from tests.clients import logged_in
 from tests.drawn_runs import driven_trace
 from tests.factories import a_racer, lap, outcome, start
@@ -150,45 +150,45 @@ def clock(now, monkeypatch):
     return at
 
 
-def told(seeing):
-    said, pause = seeing.next()
+def told(feed):
+    said, pause = feed.next()
     return [data["n"] for data in said], pause
 
 
 def test_the_stream_tells_each_half_second_once_it_has_passed(played, now, clock):
     slot, _trace = played
-    seeing = live_seen_stream.Seeing(str(slot.event.race_id))
-    (first,), pause = seeing.next()
+    feed = live_seen.FrameFeed(str(slot.event.race_id))
+    (first,), pause = feed.next()
     assert (first["slot"], first["n"]) == (slot.pk, PLAYED_S * 2 - 1)
     assert base64.b64decode(first["png"]) == frames(slot, PLAYED_S * 2 - 1).content
     assert pause == pytest.approx(0.53)
     clock[0] = now + timedelta(milliseconds=499)
-    assert told(seeing)[0] == [], "not before its time"
+    assert told(feed)[0] == [], "not before its time"
     clock[0] = now + timedelta(milliseconds=501)
-    assert told(seeing)[0] == [PLAYED_S * 2]
+    assert told(feed)[0] == [PLAYED_S * 2]
     clock[0] = now + timedelta(seconds=3)
-    assert told(seeing)[0] == [10, 11], "who is late goes on with the newest"
+    assert told(feed)[0] == [10, 11], "who is late goes on with the newest"
     clock[0] = now + timedelta(seconds=30)
-    assert told(seeing)[0] == [], "after the last there is none"
+    assert told(feed)[0] == [], "after the last there is none"
 
 
 def test_the_stream_tells_nothing_of_a_run_that_is_not_played(played, clock):
     slot, _trace = played
     for state in ("waiting", "called"):
         type(slot).objects.filter(pk=slot.pk).update(state=state, starts_at=None, ends_at=None)
-        assert told(live_seen_stream.Seeing(str(slot.event.race_id))) == ([], live_seen_stream.RARELY_S)
-    assert told(live_seen_stream.Seeing("x")) == told(live_seen_stream.Seeing("9" * 40)) == ([], 5.0)
+        assert told(live_seen.FrameFeed(str(slot.event.race_id))) == ([], live_seen.RARELY_S)
+    assert told(live_seen.FrameFeed("x")) == told(live_seen.FrameFeed("9" * 40)) == ([], 5.0)
 
 
 def test_what_is_too_large_for_a_stream_is_named_only(played, clock, monkeypatch):
     slot, _trace = played
-    monkeypatch.setattr(live_seen_stream, "MOST_BYTES", 10)
-    (data,), _pause = live_seen_stream.Seeing(str(slot.event.race_id)).next()
+    monkeypatch.setattr(live_seen, "MOST_BYTES", 10)
+    (data,), _pause = live_seen.FrameFeed(str(slot.event.race_id)).next()
     assert data == {"slot": slot.pk, "n": PLAYED_S * 2 - 1}
 
 
 def test_while_others_draw_the_stream_goes_on(played, clock, monkeypatch):
     slot, _trace = played
-    monkeypatch.setattr(live_seen_stream, "WAIT_S", 0.01)
+    monkeypatch.setattr(live_seen, "STREAM_WAIT_S", 0.01)
     with live_seen._drawing:
-        assert told(live_seen_stream.Seeing(str(slot.event.race_id)))[0] == []
+        assert told(live_seen.FrameFeed(str(slot.event.race_id)))[0] == []

@@ -10,15 +10,15 @@ from django.urls import reverse
 from django.utils import timezone
 
 from evaluation.models import Evaluation, Result
-from evaluation.services import finish_evaluation
+from evaluation.running.queue.jobs import finish_evaluation
 from paddock.rules.race import RaceRules
 from paddock.rules.speed import MOST_COMMANDS
-from races.live_document import live_document
+from races.live.document import live_document
+from races.live.selectors.events import played
+from races.live.selectors.speed import commands_speed, live_racers_commanded_by, speed_document
+from races.live.services import call_slot, command_now, command_start, launch, name_deputy, tick_live
+from races.live.services.speed import effect_ms
 from races.models import LiveSlot, SlotState, Submission
-from races.selectors.live import played
-from races.selectors.live_speed import commands_speed, live_racers_commanded_by, speed_document
-from races.services.live import call_slot, command_now, command_start, launch, name_deputy, tick_live
-from races.services.live.speed import effect_ms
 from tests.evaluation.stubs import HEADER
 from tests.factories import a_racer, lap, outcome, start
 from tests.live_shows import a_show, begun, compute, racer_of, slot_of, tick_through

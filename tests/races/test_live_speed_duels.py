@@ -7,13 +7,13 @@ from datetime import timedelta
 import pytest
 
 from evaluation.models import Evaluation
-from evaluation.services import finish_evaluation
+from evaluation.running.queue.jobs import finish_evaluation
 from paddock.errors import UserFault
 from paddock.rules.race import RaceRules
-from races.live_document import live_document
+from races.live.document import live_document
+from races.live.selectors.speed import speed_document
+from races.live.services import command_now, command_start, launch, prepare_ahead, tick_live
 from races.models import LiveRacer
-from races.selectors.live_speed import speed_document
-from races.services.live import command_now, command_start, launch, prepare_ahead, tick_live
 from tests.duels import duel_outcome
 from tests.factories import a_racer, start
 from tests.live_shows import tick_through

@@ -9,15 +9,15 @@ from django.urls import reverse
 from django.utils import timezone
 
 from evaluation.models import Evaluation
-from evaluation.services import queue_evaluation
+from evaluation.running.queue.services import queue_evaluation
 from paddock.rules.race import RaceRules
-from races.layout import laid_out, race_rules
-from races.live_document import live_document
-from races.live_rules import MOST_SEED, live_layout
+from races.boards.selectors.board import board
+from races.entries.services.submissions import submit_model
+from races.live.document import live_document
+from races.live.services import change_live, plan_live, prepare_ahead
 from races.models import LiveEvent, RaceType
-from races.selectors import board
-from races.services.live import change_live, plan_live, prepare_ahead
-from races.services.submissions import submit_model
+from races.rules.layout import laid_out, race_rules
+from races.rules.live_start import MOST_SEED, live_layout
 from tests.clients import logged_in
 from tests.factories import a_model, a_racer, drive, laps
 from tests.live_shows import START, a_live_race, a_show, begun, compute, show, slot_of

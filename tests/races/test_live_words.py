@@ -10,11 +10,10 @@ import pytest
 from django.utils.translation import override
 
 from evaluation.models import Evaluation
-from evaluation.services import finish_evaluation
-from races.live_story import story_of
-from races.services import live
-from races.services.live import launch
-from races.story_words import ordinal
+from evaluation.running.queue.jobs import finish_evaluation
+from races.live import services as live
+from races.live.commentary import ordinal, story_of
+from races.live.services import launch
 from races.templatetags.live import ACTS, act
 from tests.factories import a_racer, lap, outcome, start
 from tests.live_shows import a_show, begun, compute, show, slot_of

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import pytest
 
-from races.honours import race_of_marks
+from races.boards.selectors.board import board
+from races.entries.services.standings import recompute_race
 from races.models import Entry, Race
-from races.replay import lap_rows
-from races.selectors import board
-from races.services.standings import recompute_race
+from races.runs.replay import lap_rows
+from races.runs.video_titles import race_of_marks
 from tests.factories import a_race, a_racer, drive, lap, laps
 
 pytestmark = pytest.mark.django_db

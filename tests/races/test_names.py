@@ -6,9 +6,9 @@ import pytest
 from django.utils import translation
 
 from league.models import Round, Season
-from league.services import open_demo_season
+from league.seasons.services.demo_season import open_demo_season
 from races.models import Race, RaceKind
-from races.names import named, names_track
+from races.web.names import named, names_track
 
 
 @pytest.mark.django_db

@@ -10,9 +10,10 @@ from django.contrib.auth.models import AnonymousUser
 from django.db import connection
 from django.test.utils import CaptureQueriesContext
 
+from races.entries.selectors.offers import offers_for
+from races.entries.services.entries import withdraw
+from races.entries.services.submissions import submit_model
 from races.models import Race
-from races.selectors.offers import offers_for
-from races.services import submit_model, withdraw
 from tests.factories import a_model, a_race, drive, laps
 from tests.rows import track_row
 
@@ -57,7 +58,7 @@ def test_races_that_would_refuse_the_car_are_not_offered(alice, bob, now, monkey
     assert offers_for(model=model, racer=alice, now=now) == []
     fine = a_race(now)
     assert [offer.race for offer in offers_for(model=model, racer=alice, now=now)] == [fine]
-    monkeypatch.setattr("races.selectors.offers.refusal", lambda *_: "somebody else's league")
+    monkeypatch.setattr("races.entries.selectors.offers.refusal", lambda *_: "somebody else's league")
     assert offers_for(model=model, racer=alice, now=now) == []
     assert offers_for(model=model, racer=AnonymousUser(), now=now) == []
 

@@ -12,18 +12,22 @@ from django.test import Client
 
 from accounts.models import RacerQuota
 from accounts.quotas import used_by
-from evaluation.competitors import live_cars
+from evaluation.garage.services import delete_model, share_model, stop_sharing_model
 from evaluation.models import Evaluation, State
-from evaluation.queue_order import OWN, URGENT
-from evaluation.selectors import queue_position
-from evaluation.services import delete_model, finish_evaluation, share_model, stop_evaluation, stop_sharing_model
+from evaluation.running.competitors import live_cars
+from evaluation.running.queue.jobs import finish_evaluation
+from evaluation.running.queue.order import OWN, URGENT
+from evaluation.running.queue.selectors import queue_position
+from evaluation.running.queue.services import stop_evaluation
 from paddock.errors import PlatformFault, UserFault
 from paddock.geometry.catalogue import CATALOGUE
+from races.entries.selectors.visibility import can_see_evaluation, evaluations_visible_to
+from races.entries.services.submissions import submit_model
 from races.errors import RaceRefused
 from races.models import Entry, OwnEvaluation, Race, Submission
-from races.selectors import can_see_evaluation, evaluations_visible_to
-from races.selectors.own import can_stop_run, is_own_of, own_result, own_runs_of
-from races.services import create_community_race, delete_own, drive_own, drive_own_again, submit_model
+from races.pages.services import create_community_race
+from races.test_runs.selectors import can_stop_run, is_own_of, own_result, own_runs_of
+from races.test_runs.services import delete_own, drive_own, drive_own_again
 from tests.factories import a_model, a_race, a_racer, a_track, break_down, drive, lap, laps, outcome, start
 from tests.refusals import refused
 from tests.rows import track_row
@@ -259,7 +263,7 @@ def test_a_submission_failing_through_us_is_told_and_the_run_stands(alice, now, 
     def broken(**_):
         raise RuntimeError("the disk is full")
 
-    monkeypatch.setattr("races.services.own.submit_model", broken)
+    monkeypatch.setattr("races.test_runs.services.submit_model", broken)
     own = finish(ask(alice, now, race=a_race(now), submit_if_better=True), laps(*[10_000] * 3), now)
     assert own.submit_reason_code == "own_submit_failed" and own.evaluation.state == State.FINISHED
 

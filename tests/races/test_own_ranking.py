@@ -8,20 +8,21 @@ import pytest
 from django.db import transaction
 from django.test import Client
 
-from races import ranking
-from races.facts import score_name, worth_words
+from races.boards import ranking
+from races.boards.ranking import Lap, RankingRule, Standing
+from races.boards.selectors.board import board
 from races.models import Race, RankingMethod
-from races.ranking import Lap, RankingRule, Standing
-from races.selectors import board
+from races.rules.descriptions import score_name, worth_words
 from tests.factories import a_race, a_racer, drive, laps
 
 pytestmark = pytest.mark.django_db
 
 
 class Slowest(RankingRule):
-    """The slowest complete lap: who is never slow wins. It stands in the place of a method that races may have."""
+    """The slowest complete lap. It replaces a method that races may have."""
 
     code = "best"
+    label = "slowest lap"
     column = "Slowest lap"
 
     def score(self, standing: Standing, laps: Sequence[Lap]) -> int | None:

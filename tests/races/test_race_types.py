@@ -10,11 +10,11 @@ from django.test import override_settings
 
 from paddock.simulator.layout import lay_out
 from races.errors import RaceRefused
-from races.facts import fault_rules, layout_facts, layout_rules
-from races.forms import RaceForm
-from races.layout import box_marks, box_rows
 from races.models import Race
-from races.services import clone_race, create_community_race, edit_race, race_rules
+from races.pages.forms import RaceForm
+from races.pages.services import clone_race, create_community_race, edit_race
+from races.rules.descriptions import fault_rules, layout_facts, layout_rules
+from races.rules.layout import box_marks, box_rows, race_rules
 from tests.factories import a_race, a_track, drive, lap
 from tests.rows import track_row
 

@@ -9,21 +9,20 @@ from django.utils import timezone
 
 from evaluation.models import State
 from paddock.errors import UserFault
+from races.entries.services.entries import accept_invitation, enter_race
+from races.entries.services.submissions import submit_model
 from races.errors import RaceRefused
 from races.models import Race, RaceKind, RaceState, Visibility
-from races.sensors import OFFERABLE, SAME_AS
-from races.services import (
-    accept_invitation,
+from races.models.sensors import OFFERABLE, SAME_AS
+from races.pages.services import (
+    add_months,
     cancel_race,
     clone_race,
     create_community_race,
     create_league_race,
     edit_race,
-    enter_race,
     reset_invitation,
-    submit_model,
 )
-from races.services.races import add_months
 from tests.factories import a_model, a_race, a_track, drive, laps, start
 
 pytestmark = pytest.mark.django_db

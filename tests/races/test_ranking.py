@@ -10,8 +10,9 @@ from django.utils import translation
 from hypothesis import given
 from hypothesis import strategies as st
 
+from races.boards.ranking import RULES, best_of_sectors, drawn_rank, order_rule, rule_for
 from races.models import Race
-from races.ranking import LAST, NO_RESULT, NOT_CLASSIFIED, RULES, best_of_sectors, drawn_rank, order_rule, rule_for
+from races.ranks import LAST, NO_RESULT, NOT_CLASSIFIED
 from tests.factories import lap, laps
 
 AVERAGE, BEST, TOTAL = RULES["average"], RULES["best"], RULES["total"]

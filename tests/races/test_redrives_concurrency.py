@@ -6,10 +6,11 @@ from functools import partial
 
 import pytest
 
-from evaluation.services import finish_evaluation
+from evaluation.running.queue.jobs import finish_evaluation
+from races.entries.services.redrives import drive_again, sweep_redrives
+from races.entries.services.standings import recompute_race
+from races.entries.services.submissions import submit_model
 from races.models import Race, Redrive, Retiming
-from races.services import recompute_race, submit_model
-from races.services.redrives import drive_again, sweep_redrives
 from tests.factories import a_model, a_race, a_racer, drive, laps, outcome, start
 from tests.races.test_concurrency import at_once
 from tests.redrives import SITE, end, everything, pending, shown

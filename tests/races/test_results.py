@@ -7,13 +7,13 @@ from datetime import timedelta
 import pytest
 from django.db import transaction
 
-from races.change import BETTER, WORSE, Change, ChangeKind, change, sentence
-from races.facts import behind, score_name
+from races.boards.improvement import BETTER, WORSE, Change, ChangeKind, change, sentence
+from races.boards.ranking import RULES
+from races.boards.selectors.board import board
+from races.boards.selectors.results import heat_of, place_of, result_of
+from races.entries.services.entries import withdraw
 from races.models import Entry, Race, Submission
-from races.ranking import RULES
-from races.selectors import board
-from races.selectors.results import heat_of, place_of, result_of
-from races.services import withdraw
+from races.rules.descriptions import behind, score_name
 from tests.duels import drawn, driving, end, end_all
 from tests.factories import a_race, a_racer, drive, lap, laps
 from tests.league.test_telling_costs import read_whole
@@ -29,9 +29,9 @@ def _commits(monkeypatch):
     monkeypatch.setattr(transaction, "on_commit", lambda call, **options: call())
 
 
-def worth(submission: Submission, *, tell_earlier: bool = True):
+def worth(submission: Submission, *, with_earlier: bool = True):
     submission = Submission.objects.select_related("entry__race", "evaluation__result").get(pk=submission.pk)
-    return result_of(submission, submission.evaluation.result.laps, tell_earlier=tell_earlier)
+    return result_of(submission, submission.evaluation.result.laps, with_earlier=with_earlier)
 
 
 def gaps(found) -> tuple:
@@ -133,7 +133,7 @@ def test_a_result_is_compared_with_the_best_before_it(now):
 def test_only_the_racer_sees_their_earlier_results(now):
     race, alice = a_race(now), a_racer("alice")
     drive(race, alice, laps(13_000, 13_000, 13_000), now)
-    found = worth(drive(race, alice, laps(*ALICE), now), tell_earlier=False)
+    found = worth(drive(race, alice, laps(*ALICE), now), with_earlier=False)
     assert (found.change, found.earlier, found.place.rank) == (None, None, 1)
 
 
@@ -247,5 +247,5 @@ def test_a_longer_board_needs_no_more_queries(now, django_assert_num_queries):
     submission = Submission.objects.select_related("entry__race", "evaluation__result").get(pk=submission.pk)
     driven = submission.evaluation.result.laps
     with django_assert_num_queries(4):
-        assert result_of(submission, driven, tell_earlier=True).place.rank == 13
-    assert read_whole(lambda: result_of(submission, driven, tell_earlier=True)) == set()
+        assert result_of(submission, driven, with_earlier=True).place.rank == 13
+    assert read_whole(lambda: result_of(submission, driven, with_earlier=True)) == set()

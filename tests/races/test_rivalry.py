@@ -7,9 +7,9 @@ from datetime import timedelta
 import pytest
 from django.test import Client
 
+from races.duels.rivalry import HeadToHead, head_to_head, rivals_of
+from races.entries.services.entries import withdraw
 from races.models import DuelCompetitor, Visibility
-from races.selectors.rivalry import HeadToHead, head_to_head, rivals_of
-from races.services import enter_race, withdraw
 from tests.duels import drawn, end_all
 from tests.factories import a_race, a_racer, drive, lap, laps
 
@@ -30,9 +30,9 @@ def test_races_count_where_both_are_classified_and_may_be_seen(alice, bob, charl
     secret = a_race(now, visibility=Visibility.INVITATION, organiser=alice)
     for racer, time in ((alice, 10_000), (charlie, 9_000)):
         if racer == charlie:
-            from races.services.entries import enter_as_invited
+            from races.entries.services.entries import enter_race
 
-            enter_as_invited(race=secret, racer=racer, now=now)
+            enter_race(race=secret, racer=racer, now=now, invited=True)
         drive(secret, racer, laps(time, time, time), now)
     assert head_to_head(alice, bob, None) == HeadToHead(2, 1, 0, 0)
     assert head_to_head(bob, alice, alice) == HeadToHead(1, 2, 0, 0)

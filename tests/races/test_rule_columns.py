@@ -9,7 +9,7 @@ from django.db import IntegrityError, transaction
 from paddock.rules.race import EASIER_FIRST, HEAD_TO_HEAD, OBJECT_AVOIDANCE, RANKING, RULES, STAGE, all_laps
 from races.models import Race
 from races.models.rules import choices_of, column
-from races.services import edit_race
+from races.pages.services import edit_race
 from tests.factories import a_race
 
 COLUMNS = [name for name, rule in RULES.items() if rule.column]

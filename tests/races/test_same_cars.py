@@ -9,13 +9,17 @@ from django.db import IntegrityError, transaction
 from django.test import Client
 
 from evaluation.models import TrainedModel
-from evaluation.services import finish_evaluation, stop_evaluation
+from evaluation.running.queue.jobs import finish_evaluation
+from evaluation.running.queue.services import stop_evaluation
 from paddock.errors import UserFault
+from races.boards.selectors.board import board
+from races.entries.selectors.cars import shared_cars
+from races.entries.services.cars import settle_cars, settle_due
+from races.entries.services.entries import enter_race, remove_entry, withdraw
+from races.entries.services.submissions import submit_model
 from races.models import Entry, Race, RaceCar, RefusedCar, Submission
-from races.selectors import board
-from races.selectors.cars import shared_cars
-from races.services import drive_own, edit_race, enter_race, remove_entry, submit_model, withdraw
-from races.services.cars import settle_cars, settle_due
+from races.pages.services import edit_race
+from races.test_runs.services import drive_own
 from tests.factories import a_model, a_race, a_racer, drive, finish, laps, outcome, start
 
 pytestmark = pytest.mark.django_db
@@ -124,7 +128,7 @@ class TestSubmitting:
         assert submit_model(race=race, racer=late, model=a_copy(late, sample), now=now)
 
     def test_the_demos_beginners_race_allows_shared_cars(self, db):
-        from league.services.demo import COMMUNITY_RACES
+        from league.seasons.services.demo_season import COMMUNITY_RACES
 
         assert [race["name"] for _months, race in COMMUNITY_RACES if race.get("shared_cars")] == [
             "First laps on the oval"

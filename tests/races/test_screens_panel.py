@@ -10,10 +10,10 @@ from django.test import Client
 from django.utils import timezone
 
 from accounts.models import Racer
+from races.live.services import end_live, show_podium
+from races.live.views.screens import OVERLAYS, SCREENS
 from races.models import LiveEvent, Race, Visibility
-from races.services.live import end_live, show_podium
-from races.spectators import spectator_token
-from races.views.live_screens import OVERLAYS, SCREENS
+from races.web.spectator_links import spectator_token
 from tests.clients import logged_in
 from tests.live_shows import a_live_race, a_show, an_ended_show
 

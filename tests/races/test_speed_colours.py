@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from races.replay import ColourBy, speed_scale, trajectories
-from tracks.drawing.trajectories import SPEED_CLASSES
+from races.runs.replay import ColourBy, speed_scale, trajectories
+from tracks.drawing import SPEED_CLASSES
 
 
 def test_the_scale_fits_the_speeds_of_the_run():

@@ -11,22 +11,17 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from evaluation.models import Result
-from evaluation.services import finish_evaluation, queue_evaluation, stop_evaluation
+from evaluation.running.queue.jobs import finish_evaluation
+from evaluation.running.queue.services import queue_evaluation, stop_evaluation
 from evaluation.signals import evaluation_ended
 from paddock.errors import UserFault
 from paddock.rules.race import RaceRules
+from races.boards.selectors.board import board
+from races.entries.services import standings
+from races.entries.services.entries import enter_race, withdraw
+from races.entries.services.standings import FASTEST, recompute_race, record_ended_evaluation
 from races.models import Entry, Race, Submission
-from races.selectors import board
-from races.services import (
-    enter_race,
-    race_rules,
-    recompute_race,
-    recompute_standing,
-    record_ended_evaluation,
-    standings,
-    withdraw,
-)
-from races.services.standings import FASTEST
+from races.rules.layout import race_rules
 from tests.factories import a_model, a_race, a_racer, drive, fail, finish, lap, laps, outcome, start
 from tests.soak import examples
 
@@ -194,7 +189,7 @@ def test_standings_do_not_depend_on_the_order_of_results(now, sent, rng: random.
                 driven[-1] |= {"complete": False, "completion_percentage": 50, "sector_ms": []}
             finish(waiting[index], driven, now)
         incremental = standing_of(entry)
-        recompute_standing(entry=entry)
+        recompute_race(race=race)
         assert standing_of(entry) == incremental, "keeping the best is the same as working all out anew"
         assert incremental["best_id"] is not None
         incremental["best_id"] = next(n for n, one in enumerate(waiting) if one.pk == incremental["best_id"])

@@ -6,20 +6,15 @@ from datetime import timedelta
 
 import pytest
 
+from evaluation.garage.services import delete_model
 from evaluation.models import Evaluation, State
-from evaluation.selectors import queue_position
-from evaluation.services import delete_model, stop_evaluation
+from evaluation.running.queue.selectors import queue_position
+from evaluation.running.queue.services import stop_evaluation
 from paddock.errors import PlatformFault, UserFault
-from races import eligibility
+from races.entries import eligibility
+from races.entries.services.entries import accept_invitation, enter_race, remove_entry, withdraw
+from races.entries.services.submissions import repeat_submission, submit_model
 from races.models import Entry, Submission, Visibility
-from races.services import (
-    accept_invitation,
-    enter_race,
-    remove_entry,
-    repeat_submission,
-    submit_model,
-    withdraw,
-)
 from tests.factories import a_model, a_race, a_racer, drive, fail, finish, laps, start
 from tests.refusals import refused
 

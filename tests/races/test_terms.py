@@ -7,17 +7,11 @@ from datetime import timedelta
 import pytest
 from django.urls import reverse
 
+from races.entries.services.entries import accept_invitation, enter_race, give_field
+from races.entries.services.submissions import submit_model
 from races.models import Entry, RaceTerms, Submission, TermsAcceptance
-from races.services import (
-    accept_invitation,
-    clone_race,
-    create_community_race,
-    drive_own,
-    edit_race,
-    enter_race,
-    give_field,
-    submit_model,
-)
+from races.pages.services import clone_race, create_community_race, edit_race
+from races.test_runs.services import drive_own
 from tests.factories import a_model, a_racer, a_track
 from tests.refusals import refused
 

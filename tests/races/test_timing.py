@@ -11,11 +11,13 @@ import pytest
 
 from core.events import Event
 from paddock.errors import UserFault
+from races.boards.selectors.board import board
+from races.entries.services.standings import recompute_race
+from races.entries.services.submissions import submit_model
+from races.live.services import plan_live
 from races.models import Entry, MeasuredLap, RaceState, TimedSession, Timekeeper
-from races.selectors import board
-from races.selectors.timing import can_keep_time, races_timed_by
-from races.services import recompute_race, submit_model
-from races.services.timing import carry_over, choose_car, correct_lap, dismiss_timekeeper, name_timekeeper
+from races.timing.selectors import can_keep_time, races_timed_by
+from races.timing.services import carry_over, choose_car, correct_lap, dismiss_timekeeper, name_timekeeper
 from tests.factories import a_model, a_race, a_racer
 from tests.races.timing import a_lap, a_physical_race, a_session, standing, timed
 
@@ -205,6 +207,11 @@ def test_nothing_is_simulated_in_a_race_of_real_cars(race, now):
     refused("race_is_physical", lambda: submit_model(race=race, racer=alice, model=a_model(alice), now=now))
 
 
+def test_no_live_event_is_planned_for_real_cars(race, organiser, now):
+    starts_at = now + timedelta(days=1)
+    refused("live_of_real_cars", lambda: plan_live(race=race, by=organiser, now=now, starts_at=starts_at))
+
+
 def test_nobody_takes_times_in_a_simulated_race(organiser, now):
     race = a_race(now, organiser=organiser)
     sent = a_session(now, 10_000, racer="alice")
@@ -258,7 +265,7 @@ def test_only_the_organiser_names_timekeepers(race, organiser, now):
 
 
 def test_a_timekeeper_sees_a_race_by_invitation(organiser, now):
-    from races.selectors import can_see_race, races_visible_to
+    from races.entries.selectors.visibility import can_see_race, races_visible_to
 
     race = a_physical_race(now, organiser=organiser, visibility="invitation")
     tim = a_racer("tim")

@@ -8,9 +8,9 @@ from dataclasses import replace
 import pytest
 
 from accounts.models import Racer
+from races.entries.services.entries import enter_race
 from races.models import Crossing, Entry, Guest, MeasuredLap, TimedSession
-from races.services import enter_race
-from races.services.timing import carry_over, claim_guest, correct_lap, link_guest, make_sensor, take_crossing
+from races.timing.services import carry_over, claim_guest, correct_lap, link_guest, make_sensor, take_crossing
 from tests.factories import a_racer
 from tests.races.test_concurrency import at_once
 from tests.races.timing import a_physical_race, a_session, standing, timed

@@ -8,9 +8,9 @@ from datetime import timedelta
 import pytest
 
 from paddock.errors import UserFault
-from races.exports import board_data
-from races.services import enter_race
-from races.services.timing import carry_over, take_file
+from races.boards.exports import board_data
+from races.entries.services.entries import enter_race
+from races.timing.services import carry_over, take_file
 from tests.factories import a_racer
 from tests.races.timing import a_physical_race, a_session, timed
 

@@ -4,10 +4,9 @@ from __future__ import annotations
 
 import pytest
 
-from races.measured_files import lap_lines
 from races.models import Entry, MeasuredLap, TimedSession
-from races.services.timing import take_file
-from races.services.timing.files import FileRefused
+from races.timing.services import take_file
+from races.timing.services.files import FileRefused, lap_lines
 from tests.factories import a_racer
 from tests.races.test_timing import refused
 from tests.races.timing import a_physical_race, standing, timed

@@ -10,9 +10,9 @@ from django.db import IntegrityError
 from django.utils import timezone
 
 from accounts.models import Racer
+from races.boards.selectors.board import board
 from races.models import Entry, Guest, TimedSession
-from races.selectors import board
-from races.services.timing import carry_over, claim_guest, link_guest
+from races.timing.services import carry_over, claim_guest, link_guest
 from tests.factories import a_racer
 from tests.races.test_timing import refused
 from tests.races.timing import a_physical_race, a_session, standing, timed

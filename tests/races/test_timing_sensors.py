@@ -9,7 +9,7 @@ import pytest
 
 from paddock.errors import UserFault
 from races.models import Crossing, Entry, MeasuredLap, TimedSession
-from races.services.timing import SentLap, carry_over, make_sensor, revoke_sensor, sensor_with, take_crossing
+from races.timing.services import SentLap, carry_over, make_sensor, revoke_sensor, sensor_with, take_crossing
 from tests.factories import a_racer
 from tests.races.test_timing import refused
 from tests.races.timing import a_physical_race, a_session, standing

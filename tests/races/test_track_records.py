@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import pytest
 
-from races.track_figures import standard_races
+from races.boards.track_figures import standard_races
 from tests.factories import a_race, a_racer, drive, laps
-from tracks.figures import with_figures
 from tracks.models import Track
+from tracks.selectors import with_figures
 
 pytestmark = pytest.mark.django_db
 

@@ -7,10 +7,11 @@ from datetime import timedelta
 import pytest
 
 from league.models import StageRules
-from league.services import set_stage_rules
+from league.seasons.services.seasons import set_stage_rules
 from paddock.errors import UserFault
+from races.entries.services.submissions import submit_model
 from races.models import Entry, Race
-from races.services import create_community_race, create_league_race, edit_race, submit_model
+from races.pages.services import create_community_race, create_league_race, edit_race
 from tests.clients import logged_in
 from tests.factories import a_model, a_racer, a_track, finish, laps
 from tests.league.seasons import JANUARY, a_round, a_season
@@ -83,7 +84,7 @@ def test_pages_and_the_api_say_unlimited(now, alice, monkeypatch):
 
 
 def test_a_form_left_empty_sets_no_limit_and_a_season_says_so(client, now):
-    from races.forms import RaceForm
+    from races.pages.forms import RaceForm
 
     form = RaceForm(now=now)
     assert form["max_submissions"].value() == 50

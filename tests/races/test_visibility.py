@@ -8,15 +8,16 @@ import pytest
 from django.contrib.auth.models import AnonymousUser
 
 from evaluation.models import Evaluation
-from races.models import Entry, Race, RaceKind, Visibility
-from races.selectors import (
+from races.entries.selectors.visibility import (
     can_organise,
     can_see_evaluation,
     can_see_race,
     evaluations_visible_to,
     races_visible_to,
 )
-from races.services import accept_invitation, remove_entry, submit_model, withdraw
+from races.entries.services.entries import accept_invitation, remove_entry, withdraw
+from races.entries.services.submissions import submit_model
+from races.models import Entry, Race, RaceKind, Visibility
 from tests.factories import a_model, a_race, a_racer, drive, laps
 
 pytestmark = pytest.mark.django_db
@@ -80,7 +81,7 @@ def test_runs_on_a_board_are_visible_with_the_board(cast, races, now):
         runs[f"{slug} best"] = drive(race, bob, laps(9_000, 9_000, 9_000), now).evaluation
         runs[f"{slug} worse"] = drive(race, bob, laps(9_500, 9_500, 9_500), now).evaluation
         runs[f"{slug} waiting"] = submit_model(race=race, racer=bob, model=a_model(bob), now=now).evaluation
-    from evaluation.services import queue_evaluation
+    from evaluation.running.queue.services import queue_evaluation
     from paddock.rules.race import RaceRules
 
     runs["test drive"] = queue_evaluation(
@@ -112,7 +113,7 @@ def test_leaving_the_board_hides_the_run(cast, races, now):
 
 
 def test_duels_are_visible_with_their_race(cast, now):
-    from races.services import draw_duels, drive_on
+    from races.duels.services import draw_duels, drive_on
     from tests.duels import a_duel_race, driving, qualify
 
     for visibility in Visibility.values:

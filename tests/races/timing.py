@@ -9,9 +9,9 @@ from itertools import cycle
 from typing import Any
 
 from accounts.models import Racer
+from races.entries.services.entries import enter_race
 from races.models import Entry, Guest, Race, TimedSession
-from races.services import enter_race
-from races.services.timing import SentLap, SentSession, carry_over, correct_lap, make_sensor, name_timekeeper
+from races.timing.services import SentLap, SentSession, carry_over, correct_lap, make_sensor, name_timekeeper
 from tests.factories import a_race
 
 _MINUTES = cycle(range(50))

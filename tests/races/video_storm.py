@@ -20,13 +20,14 @@ django.setup()
 from django.conf import settings  # noqa: E402
 from django.utils import timezone  # noqa: E402
 
-from core import wakeup  # noqa: E402
+from core.wakeups import workers as wakeup  # noqa: E402
 from tests.drawn_runs import a_drawing  # noqa: E402
 from tests.storms import ride_out  # noqa: E402
 from videos import drawing  # noqa: E402
 from videos import services as videos  # noqa: E402
 from videos.models import UNDER_WAY, Video  # noqa: E402
-from videos.services import jobs, work  # noqa: E402
+from videos.services import queue as jobs  # noqa: E402
+from videos.services import worker as work  # noqa: E402
 
 LEASE_S = 0.5
 CRASH = 0.12

@@ -9,8 +9,8 @@ from pathlib import Path
 
 import pytest
 
-from evaluation.sandbox.launch import LEVEL_LOCK, LEVEL_NAMESPACES
 from evaluation.sandbox.probe import probe
+from evaluation.sandbox.start import LEVEL_LOCK, LEVEL_NAMESPACES
 
 PR_SET_CHILD_SUBREAPER = 36
 PAYLOADS = Path(__file__).parent / "payloads"

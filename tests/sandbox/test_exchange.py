@@ -12,8 +12,8 @@ import time
 import numpy as np
 import pytest
 
+from evaluation.sandbox.observation_memory import ObservationMemory, map_for_reading, map_for_writing
 from evaluation.sandbox.policy_client import PolicyClient
-from evaluation.sandbox.shown import Shown, to_read, to_write
 from paddock.errors import UserFault
 from paddock.network.policy_wire import CHECKED, EXACT, FAST, REPLY, STEP
 
@@ -41,11 +41,11 @@ class Ends:
     """A client, and the other ends of its pipes."""
 
     def __init__(self, client, budget=PATIENT):
-        self.shown = Shown()
+        self.shown = ObservationMemory()
         self.requests, write = os.pipe()
         read, self.answers = os.pipe()
         self._fds = [self.requests, write, read, self.answers]
-        self.client = client(read, write, HEADER, memory=to_write(self.shown.fd), **budget)
+        self.client = client(read, write, HEADER, memory=map_for_writing(self.shown.fd), **budget)
         self.write_fd = write
 
     def waiting_bytes(self):
@@ -87,7 +87,7 @@ def test_the_library_here_has_the_exchange():
 
 def test_answers_are_numbers_and_counted_by_their_way(client):
     with Ends(client) as ends:
-        seen = to_read(ends.shown.reading_fd)
+        seen = map_for_reading(ends.shown.reading_fd)
         for step, way in enumerate([FAST, EXACT, CHECKED, FAST], 1):
             os.write(ends.answers, reply(step, (step / 4, -0.0, 3.4e38), way))
             answer = ends.client.ask({CAMERA: GREY[CAMERA] + np.uint8(step)})
@@ -132,7 +132,7 @@ def test_whoever_filled_the_places_asks_with_them(client):
         ends.client.places[CAMERA][...] = 7
         os.write(ends.answers, reply(1))
         assert ends.client.ask(ends.client.places) == [0.25, -1.5, 3.0]
-        assert set(to_read(ends.shown.reading_fd)[:19200]) == {7}
+        assert set(map_for_reading(ends.shown.reading_fd)[:19200]) == {7}
 
 
 @pytest.mark.parametrize(

@@ -14,9 +14,10 @@ from dataclasses import replace
 import pytest
 
 from evaluation.sandbox.frames import FrameClosed, FrameTimeout, read_message, write_message
-from evaluation.sandbox.launch import LEVEL_NAMESPACES, launch
+from evaluation.sandbox.launch import launch
 from evaluation.sandbox.limits import POLICY, STDERR_LIMIT
 from evaluation.sandbox.lock import EXIT_IMPORT, EXIT_MEMORY, EXIT_NOT_LOCKED
+from evaluation.sandbox.start import LEVEL_NAMESPACES
 from paddock.errors import PlatformFault
 from paddock.simulator.camera.warp import best_warp
 from tests.shared import CHECKOUT
@@ -123,7 +124,7 @@ def test_a_process_that_ignores_every_signal_is_killed(level):
         assert process.wait(0.1) is None
         started = time.monotonic()
         process.kill()
-        assert time.monotonic() - started < 2
+        assert time.monotonic() - started < 5
         assert process.poll() == -signal.SIGKILL
 
 
@@ -226,7 +227,11 @@ def test_namespaces_show_only_code_and_allow_no_writing(level):
     assert not found["network"]
     assert found["pid"] < 10
     outside = ("/etc/", "/var/", "/home/", "/tmp/", "/run/", "/dev/", "/boot/", "/opt/", "/usr/bin/", "/bin/")
-    interpreter = (os.path.realpath(sys.executable), sys.base_prefix, sys.prefix)  # wherever they are installed
+    interpreter = (
+        *map(os.path.realpath, (sys.executable, sys.base_prefix)),
+        sys.base_prefix,
+        sys.prefix,
+    )  # wherever they are installed
     elsewhere = [path for path in found["visible"] if not _within(path, CHECKOUT) and not path.startswith(interpreter)]
     assert [path for path in elsewhere if path.startswith(outside)] == []
     ours = {path.removeprefix(f"{CHECKOUT}/").split("/")[0] for path in found["visible"] if _within(path, CHECKOUT)}

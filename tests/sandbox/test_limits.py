@@ -6,8 +6,10 @@ from pathlib import Path
 
 import pytest
 
-from evaluation import crew, pipeline
-from evaluation.sandbox.limits import POLICY, PROBE, RUNNER, Limits
+from evaluation.running import pipeline
+from evaluation.running import process_pool as pool
+from evaluation.sandbox.limits import POLICY, PROBE, RUNNER
+from evaluation.sandbox.lock import LockSpec
 from evaluation.sandbox.policy import PolicyProcess
 from evaluation.sandbox.policy_client import TOTAL_S
 from paddock.geometry.catalogue import CATALOGUE
@@ -57,13 +59,13 @@ RIVALS = (pipeline.RivalModel(small_network(seed=1), METADATA),) * (MAX_CARS - 1
 def test_the_largest_track_needs_under_half_of_a_runners_memory(monkeypatch, rules, rivals):
     largest = max(CATALOGUE, key=lambda track: track.length_m)
     started, peaks = [], []
-    launch = crew.launch
+    launch = pool.launch
 
     def watched(*args, **options):
         started.append(launch(*args, **options))
         return started[-1]
 
-    monkeypatch.setattr(crew, "launch", watched)
+    monkeypatch.setattr(pool, "launch", watched)
     job = pipeline.RaceJob(largest.geometry(), rules, small_network(), METADATA, rivals)
     pipeline.evaluate(job, on_progress=lambda _: peaks.append(peak_address_space_mb(started[0])))
     assert peaks
@@ -77,4 +79,4 @@ def test_the_cpu_limit_exceeds_the_referees_time_budget():
 
 @pytest.mark.parametrize("limits", [POLICY, RUNNER, PROBE])
 def test_limits_reach_another_process_unchanged(limits):
-    assert Limits.from_dict(limits.to_dict()) == limits
+    assert LockSpec.from_env(LockSpec(limits, None, b"").to_env()).limits == limits

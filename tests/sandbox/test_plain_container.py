@@ -18,13 +18,13 @@ print(json.dumps(probe().to_dict()))
 """
 CHECKED = """
 import json
-from training.rewards.validate import check_reward
+from training.rewards.validation import check_reward
 good = "def reward_function(params):\\n    return 1.0\\n"
 print(json.dumps([check_reward(good).rewards["start"], len(check_reward("import os").problems)]))
 """
 THREADED = """
 import json
-from evaluation.sandbox.launch import LEVEL_LOCK, start
+from evaluation.sandbox.start import LEVEL_LOCK, start
 from evaluation.sandbox.limits import PROBE
 with start("has_a_thread", PROBE, LEVEL_LOCK, python_path=["tests/sandbox/payloads"]) as process:
     print(json.dumps([process.wait(10), process.stderr_text().strip().splitlines()[-1]]))

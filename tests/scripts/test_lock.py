@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+import subprocess
 import tomllib
 
 import pytest
@@ -12,7 +13,9 @@ from packaging.utils import canonicalize_name
 from scripts import lock
 from tests.shared import CHECKOUT
 
-WANTED = lock.wishes(tomllib.loads((CHECKOUT / "pyproject.toml").read_text()))
+PROJECT = tomllib.loads((CHECKOUT / "pyproject.toml").read_text())
+WANTED = lock.wishes(PROJECT)
+PYTHONS = ["3.11", "3.12", "3.13", "3.14"]
 
 
 def text_of(name: str) -> str:
@@ -61,3 +64,73 @@ def test_constraints_are_the_versions_of_the_locks_and_torch():
 def test_a_changed_requirement_makes_a_lock_stale():
     assert lock.heading([*WANTED["run"], "moonphase>=1"]) != lock.heading(WANTED["run"])
     assert lock.heading(list(reversed(WANTED["run"]))) == lock.heading(WANTED["run"])
+
+
+def test_torchs_builds_are_read_from_the_page_of_its_index():
+    page = "".join(
+        f'<a href="https://files.example.org/{name}#sha256={digest * 64}" data-core-metadata="sha256=0">{name}</a><br/>'
+        for digest, name in (
+            ("a", "torch-2.13.0+cpu-cp313-cp313-manylinux_2_28_x86_64.whl"),
+            ("b", "torch-2.13.0+cpu-cp313-cp313t-manylinux_2_28_x86_64.whl"),
+            ("c", "torch-2.13.0+cpu-cp311-cp311-manylinux_2_28_aarch64.whl"),
+            ("d", "torch-2.13.0+cpu-cp313-cp313-win_amd64.whl"),
+            ("e", "torch-2.13.0-cp313-cp313-manylinux_2_28_x86_64.whl"),
+            ("f", "torch-2.12.0+cpu-cp313-cp313-manylinux_2_28_x86_64.whl"),
+        )
+    )
+    assert lock.builds(page, "torch==2.13.0\n").splitlines() == [
+        f"{'c' * 64}  torch-2.13.0+cpu-cp311-cp311-manylinux_2_28_aarch64.whl",
+        f"{'a' * 64}  torch-2.13.0+cpu-cp313-cp313-manylinux_2_28_x86_64.whl",
+    ]
+
+
+def test_torchs_lock_is_in_the_order_in_which_make_lock_writes_it():
+    lines = [line.split() for line in lock.BUILDS.read_text().splitlines()]
+    page = "".join(f'<a href="{name}#sha256={digest}">{name}</a>' for digest, name in lines)
+    assert lock.builds(page, lock.CONSTRAINTS.read_text()) == lock.BUILDS.read_text()
+
+
+def test_the_supported_pythons_are_the_same_everywhere():
+    package = tomllib.loads((CHECKOUT / "distribution/pyproject.toml").read_text())
+    assert lock.pythons(PROJECT) == lock.pythons(package) == PYTHONS
+    assert PROJECT["project"]["requires-python"] == package["project"]["requires-python"] == f">={PYTHONS[0]}"
+    assert PROJECT["tool"]["mypy"]["python_version"] == PYTHONS[0]
+    assert PROJECT["tool"]["ruff"]["target-version"] == "py311"
+
+
+@pytest.mark.parametrize("name", WANTED)
+def test_a_lock_was_checked_for_wheels_of_every_supported_python(name):
+    assert text_of(name).splitlines()[1] == lock.wheels(lock.pythons(PROJECT)), "run: make lock"
+
+
+@pytest.fixture
+def index(tmp_path, monkeypatch):
+    """A resolver in the place of uv: it fails where a package is named in ``tmp_path / "VERSION PLATFORM"``."""
+    uv = tmp_path / "uv"
+    uv.write_text(
+        "#!/bin/sh\n"
+        "while [ $# -gt 1 ]; do\n"
+        "case $1 in --python-version) python=$2;; --python-platform) machine=$2;; esac; shift; done\n"
+        f'cat > "{tmp_path}/asked $python $machine"\n'
+        f'[ ! -f "{tmp_path}/$python $machine" ]\n'
+    )
+    uv.chmod(0o755)
+    monkeypatch.setenv("PATH", f"{tmp_path}:/usr/bin:/bin")
+    return tmp_path
+
+
+def test_wheels_are_required_for_every_python_and_machine(index):
+    lock.require_wheels(text_of("run"), PYTHONS)
+    asked = list(index.glob("asked *"))
+    assert len(asked) == len(PYTHONS) * len(lock.MACHINES)
+    for one in asked:
+        packages = {line.partition("==")[0] for line in one.read_text().splitlines()}
+        assert packages == set(lock.pins(text_of("run"))) - {"pybullet"}
+        assert not one.read_text().endswith("\\")
+
+
+def test_a_package_without_a_wheel_for_one_python_fails_the_lock(index):
+    (index / f"3.14 {lock.MACHINES['AArch64']}").touch()
+    with pytest.raises(subprocess.CalledProcessError):
+        lock.require_wheels(text_of("run"), PYTHONS)
+    lock.require_wheels(text_of("run"), PYTHONS[:-1])

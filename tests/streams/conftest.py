@@ -9,8 +9,8 @@ from pathlib import Path
 import pytest
 from django.utils import timezone
 
-from config import broker
-from core.streams import bell as ringing
+from config.serving import broker
+from core.wakeups import streams as ringing
 from tests.evaluation.processes import wait_for
 from tests.servers import short_folder, valkey
 from tests.streams.process import Streams

@@ -22,7 +22,7 @@ from django.db import connection
 from django.test import Client
 
 from core.streams.reading import newest
-from races.spectators import COOKIE
+from races.web.spectator_links import COOKIE
 from tests.evaluation.processes import wait_for
 from tests.shared import CHECKOUT
 

@@ -8,13 +8,13 @@ from datetime import date
 
 import pytest
 
-from config.streams.hub import BEAT_S, Hub
-from config.streams.reader import HELD_BYTES, Reader, message
+from config.serving.streams.hub import BEAT_S, Hub
+from config.serving.streams.reader import HELD_BYTES, Reader, message
 from core.events import KINDS, Event
 from core.streams import TOPICS, Backstage, Topic, register_topic, topics_of
 from core.streams.topics import asked_for
 from league.events import SEASON_DRAFTED
-from league.services import create_season
+from league.seasons.services.seasons import create_season
 from tests.factories import a_race, a_racer
 from tests.league.seasons import a_season
 

@@ -1,6 +1,5 @@
-"""Maps as SVG and PNG."""
+"""Maps as SVG."""
 
-import io
 import itertools
 import math
 import re
@@ -10,14 +9,11 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from PIL import Image
 
 from paddock.geometry.catalogue import CATALOGUE, by_slug
 from paddock.geometry.track import TrackGeometry
 from tests.soak import examples
-from tracks.drawing import SPEED_CLASSES, BoxMark, Trajectory, draw_png, draw_svg, svg_path
-from tracks.drawing.png import SCHEMES
-from tracks.drawing.trajectories import ERROR_M, simplify, simplify_loop
+from tracks.drawing import ERROR_M, SPEED_CLASSES, BoxMark, Trajectory, draw_svg, simplify, simplify_loop, svg_path
 
 SVG = "{http://www.w3.org/2000/svg}"
 every_track = pytest.mark.parametrize("entry", CATALOGUE[:7], ids=lambda entry: entry.slug)
@@ -40,9 +36,9 @@ def points_of(path):
 @pytest.mark.parametrize("direction", ["ccw", "cw"])
 def test_a_map_is_xml_with_all_marks_inside_its_frame(entry, direction):
     track = entry.geometry(direction)
-    picture = draw_svg(track, width=320, height=180, trajectory=lap(track), car=lap(track)[-1])
+    picture = draw_svg(track, width=320, lines=[Trajectory(lap(track))])
     root = ET.fromstring(picture)
-    assert (root.get("width"), root.get("height"), root.get("role")) == ("320", "180", "img")
+    assert (root.get("width"), root.get("height"), root.get("role")) == ("320", None, "img")
     assert root[0].tag == SVG + "title" and root[0].text == entry.name
     _, _, width, height = map(float, root.get("viewBox").split())
     x_min, y_min, x_max, y_max = track.bounds
@@ -51,7 +47,6 @@ def test_a_map_is_xml_with_all_marks_inside_its_frame(entry, direction):
     for word in ("track-road", "track-centre", "track-line", "track-finish", "track-arrow"):
         (path,) = drawn(picture, word)
         assert all(0 <= x <= width and 0 <= y <= height for x, y in points_of(path)), word
-    assert len(drawn(picture, "track-car")) == 1
     assert len(picture) < 16_000
     assert "style" not in picture and "#" not in picture, "colours belong to the style sheet"
 
@@ -68,12 +63,6 @@ def test_a_map_of_an_open_track_has_a_start_and_a_finish(direction):
     for word in ("track-centre", "track-lane"):
         assert all(not line.get("d").endswith("Z") for line in drawn(picture, word))
     assert not drawn(draw_svg(by_slug("oval").geometry()), "track-start")
-
-
-def test_a_picture_of_an_open_track_has_road_between_its_ends_only():
-    picture = Image.open(io.BytesIO(draw_png(by_slug("straight-track").geometry(), (640, 360))))
-    colours = [picture.getpixel((x, 170)) for x in (10, 200, 450, 630)]
-    assert colours[1] == colours[2] != colours[0] == colours[3]
 
 
 def test_a_callers_marks_lie_on_the_road_with_room_below():
@@ -174,51 +163,6 @@ def test_thinning_stays_within_its_error(entry):
 def test_a_standalone_map_carries_its_style():
     picture = draw_svg(CATALOGUE[0].geometry(), standalone=True)
     assert ET.fromstring(picture).find(SVG + "style") is not None
-
-
-@every_track
-@pytest.mark.parametrize("scheme", ["dark", "light"])
-def test_a_preview_has_its_size_and_shows_the_trajectory(entry, scheme):
-    track = entry.geometry()
-    line = Trajectory(lap(track), [2.0] * len(lap(track)))
-    image = Image.open(io.BytesIO(draw_png(track, (320, 200), scheme=scheme, lines=[line], car=lap(track)[50])))
-    image.load()
-    assert (image.format, image.size, image.mode) == ("PNG", (320, 200), "RGB")
-    colours = SCHEMES[scheme]
-    counts = {f"#{r:02x}{g:02x}{b:02x}": count for count, (r, g, b) in image.getcolors(320 * 200)}
-    assert counts[colours.ground] > 5000 and counts[colours.road] > 1000
-    assert counts[colours.mark] > 5
-    assert len(counts) > 100, "edges are smooth"
-
-
-def test_a_preview_shows_the_trajectory_where_it_was_driven():
-    track = by_slug("oval").geometry()
-    plain = np.array(Image.open(io.BytesIO(draw_png(track, (400, 240)))), dtype=int)
-    lined = np.array(Image.open(io.BytesIO(draw_png(track, (400, 240), trajectory=lap(track, 0.3)))), dtype=int)
-    changed = np.abs(plain - lined).max(axis=2) > 30
-    assert 0.005 < changed.mean() < 0.1
-    assert not changed[115:125, 195:205].any(), "nothing is drawn on the infield"
-
-
-@pytest.mark.parametrize("scheme", ["dark", "light"])
-def test_a_preview_shows_boxes_where_they_stand(scheme):
-    track = by_slug("oval").geometry()
-    boxes = [BoxMark(*track.lane_centre(metres, "outer"), 0.15, 0.2) for metres in (4.0, 12.0)]
-    pictures = [
-        np.array(Image.open(io.BytesIO(draw_png(track, (400, 240), scheme=scheme, boxes=some))), dtype=int)
-        for some in ((), boxes[:1], boxes)
-    ]
-    one, two = (np.abs(picture - pictures[0]).max(axis=2) > 30 for picture in pictures[1:])
-    assert 20 < one.sum() < 1000 and 1.6 < two.sum() / one.sum() < 2.4
-    rows, columns = np.nonzero(one)
-    colour = tuple(pictures[1][int(rows.mean()), int(columns.mean())])
-    assert "#{:02x}{:02x}{:02x}".format(*colour) == SCHEMES[scheme].box
-
-
-@pytest.mark.parametrize("options", [{"scheme": "sepia"}, {"size": (8, 200)}, {"size": (320, 99999)}])
-def test_a_preview_of_invalid_data_is_refused(options):
-    with pytest.raises(ValueError, match=r"scheme|side"):
-        draw_png(CATALOGUE[0].geometry(), **options)
 
 
 def test_a_map_shows_boxes_in_place_with_number_and_title():

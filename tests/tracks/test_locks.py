@@ -5,7 +5,7 @@ from django.contrib.auth import get_user_model
 from django.db import transaction
 from django.utils.functional import SimpleLazyObject
 
-from core.locks import hold
+from core.database.locks import hold
 
 pytestmark = pytest.mark.django_db
 

@@ -12,9 +12,8 @@ from django.core.management import call_command
 from django.utils import timezone
 
 import paddock.simulator.envs  # noqa: F401  registers the environments
-from config.management.tracks import find_track
-from league.history.form import RACE_COLUMNS
-from league.services.importing import import_folder
+from league.history.columns import RACE_COLUMNS
+from league.history.season_import import import_folder
 from paddock.cli.driving import track_here
 from paddock.errors import UserFault
 from paddock.geometry.catalogue import CATALOGUE, by_slug
@@ -22,6 +21,7 @@ from paddock.geometry.catalogue.names import direction_in, find, holding, key, n
 from paddock.simulator.envs import load_track
 from tests.factories import a_racer
 from tests.shared import SHARED, needs_shared
+from tracks.management.track_lookup import find_track
 from tracks.models import Direction, Track
 from tracks.services import free_slug, load_catalogue
 

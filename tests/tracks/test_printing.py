@@ -4,10 +4,12 @@ from __future__ import annotations
 
 import pytest
 from django.test import Client
+from django.utils import timezone
 
 from tests.factories import a_track
 from tracks.models import Track
 from tracks.printing import FORMS
+from tracks.services import recorded_track
 
 pytestmark = pytest.mark.django_db
 
@@ -59,3 +61,10 @@ def test_the_page_on_the_real_car_is_there_in_both_languages(track: Track) -> No
     for page in (english, korean):
         for part in ("upload", "calibration", "speed", "differences", "track", "checklist"):
             assert f'<h2 id="{part}">' in page
+
+
+def test_a_track_without_a_shape_has_nothing_to_print(track: Track) -> None:
+    track = recorded_track("Long Gone", now=timezone.now())
+    assert "/print/" not in Client().get(f"/tracks/{track.slug}/").content.decode()
+    for address in ("print/", *(f"print/{form}/" for form in FORMS)):
+        assert Client().get(f"/tracks/{track.slug}/{address}").status_code == 404, address

@@ -13,7 +13,7 @@ from django.core.management import CommandError, call_command
 
 from paddock.errors import UserFault
 from paddock.geometry.catalogue import CATALOGUE, by_slug
-from paddock.geometry.npy import read_npy, write_npy
+from paddock.geometry.files import read_npy, write_npy
 from paddock.geometry.track import TrackGeometry
 from tests.factories import a_race
 from tests.shared import SHARED, needs_shared
@@ -134,7 +134,8 @@ def test_loading_the_catalogue_again_changes_nothing(now):
 
 
 def test_a_new_catalogue_shape_takes_over_the_address(now, oval_file):
-    old = import_track(data=moved(oval_file, 1), name="Old oval", owner=None, now=now, slug="oval", is_catalogue=True)
+    old = import_track(data=moved(oval_file, 1), name="Old oval", owner=None, now=now, slug="oval")
+    Track.objects.update(is_catalogue=True)
     load_catalogue(now=now)
     old.refresh_from_db()
     assert old.slug.startswith("oval-") and not old.is_catalogue

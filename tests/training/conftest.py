@@ -6,7 +6,7 @@ import pytest
 
 from paddock.errors import UserFault
 from tests.wakeups import heard
-from training.services import work
+from training.jobs.services import worker as work
 from training.trainer.client import Ended, SavedState
 
 from .jobs import an_iteration

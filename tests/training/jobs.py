@@ -10,9 +10,9 @@ from django.core.files.base import ContentFile
 
 from paddock.rules.training import taken_from
 from tests.factories import a_model
-from training.hyperparameters import DEFAULT_ACTIONS
-from training.models import TrainingIteration, TrainingJob
-from training.services import create_training
+from training.jobs.services.creation import create_training
+from training.jobs.settings_checks import DEFAULT_ACTIONS
+from training.models import JobState, Sweep, SweepTrial, TrainingIteration, TrainingJob
 from training.trainer.client import Iteration
 from training.trainer.network import NetworkLayout, to_onnx
 
@@ -49,6 +49,14 @@ def reward_function(params):
 '''
 
 
+# as short as a training that learns can be
+SHORT_TRAINING = {
+    "hyperparameters": {"num_episodes_between_training": 5, "batch_size": 128, "num_epochs": 3},
+    "trials": 1,
+    "stop_steps": 1500,
+}
+
+
 def a_training(owner, track, now, **changes: Any) -> TrainingJob:
     """A training on ``track`` with the wizard's defaults."""
     asked = {
@@ -60,6 +68,24 @@ def a_training(owner, track, now, **changes: Any) -> TrainingJob:
     }
     settings, rest = taken_from(asked | changes)
     return create_training(owner=owner, track=track, settings=settings, now=now, **rest)
+
+
+def a_sweep_row(owner, track, now, **values) -> Sweep:
+    """A sweep of two learning rates whose first trial waits, or is stopped where the sweep is over; nothing is checked,
+    and Optuna is not needed."""
+    space = {"hyperparameters": {"lr": {"low": 1e-4, "high": 1e-3}}, "action_spaces": [{}], "reward_functions": [""]}
+    sweep = Sweep.objects.create(
+        **{"owner": owner, "name": "tune", "space": space, "settings_count": 2, "budget_s": 60, "created_at": now}
+        | values
+    )
+    job = a_training(owner, track, now, name=f"{sweep.name}-1")
+    over = {}
+    if sweep.is_final:
+        over = {"state": JobState.STOPPED, "ended_because": "stopped", "ended_at": sweep.ended_at}
+    TrainingJob.objects.filter(pk=job.pk).update(stop_seconds=15.0, keeps_models=False, **over)
+    setting = {"hyperparameters": {"lr": 1e-3}, "action_space": 0, "reward_function": 0}
+    SweepTrial.objects.create(sweep=sweep, number=1, setting=setting, job=job)
+    return sweep
 
 
 def network(job, seed: int) -> bytes:

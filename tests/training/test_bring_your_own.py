@@ -78,7 +78,7 @@ def test_the_exported_network_scores_as_the_trained_policy(example, tmp_path):
     import torch
 
     cars = example.Cars(2, 1, track="oval", metadata=example.METADATA, start="random")
-    model = example.train(cars, 1, 1, tell=lambda line: None)
+    model = example.train(cars, 1, 1, report=lambda line: None)
     frames = cars.env.reset(seed=5)[0].copy()
     cars.close()
     example.export(model, tmp_path / "car.zip")

@@ -12,9 +12,10 @@ from django.core.files.storage import default_storage
 from django.test import Client
 from django.utils import timezone
 
-from accounts import classes
-from accounts.classes import (
+from accounts.class_accounts import services as classes
+from accounts.class_accounts.services import (
     add_learners,
+    add_teacher,
     can_teach,
     classes_taught_by,
     make_class,
@@ -23,23 +24,22 @@ from accounts.classes import (
     note_lesson,
     shown_code,
 )
-from accounts.groups.services import delete_group, hand_over_group
-from accounts.models import ClassLearner, Classroom, Racer, RacerGroup, RacerQuota
+from accounts.groups.services import ask_to_join, delete_group, hand_over_group, remove_member
+from accounts.models import ClassLearner, Classroom, GroupMember, Racer, RacerGroup, RacerQuota
+from evaluation.garage.services import share_model
 from evaluation.models import Evaluation, TrainedModel
-from evaluation.services import share_model
 from paddock.errors import UserFault
+from races.entries.selectors.offers import enterable_now
+from races.entries.selectors.visibility import can_see_race
+from races.entries.services.entries import enter_race
+from races.live.services import launch, prepare_ahead
 from races.models import Race, Visibility
-from races.selectors import can_see_race
-from races.selectors.offers import enterable_now
-from races.services import enter_race
-from races.services.live import launch, prepare_ahead
 from tests.clients import logged_in
 from tests.factories import a_model, a_race, a_racer, a_track, drive, laps
 from tests.live_shows import a_live_race, a_show, begun, compute, show, slot_of
 from tests.training.jobs import a_training
-from training.classes.deleting import delete_class
-from training.classes.progress import progress_of
-from training.classes.series import series_of
+from training.classes.deletion import delete_class
+from training.classes.selectors import progress_of, series_of
 from training.models import TrainingJob
 
 pytestmark = pytest.mark.django_db
@@ -100,13 +100,16 @@ def test_a_code_is_long_kept_as_a_digest_and_replaced(made, alice):
     (new,) = new_codes(classroom=room, by=alice, learners=[card.learner.racer_id])
     assert browser.get("/class/").wsgi_request.user.is_anonymous, "who was logged in is so no more"
     assert Client().post("/class/", {"code": card.code}).status_code == 422
+    assert Client().post(f"/class/{card.code}/", {"code": card.code}).status_code == 422, (
+        "nor does the link on the card"
+    )
     assert Client().post("/class/", {"code": new.code}).status_code == 302
     assert Client().post("/class/", {"code": other.code}).status_code == 302
 
 
 def test_guesses_are_limited_and_right_codes_are_not_counted(made, monkeypatch):
     _room, (card, _other) = made
-    monkeypatch.setattr(classes, "RATES", {"class_code": "3/5m/key"})
+    monkeypatch.setattr(classes, "WRONG_CODES", "3/5m")
     for _ in range(5):
         assert Client().post("/class/", {"code": card.code}).status_code == 302
     for number in range(3):
@@ -114,9 +117,17 @@ def test_guesses_are_limited_and_right_codes_are_not_counted(made, monkeypatch):
     assert "too many wrong codes" in Client().post("/class/", {"code": card.code}).content.decode()
 
 
-@pytest.mark.parametrize("text", ["", " \n ", "x" * 81, "a\x07b"])
+@pytest.mark.parametrize("text", ["", " \n ", "x" * 81])
 def test_what_is_no_list_of_names_is_refused(text):
     assert code(lambda: names_in(text)) == "class_names"
+
+
+def test_an_invisible_character_in_a_name_is_named_and_adds_nobody(made, alice, now):
+    before = Racer.objects.count()
+    with pytest.raises(UserFault) as fault:
+        add_learners(classroom=made[0], by=alice, names=["Ann", "a\x07b"], now=now)
+    assert fault.value.code == "text_character" and fault.value.params == {"character": "U+0007"}
+    assert Racer.objects.count() == before
 
 
 def test_a_teacher_has_so_many_learners_and_a_learner_has_none(made, alice, now):
@@ -129,6 +140,23 @@ def test_a_teacher_has_so_many_learners_and_a_learner_has_none(made, alice, now)
     assert code(lambda: make_class(teacher=pupil, name="x", plan=[], now=now)) == "class_no_teacher"
     assert code(lambda: hand_over_group(group=room.group, to=pupil, by=alice)) == "group_is_a_class"
     assert code(lambda: delete_group(group=room.group, by=alice)) == "group_is_a_class"
+
+
+def test_nobody_leaves_the_group_of_a_class_without_the_class(made, alice, bob, now):
+    room, cards = made
+    add_teacher(classroom=room, by=alice, alias=bob.alias, now=now)
+    for racer in (cards[0].learner.racer, bob, alice):
+        member = GroupMember.objects.get(group=room.group, racer=racer)
+        for by in (alice, racer):
+            assert code(lambda by=by, member=member: remove_member(member=member, by=by)) == "group_is_a_class"
+        page = f"/groups/{room.group.slug}/"
+        assert f"{page}leave/" not in logged_in(racer).get(page).content.decode()
+        assert logged_in(racer).post(f"{page}leave/").status_code == 302
+        assert GroupMember.objects.filter(pk=member.pk).exists()
+    led = logged_in(alice).get(f"/groups/{room.group.slug}/").content.decode()
+    assert [do for do in ("link", "remove", "delete", "hand_over") if f'value="{do}"' in led] == ["link"]
+    asked = ask_to_join(code=room.group.code, racer=a_racer(), now=now)
+    remove_member(member=asked, by=alice)  # an outsider
 
 
 def test_a_learner_does_nothing_that_needs_mail(made):

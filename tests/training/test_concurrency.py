@@ -10,14 +10,10 @@ from paddock.errors import UserFault
 from tests.factories import a_racer
 from tests.races.test_concurrency import at_once
 from tests.training.jobs import a_training, an_iteration
+from training.jobs.services.queue import TRAININGS, stop_training
+from training.jobs.services.records import keep_checkpoint, record_iteration
 from training.models import Checkpoint, JobState, TrainingIteration, TrainingJob, Vehicle
-from training.services import (
-    TRAININGS,
-    keep_checkpoint,
-    record_iteration,
-    stop_training,
-)
-from training.vehicles import save_vehicle
+from training.vehicles.services import save_vehicle
 
 from .test_leases import NETWORKS, saved
 

@@ -10,8 +10,8 @@ import numpy as np
 import onnxruntime
 import pytest
 
-from evaluation.admit import AdmittedPackage, admit
-from evaluation.services import share_model, upload_model
+from evaluation.garage.admission import AdmittedPackage, admit
+from evaluation.garage.services import share_model, upload_model
 from paddock.errors import UserFault
 from paddock.geometry.catalogue import by_slug
 from paddock.packages.read import UploadPart
@@ -19,10 +19,10 @@ from paddock.rules.hyperparameters import DEFAULTS, PPO
 from tests.shared import CONSOLE_CAR, needs_shared
 from tests.training.jobs import REWARD, a_training
 from tests.training.test_network import metadata, readings_for, weights_for
+from training.jobs.services.worker import spec_of
 from training.models import TrainingJob, Vehicle
-from training.services.work import spec_of
 from training.trainer.network import CONSOLE, OURS, NetworkLayout, build_of, from_onnx, to_onnx
-from training.trainer.senses import look
+from training.trainer.observations import look
 
 SHALLOW, MIDDLE = "DEEP_CONVOLUTIONAL_NETWORK_SHALLOW", "DEEP_CONVOLUTIONAL_NETWORK"
 
@@ -101,7 +101,7 @@ class TestTheRealCar:
 
     def test_it_answers_the_same_with_the_imported_weights(self):
         torch = pytest.importorskip("torch", reason="training is not installed: make training")
-        from training.trainer.warm import make_torso
+        from training.trainer.warm_up import make_torso
 
         car = console_car()
         layout = NetworkLayout.of(car.metadata.to_dict(), CONSOLE)

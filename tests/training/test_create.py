@@ -8,15 +8,15 @@ import pytest
 from django.db import IntegrityError, transaction
 
 from evaluation.models import Network
+from evaluation.selectors import can_see_model, visible_models
 from paddock.errors import PaddockError, UserFault
-from races.services import edit_race
+from races.pages.services import edit_race
 from tests.factories import a_race
 from tests.rows import METADATA, model_row, track_row
 from tests.training.jobs import a_training
-from training.cloning import build_of_model
+from training.cloning.selectors import build_of_model
+from training.jobs.selectors import minutes_left, minutes_used
 from training.models import JobState, TrainingJob, Vehicle
-from training.selectors import can_clone_model, clonable_models, minutes_left, minutes_used
-from training.services import clone_settings
 from training.trainer.network import NetworkLayout
 
 pytestmark = [pytest.mark.django_db, pytest.mark.usefixtures("training_wakes")]
@@ -190,7 +190,7 @@ def test_a_race_that_would_refuse_the_model_is_refused_at_once(alice, oval, now,
     def check(race, racer, when):
         raise UserFault("race_needs_invitation")
 
-    monkeypatch.setattr("races.eligibility._CHECKS", [check])
+    monkeypatch.setattr("races.entries.eligibility._CHECKS", [check])
     assert refusal(alice, oval, now, submit_to_race=a_race(now)).code == "race_needs_invitation"
 
 
@@ -209,15 +209,15 @@ class TestClones:
     def test_another_racers_model_is_refused(self, alice, bob, oval, now):
         model = model_row(bob)
         assert refusal(alice, oval, now, clone_from=model).code == "clone_not_yours"
-        assert not can_clone_model(alice, model)
-        assert model not in clonable_models(alice)
+        assert not can_see_model(alice, model)
+        assert model not in visible_models(alice)
 
     def test_a_house_car_may_be_cloned(self, alice, bob):
         model = model_row(bob)
         type(bob).objects.filter(pk=bob.pk).update(is_house=True)
         model.refresh_from_db()
-        assert can_clone_model(alice, model)
-        assert model in clonable_models(alice)
+        assert can_see_model(alice, model)
+        assert model in visible_models(alice)
 
     def test_other_sensors_are_refused(self, alice, oval, now):
         vehicle = Vehicle.objects.create(owner=alice, name="L", sensors=["FRONT_FACING_CAMERA", "LIDAR"])
@@ -249,13 +249,6 @@ class TestClones:
         model = model_row(alice)
         space = [dict(steering_angle=a["steering_angle"], speed=2.0) for a in METADATA["action_space"]]
         assert refusal(alice, oval, now, clone_from=model, action_space=space).code == "clone_not_ours"
-
-    def test_a_clone_begins_with_the_settings_of_its_models_training(self, alice, oval, now):
-        job = a_training(alice, oval, now, hyperparameters={"lr": 1e-4})
-        model = model_row(alice)
-        TrainingJob.objects.filter(pk=job.pk).update(best_model=model)
-        found = clone_settings(model)
-        assert (found["hyperparameters"]["lr"], found["track"], found["clone_from"]) == (1e-4, oval, model)
 
 
 class TestTheDatabase:

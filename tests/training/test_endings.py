@@ -9,9 +9,9 @@ from django.utils import translation
 from core.events import Event
 from paddock.errors import UserFault
 from tests.training.jobs import a_training
-from training.endings import how_it_ended
+from training.jobs.selectors import how_it_ended
+from training.jobs.services.queue import TRAININGS, stop_training
 from training.models import EndReason, JobState, TrainingJob
-from training.services import TRAININGS, stop_training
 
 pytestmark = [pytest.mark.django_db, pytest.mark.usefixtures("training_wakes")]
 

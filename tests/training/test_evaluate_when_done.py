@@ -10,7 +10,7 @@ from races.models import OwnEvaluation
 from tests.refusals import refused
 from tests.rows import track_row
 from tests.training.jobs import a_training, network
-from training.services import run_next_training
+from training.jobs.services.worker import run_next_training
 
 pytestmark = [pytest.mark.django_db, pytest.mark.usefixtures("training_wakes", "wakes")]
 
@@ -49,7 +49,7 @@ def test_a_run_failing_through_us_keeps_the_model(alice, oval, now, trainer, mon
     def broken(**_):
         raise RuntimeError("the disk is full")
 
-    monkeypatch.setattr("training.services.results.drive_own", broken)
+    monkeypatch.setattr("training.jobs.services.results.drive_own", broken)
     job = a_training(alice, oval, now, evaluate_on=oval)
     end(job, trainer)
     assert job.best_model is not None and job.evaluate_reason_code == "evaluate_failed"

@@ -13,11 +13,11 @@ import pytest
 from django.core.files.base import ContentFile
 from django.core.files.storage import default_storage
 
-from core.archive import part_of, part_of_gzip, zipped
+from core.files.zip_stream import part_of, part_of_gzip, zipped
 from tests.community import community
 from tests.evaluation.stubs import trace_csv
 from tests.training.jobs import REWARD, a_training
-from training.files import logs_zip, metrics_json, training_metrics
+from training.jobs.exports import logs_zip, metrics_json, training_metrics
 from training.models import TrainingIteration, TrainingJob
 
 

@@ -7,18 +7,18 @@ import json
 
 import pytest
 
-from evaluation.admit import AdmittedPackage, admit
-from evaluation.pipeline import RaceJob, evaluate
-from league.services.demo import OPEN_TRACKS, PRO_TRACKS
+from evaluation.garage.admission import AdmittedPackage, admit
+from evaluation.running.pipeline import RaceJob, evaluate
+from league.house_cars.services import _files, _recorded_admission, house_cars
+from league.seasons.services.demo_season import OPEN_TRACKS, PRO_TRACKS
 from paddock.geometry.catalogue import by_slug
 from paddock.packages.metadata import parse_metadata
-from paddock.packages.read import UploadPart
+from paddock.packages.read import UploadPart, read_upload
 from paddock.rules.race import RaceRules
 from paddock.simulator.action import ActionSpace
 from paddock.simulator.engine import ENGINE_ID
-from paddock.simulator.race import run_race
-from training.house_cars.driving import OnnxDriver
-from training.house_cars.environment import SENSOR
+from paddock.simulator.race import Entrant, RaceSettings, run_race
+from training.house_cars.environment import SENSOR, OnnxDriver
 from training.house_cars.files import FOLDER, KEY, LAPS
 from training.house_cars.recipes import RECIPES, TRACKS
 
@@ -69,6 +69,13 @@ def test_each_car_is_small_and_passes_the_gate(name: str) -> None:
     assert package.sha256 == content(name)[KEY]["made"]["model_sha256"]
 
 
+@pytest.mark.parametrize("name", NAMES)
+def test_the_recorded_admission_is_what_the_sandbox_finds(name: str) -> None:
+    """After a change of the conversion or its facts: ``python -m training.house_cars --admit``."""
+    car = next(car for car in house_cars() if car.name == name)
+    assert _recorded_admission(car, read_upload(_files(car))) == admit(_files(car))
+
+
 @pytest.mark.parametrize("slug", ["oval", "baja-turnpike"])
 @pytest.mark.parametrize("name", NAMES)
 def test_each_car_repeats_its_recorded_laps_to_the_millisecond(name: str, slug: str) -> None:
@@ -91,7 +98,7 @@ def test_a_car_trained_on_loops_drives_the_straight_track_to_its_end(name: str, 
     space = ActionSpace.from_metadata(RECIPES[name].metadata)
     rules = RaceRules(laps=2, direction=direction)
 
-    laps = run_race(by_slug("straight-track").geometry(), rules, space, [SENSOR], driver).laps
+    laps = run_race(RaceSettings(by_slug("straight-track").geometry(), rules, [Entrant(space, [SENSOR], driver)])).laps
 
     assert [(lap.complete, lap.resets) for lap in laps] == [(True, 0)] * 2
     assert abs(laps[0].time_ms - laps[1].time_ms) <= 1

@@ -10,8 +10,7 @@ import numpy as np
 import pytest
 
 from training.house_cars.__main__ import main
-from training.house_cars.driving import OnnxDriver, Score
-from training.house_cars.environment import SENSOR, Daylight, Forward, make_env, pool, top_speed
+from training.house_cars.environment import SENSOR, Daylight, Forward, OnnxDriver, Score, make_env, pool, top_speed
 from training.house_cars.files import KEY, write_table
 from training.house_cars.recipes import BRISK, FLYER, STEADY, Recipe
 
@@ -137,7 +136,7 @@ def test_the_exported_network_answers_as_the_trained_one(recipe: Recipe) -> None
     pytest.importorskip("stable_baselines3", reason="stable-baselines3 is not installed")
     from stable_baselines3.common.policies import ActorCriticPolicy
 
-    from training.house_cars.network import SmallEyes, to_onnx
+    from training.house_cars.learner import exported, policy_options
 
     torch.manual_seed(5)
     env = make_env(recipe, "oval", "ccw")()
@@ -145,11 +144,10 @@ def test_the_exported_network_answers_as_the_trained_one(recipe: Recipe) -> None
         env.observation_space,
         env.action_space,
         lambda _: 0.0,
-        net_arch=[],
-        features_extractor_class=SmallEyes,
+        **policy_options(recipe),
     )
     env.close()
-    driver = OnnxDriver(to_onnx(policy))
+    driver = OnnxDriver(exported(recipe, policy))
 
     for frame in frames():
         with torch.no_grad():

@@ -8,8 +8,8 @@ from paddock.errors import UserFault
 from paddock.geometry.catalogue import by_slug
 from paddock.rules.hyperparameters import HYPERPARAMETERS
 from tests.training.specs import a_spec
-from training.forms.hyperparameters import FILLS
-from training.hyperparameters import check_hyperparameters
+from training.jobs.settings_checks import check_hyperparameters
+from training.wizard.hyperparameters import FILLS
 
 
 def test_the_consoles_discount_is_0_999():

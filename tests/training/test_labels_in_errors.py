@@ -11,7 +11,7 @@ from core.forms import explain
 from paddock.errors import UserFault
 from paddock.rules.hyperparameters import HYPERPARAMETERS
 from paddock.rules.training import RANDOMISED, TrainingSettings
-from training.hyperparameters import check_action_space, check_hyperparameters, check_settings
+from training.jobs.settings_checks import check_action_space, check_hyperparameters, check_settings
 
 RANGES = {"steering_angle": {"low": -30, "high": 30}, "speed": {"low": 0.5, "high": 2}}
 

@@ -12,30 +12,22 @@ from django.core.files.storage import default_storage
 from core.jobs.models import Outage
 from paddock.errors import PlatformFault, UserFault
 from tests.training.jobs import a_training, an_iteration
-from training.models import Checkpoint, JobState, TrainingIteration, TrainingJob
-from training.queue_order import place_of
-from training.rewards.examples import DEFAULT
-from training.selectors import (
-    can_see_training,
-    can_stop_training,
-    minutes_used,
-    visible_trainings,
-)
-from training.services import (
-    TRAININGS,
-    keep_checkpoint,
-    purge_trainings,
-    record_iteration,
-    stop_training,
-)
-from training.services.records import (
+from training.jobs.queue_order import place_of
+from training.jobs.selectors import can_see_training, can_stop_training, minutes_used, visible_trainings
+from training.jobs.services.queue import TRAININGS, stop_training
+from training.jobs.services.records import (
     CHECKPOINTS_KEPT,
     SIMTRACES_KEPT,
     TRACES_KEPT,
     append_log,
+    keep_checkpoint,
     networks_of,
+    purge_trainings,
+    record_iteration,
     record_prints,
 )
+from training.models import Checkpoint, JobState, TrainingIteration, TrainingJob
+from training.rewards.examples import DEFAULT
 from training.trainer.client import SavedState
 from training.trainer.messages import Prints
 
@@ -278,7 +270,7 @@ def test_the_log_is_cut_at_its_limit(held, now):
 
 
 def test_older_sim_traces_are_removed_as_new_ones_come(held, now, monkeypatch):
-    monkeypatch.setattr("training.services.records.SIMTRACES_KEPT", 2)
+    monkeypatch.setattr("training.jobs.services.records.SIMTRACES_KEPT", 2)
     assert SIMTRACES_KEPT > 10
     for number in range(1, 5):
         record_iteration(job=held, lease=held.lease, iteration=an_iteration(number), now=now)

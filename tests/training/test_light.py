@@ -10,13 +10,13 @@ import pytest
 from tests.evaluation.processes import environment
 from tests.shared import CHECKOUT
 
-HEAVY = ("torch", "stable_baselines3", "pybullet", "gymnasium", "scipy", "shapely", "onnxruntime")
+HEAVY = ("torch", "stable_baselines3", "pybullet", "gymnasium", "scipy", "shapely", "onnxruntime", "optuna")
 CODE = f"""
 import sys, django
 django.setup()
 from django.urls import get_resolver
 get_resolver().url_patterns
-import training.services, training.tasks
+import training.jobs.services.queue, training.jobs.services.worker, training.tasks
 print([name for name in {HEAVY} if name in sys.modules])
 """
 

@@ -10,12 +10,12 @@ import numpy as np
 import onnxruntime
 import pytest
 
-from evaluation.admit import admit
+from evaluation.garage.admission import admit
 from paddock.packages.read import UploadPart
 from training import house_cars
-from training.hyperparameters import DEFAULT_ACTIONS, DEFAULT_BOUNDS
+from training.jobs.settings_checks import DEFAULT_ACTIONS, DEFAULT_BOUNDS
 from training.trainer.network import CONVOLUTIONS, NetworkLayout, from_onnx, to_onnx
-from training.trainer.senses import look, senses_of
+from training.trainer.observations import look, senses_of
 
 SENSOR_SETS = (["FRONT_FACING_CAMERA"], ["STEREO_CAMERAS", "LIDAR"], ["observation", "DISCRETIZED_SECTOR_LIDAR"])
 
@@ -80,7 +80,7 @@ def test_every_network_comes_back_from_the_gate_unchanged(sensors, depth, tmp_pa
 @pytest.mark.parametrize("sensors", SENSOR_SETS, ids="+".join)
 def test_torch_and_onnx_give_the_same_answers(sensors):
     torch = pytest.importorskip("torch", reason="training is not installed: make training")
-    from training.trainer.warm import make_torso
+    from training.trainer.warm_up import make_torso
 
     layout = NetworkLayout.of(metadata(sensors, continuous=True))
     torso = make_torso(layout)

@@ -11,26 +11,28 @@ from django.urls import reverse
 from django.utils import timezone
 
 from accounts.quotas import limit_of, used_by
-from accounts.storage import MEGABYTE, stored_by
+from accounts.usage.storage import MEGABYTE, stored_by
 from evaluation.models import State, TrainedModel
-from evaluation.services import queue_evaluation
-from evaluation.services.stored import store
+from evaluation.running.queue.services import queue_evaluation
+from evaluation.stored_files import store
 from paddock.errors import UserFault
 from paddock.rules.race import RaceRules
-from races.services import submit_model
+from races.entries.services.submissions import submit_model
 from tests.factories import a_race
 from tests.training.jobs import a_training, an_iteration
 from tests.training.test_leases import NETWORKS, saved
+from training.jobs.selectors import (
+    can_delete_training,
+    can_see_training,
+    minutes_used,
+    trainings_of,
+    visible_trainings,
+)
+from training.jobs.services.deletion import delete_training, forget_deleted
+from training.jobs.services.queue import TRAININGS
+from training.jobs.services.records import keep_checkpoint, record_iteration
 from training.models import JobState, TrainingJob
 from training.quotas import bytes_of, files_of
-from training.selectors import can_delete_training, can_see_training, minutes_used, trainings_of, visible_trainings
-from training.services import (
-    TRAININGS,
-    delete_training,
-    forget_deleted,
-    keep_checkpoint,
-    record_iteration,
-)
 
 pytestmark = [pytest.mark.django_db, pytest.mark.usefixtures("training_wakes", "wakes")]
 
@@ -83,7 +85,7 @@ class TestStorageQuota:
         a_training(alice, oval, now, name="next")
 
     def test_only_the_newest_sim_traces_are_kept(self, alice, oval, now, monkeypatch):
-        monkeypatch.setattr("training.services.records.SIMTRACE_BYTES_KEPT", 5)
+        monkeypatch.setattr("training.jobs.services.records.SIMTRACE_BYTES_KEPT", 5)
         a_training(alice, oval, now)
         job = TRAININGS.claim(worker="w", now=now)
         for number in range(1, 5):  # of two bytes each
@@ -184,7 +186,7 @@ class TestDeletionPage:
         race = a_race(timezone.now(), track=oval)
         submit_model(race=race, racer=alice, model=over.best_model, now=timezone.now())
         refused = client.post(reverse("training_delete", args=[over.public_id]), {"models": "on"})
-        assert refused.status_code == 409 and "which is not over" in refused.content.decode()
+        assert refused.status_code == 409 and "which is still running" in refused.content.decode()
         assert client.get(over.get_absolute_url()).status_code == 200
 
     def test_others_get_a_404(self, client, over, bob):

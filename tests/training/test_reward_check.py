@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from training.rewards.check import MAX_CHARACTERS, check_text
+from training.rewards.sandbox.static_checks import MAX_CHARACTERS, check_text
 
 GOOD = """from __future__ import annotations
 

@@ -9,9 +9,9 @@ import pytest
 from paddock.rules.race import RACE_TYPES
 from paddock.simulator.rewards import avoid_objects, follow_centre_line
 from training.rewards.examples import DEFAULT, EXAMPLES, example
-from training.rewards.function import load_reward
-from training.rewards.states import five_states
-from training.rewards.validate import check_reward
+from training.rewards.sandbox.function import load_reward
+from training.rewards.trial_states import five_states
+from training.rewards.validation import check_reward
 
 STATES = [params for race_type in RACE_TYPES for params in five_states(race_type)]
 

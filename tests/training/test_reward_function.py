@@ -9,10 +9,8 @@ import random
 import pytest
 
 from paddock.errors import UserFault
-from training.rewards.function import POSITIONAL_NAMES, load_reward, load_rewards, positional
-from training.rewards.modules import preload, wanted_modules
-from training.rewards.states import five_states
-from training.rewards.watch import (
+from training.rewards.sandbox.allowed_modules import preload, wanted_modules
+from training.rewards.sandbox.call_limits import (
     KEPT_CHARACTERS,
     LAST_CHARACTERS,
     LIMIT_S,
@@ -23,6 +21,8 @@ from training.rewards.watch import (
     line_in,
     watch,
 )
+from training.rewards.sandbox.function import POSITIONAL_NAMES, load_reward, load_rewards, positional
+from training.rewards.trial_states import five_states
 
 PARAMS = five_states()[1]
 
@@ -263,7 +263,7 @@ def test_long_output_keeps_its_start_and_reports_its_newest():
 
 def test_top_level_prints_appear_once_for_many_cars(monkeypatch):
     watched = Watch()
-    monkeypatch.setattr("training.rewards.function.watch", watched)
+    monkeypatch.setattr("training.rewards.sandbox.function.watch", watched)
     monkeypatch.setattr("sys.stdout", watched)
     one, two = load_rewards("print('loaded')\ndef reward_function(params):\n    print('called')\n    return 1", 2)
     assert (one(PARAMS), two(PARAMS)) == (1.0, 1.0)

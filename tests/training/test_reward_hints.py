@@ -10,14 +10,13 @@ import pytest
 
 from paddock.errors import UserFault
 from tests.shared import CHECKOUT
-from training.rewards.check import check_text
-from training.rewards.function import load_reward
-from training.rewards.hints import hints_of
-from training.rewards.laboratory import rewards_along
-from training.rewards.modules import ALLOWED, STANDARD, is_allowed, preload, wanted_modules
-from training.rewards.speed import CARS, SLOW_MS, UPDATE_STEPS, slowness
-from training.rewards.states import STATES, five_states
-from training.rewards.validate import check_reward
+from training.rewards.laboratory.recorded_lap import rewards_along
+from training.rewards.sandbox.allowed_modules import ALLOWED, STANDARD, is_allowed, preload, wanted_modules
+from training.rewards.sandbox.function import load_reward
+from training.rewards.sandbox.hints import CARS, SLOW_MS, UPDATE_STEPS, hints_of, slowness
+from training.rewards.sandbox.static_checks import check_text
+from training.rewards.trial_states import STATES, five_states
+from training.rewards.validation import check_reward
 from training.trainer.spec import CARS as GATHERING
 from training.trainer.spec import TrainerSpec
 
@@ -74,7 +73,7 @@ def reward_function(params):
 
 def test_modules_that_only_compute_work_in_the_sandbox():
     report = check_reward(USES)
-    assert [problem.message for problem in report.problems] == []
+    assert [str(problem.fault) for problem in report.problems] == []
     times = {name: params["sim_time"] for name, params in zip(STATES, five_states(), strict=True)}
     assert report.rewards == {name: pytest.approx(2 * seconds) for name, seconds in times.items()}
     assert "INFO:" in report.printed and "look out" in report.printed and "ValueError: tried" in report.printed
@@ -149,7 +148,7 @@ def test_words_of_the_text_decide_what_is_loaded():
 )
 def test_usual_forms_of_a_reward_function_are_accepted(text):
     report = check_reward(text)
-    assert [problem.message for problem in report.problems] == []
+    assert [str(problem.fault) for problem in report.problems] == []
     assert set(report.rewards.values()) == {1.5} and len(report.rewards) == 5
 
 
@@ -198,7 +197,7 @@ def test_validation_tries_steps_1_and_warns_that_training_has_none():
     assert report.problems == [] and len(report.rewards) == 5
     (warning,) = report.warnings
     assert (warning.kind, warning.code, warning.line) == ("warning", "reward_first_step", 4)
-    assert "“steps” is 2 in the first call" in warning.message
+    assert "“steps” is 2 in the first call" in str(warning.fault)
     assert five_states()[0]["steps"] == 2
 
 
@@ -266,7 +265,7 @@ def test_comparisons_that_can_hold_are_no_hints(comparison):
 def test_a_failure_names_the_state():
     (problem,) = check_reward("def reward_function(params):\n    return 1 / (not params['is_offtrack'])").problems
     off = five_states()[STATES.index("off_track")]
-    assert f"(off_track: steps {off['steps']}, progress {off['progress']:.1f})" in problem.message
+    assert f"(off_track: steps {off['steps']}, progress {off['progress']:.1f})" in str(problem.fault)
 
 
 # --- slow functions
@@ -281,7 +280,7 @@ def test_a_slow_function_is_warned_about_with_its_milliseconds():
     assert report.problems == [] and len(report.rewards) == 5
     (warning,) = report.warnings
     assert (warning.kind, warning.code) == ("warning", "reward_slow")
-    assert warning.params["ms"] >= SLOW_MS and str(warning.params["ms"]) in warning.message
+    assert warning.params["ms"] >= SLOW_MS and str(warning.params["ms"]) in str(warning.fault)
     assert warning.params["seconds"] == pytest.approx(warning.params["ms"] * UPDATE_STEPS / 1000, abs=1.5)
 
 
@@ -323,5 +322,5 @@ def test_the_laboratory_shows_what_there_was_time_for():
 
 
 def test_every_allowed_module_is_documented():
-    page = (CHECKOUT / "docs" / "racers.md").read_text()
+    page = (CHECKOUT / "docs" / "rewards.md").read_text()
     assert [name for name in ALLOWED if f"`{name}`" not in page] == []

@@ -16,7 +16,7 @@ from paddock.simulator.sensors import POSE
 from paddock.simulator.solids import box
 from tests.paddock.simulator.tracks_for_tests import stadium
 from training.rewards.examples import example
-from training.rewards.heat import (
+from training.rewards.laboratory.heat_map import (
     _DIVERGING,
     _VIRIDIS,
     CLASSES,
@@ -28,7 +28,7 @@ from training.rewards.heat import (
     number,
     scale_of,
 )
-from training.rewards.laboratory import MAX_POINTS, params_along, record_lap, rewards_along
+from training.rewards.laboratory.recorded_lap import MAX_POINTS, params_along, record_lap, rewards_along
 
 SVG = "{http://www.w3.org/2000/svg}"
 
@@ -53,7 +53,7 @@ def a_recorded_drive(setting, steps, swerve=()):
         if steps in swerve:
             action = np.array([1.0, 0.5], np.float32)
         drive.command(action)
-        drive.world.step()
+        drive.stage.world.step()
         drive.judge()
     trace = drive.car.trace()
     drive.close()

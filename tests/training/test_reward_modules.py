@@ -5,7 +5,7 @@ from __future__ import annotations
 
 import pytest
 
-from training.rewards.validate import check_reward
+from training.rewards.validation import check_reward
 
 
 def in_body(imports: str, body: str) -> str:

@@ -7,7 +7,7 @@ import math
 import pytest
 
 from paddock.rules.race import RACE_TYPES
-from training.rewards.states import STATES, five_states
+from training.rewards.trial_states import STATES, five_states
 
 NUMBER, PAIR = "number", "pair"
 # deepracer-simapp, RewardParam, with the ranges of the developer guide; those of objects are checked apart.

@@ -9,15 +9,21 @@ from time import sleep
 
 import pytest
 
-from evaluation.sandbox.launch import LEVEL_NAMESPACES
 from evaluation.sandbox.limits import REWARD
 from evaluation.sandbox.probe import probe
+from evaluation.sandbox.start import LEVEL_NAMESPACES
 from paddock.errors import PlatformFault
 from paddock.rules.race import RACE_TYPES
-from training.rewards import ask, modules
-from training.rewards.states import STATES, five_states
-from training.rewards.validate import Problem, check_reward, validate_reward
-from training.rewards.wire import from_wire, to_wire
+from training.rewards.sandbox import allowed_modules as modules
+from training.rewards.sandbox import client as ask
+from training.rewards.sandbox.function import from_wire, to_wire
+from training.rewards.trial_states import STATES, five_states
+from training.rewards.validation import Problem, check_reward
+
+
+def validate_reward(code, **options):
+    return check_reward(code, **options).problems
+
 
 GOOD = "def reward_function(params):\n    return params['progress'] + 1"
 
@@ -104,7 +110,7 @@ def test_a_problem_names_its_state_and_others_have_rewards():
     report = check_reward("def reward_function(params):\n    return 1 / (not params['is_offtrack'])")
     (problem,) = report.problems
     assert (problem.kind, problem.code, problem.line, problem.state) == ("test", "reward_raised", 2, "off_track")
-    assert problem.message.startswith("Line 2 of the reward function failed: ZeroDivisionError: division by zero (")
+    assert str(problem.fault).startswith("Line 2 of the reward function failed: ZeroDivisionError: division by zero (")
     assert set(report.rewards) == set(STATES) - {"off_track"}
 
 
@@ -222,7 +228,7 @@ def test_a_malformed_answer_is_not_believed(answer):
 def test_an_answers_text_is_made_printable():
     told = {"code": "reward_raised", "params": {"line": 1, "error": "\x1b[2J" + "x" * 1000}, "state": None}
     ((fault, _),) = ask._checked({"faults": [told], "rewards": [], "printed": "a\x07\nb"}, 1).faults
-    assert Problem.of(fault).message.isprintable()
+    assert str(Problem.of(fault).fault).isprintable()
     assert len(fault.params["error"]) <= 300
 
 

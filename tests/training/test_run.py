@@ -21,7 +21,7 @@ from django.core.files.storage import default_storage
 from django.db import connections
 from django.utils import timezone
 
-from evaluation.admit import admit
+from evaluation.garage.admission import admit
 from evaluation.models import TrainedModel
 from paddock.packages.read import UploadPart
 from paddock.simulator.trace import COLUMNS
@@ -31,10 +31,11 @@ from tests.evaluation.processes import environment
 from tests.factories import a_race
 from tests.shared import CHECKOUT
 from tests.training.jobs import REWARD, a_training
-from training.files import logs_zip, simtrace, training_metrics
-from training.hyperparameters import DEFAULT_BOUNDS
+from training.jobs.exports import logs_zip, simtrace, training_metrics
+from training.jobs.services.queue import TRAININGS, stop_training
+from training.jobs.services.worker import run_next_training
+from training.jobs.settings_checks import DEFAULT_BOUNDS
 from training.models import Checkpoint, JobState, TrainingJob, Vehicle
-from training.services import TRAININGS, run_next_training, stop_training
 from training.trainer.network import NetworkLayout, from_onnx
 
 pytest.importorskip("torch", reason="training is not installed: make training")

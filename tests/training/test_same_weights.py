@@ -11,7 +11,7 @@ from typing import Any
 import pytest
 
 from paddock.geometry.catalogue import CATALOGUE
-from training.hyperparameters import DEFAULT_ACTIONS, DEFAULT_BOUNDS, check_hyperparameters
+from training.jobs.settings_checks import DEFAULT_ACTIONS, DEFAULT_BOUNDS, check_hyperparameters
 from training.rewards.examples import example
 from training.trainer.client import Ended, Iteration, Listener, train
 from training.trainer.spec import TrainerSpec

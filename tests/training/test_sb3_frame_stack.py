@@ -17,16 +17,16 @@ from stable_baselines3 import PPO, SAC
 from stable_baselines3.common.base_class import BaseAlgorithm
 from stable_baselines3.common.vec_env import VecFrameStack
 
-from evaluation import admit as admit_module
-from evaluation.admit import AdmittedPackage, admit
-from evaluation.drives import DriveJob, LapDrive, drive_all
-from evaluation.pipeline import RaceJob, evaluate
-from evaluation.venue import Venue
+from evaluation.garage import admission as admit_module
+from evaluation.garage.admission import AdmittedPackage, admit
+from evaluation.running.drives import DriveJob, LapDrive, drive_all
+from evaluation.running.pipeline import RaceJob, evaluate
+from evaluation.running.race_setup import Venue
 from paddock.errors import UserFault
 from paddock.geometry.catalogue import by_slug
 from paddock.network.bound import NetworkFacts
 from paddock.network.session import load
-from paddock.packages.identity import identity
+from paddock.packages.metadata import identity
 from paddock.packages.own import OwnCar
 from paddock.packages.read import UploadPart
 from paddock.rules.race import RaceRules

@@ -17,8 +17,8 @@ import torch
 from stable_baselines3 import A2C, DQN, PPO, SAC, TD3
 from stable_baselines3.common.callbacks import ConvertCallback
 
-from evaluation import admit as admit_module
-from evaluation.admit import AdmittedPackage, admit
+from evaluation.garage import admission as admit_module
+from evaluation.garage.admission import AdmittedPackage, admit
 from paddock.errors import PaddockError
 from paddock.geometry.catalogue import by_slug
 from paddock.packages.metadata import parse_metadata

@@ -8,7 +8,7 @@ from django.utils import timezone
 
 from paddock.rules.training import SETTINGS
 from tests.factories import a_racer, a_track
-from training.hyperparameters import REFUSALS
+from training.jobs.settings_checks import REFUSALS
 from training.models import TrainingJob
 
 from .jobs import a_training

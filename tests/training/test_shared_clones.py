@@ -9,20 +9,21 @@ from django.contrib.auth.models import AnonymousUser
 from django.db import transaction
 from django.db.models import ProtectedError
 
+from evaluation.garage.services import delete_model, purge_garages, share_model, stop_sharing_model
 from evaluation.models import Network, TrainedModel
-from evaluation.services import delete_model, purge_garages, share_model, stop_sharing_model
+from evaluation.selectors import can_see_model, visible_models
 from paddock.errors import UserFault
-from races.services import submit_model
+from races.entries.services.submissions import submit_model
 from tests.factories import a_race
 from tests.rows import METADATA, model_row
 from tests.training.jobs import a_training
-from training.forms.clone import OWN_LISTED, SHARED_LISTED
-from training.forms.training import TrainingForm
+from training.jobs.selectors import can_see_training
+from training.jobs.services.worker import spec_of
 from training.models import JobState, TrainingJob, Vehicle
-from training.prefill import LACKS_VEHICLE, proposals
-from training.selectors import can_clone_model, can_see_training, clonable_models
-from training.services.work import spec_of
 from training.trainer.network import CONSOLE, NetworkLayout
+from training.wizard.fields import OWN_LISTED, SHARED_LISTED
+from training.wizard.forms import TrainingForm
+from training.wizard.prefill import LACKS_VEHICLE, proposals
 
 pytestmark = [pytest.mark.django_db, pytest.mark.usefixtures("training_wakes", "wakes")]
 
@@ -55,8 +56,8 @@ def test_whoever_sees_a_model_may_clone_it(alice, bob, shared, now):
     everybody = (alice, bob, AnonymousUser())
     for expected in ({alice, bob}, {bob}):
         for racer in everybody:
-            may = can_clone_model(racer, shared)
-            assert may == (shared in clonable_models(racer)) == (racer in expected)
+            may = can_see_model(racer, shared)
+            assert may == (shared in visible_models(racer)) == (racer in expected)
         stop_sharing_model(model=shared)
 
 

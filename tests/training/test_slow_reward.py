@@ -15,9 +15,10 @@ from paddock.errors import UserFault
 from paddock.geometry.catalogue import CATALOGUE
 from tests.training.jobs import a_training
 from tests.training.specs import a_spec
-from training.endings import how_it_ended
+from training.jobs.selectors import how_it_ended
+from training.jobs.services.queue import stop_training
+from training.jobs.services.worker import run_next_training
 from training.models import JobState, TrainingJob
-from training.services import run_next_training, stop_training
 from training.trainer.client import Ended, Listener, train
 
 pytest.importorskip("torch", reason="training is not installed: make training")

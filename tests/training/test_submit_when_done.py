@@ -15,8 +15,11 @@ from paddock.errors import UserFault
 from races.models import Race, Submission
 from tests.factories import a_race
 from tests.training.jobs import a_training, network
+from training.jobs.services import results
+from training.jobs.services.queue import TRAININGS
+from training.jobs.services.worker import run_next_training
 from training.models import JobState
-from training.services import TRAININGS, results, run_next_training
+from training.trainer.client import Ended
 
 pytestmark = [pytest.mark.django_db(transaction=True), pytest.mark.usefixtures("training_wakes", "wakes")]
 
@@ -90,7 +93,7 @@ def test_what_the_race_notes_of_a_refusal_stays(alice, bob, oval, now, trainer, 
         Race.objects.filter(pk=asked["race"].pk).update(description="noted")
         raise UserFault("car_of_another", racer=bob.alias)
 
-    monkeypatch.setattr("training.services.results.submit_model", noted)
+    monkeypatch.setattr("training.jobs.services.results.submit_model", noted)
     job = a_training(alice, oval, now, submit_to_race=a_race(now, track=oval))
     trainer.networks = [network(job, 1)] * 2
     run_next_training(worker="w")
@@ -102,10 +105,29 @@ def test_a_submission_failing_through_us_keeps_the_model(alice, oval, now, train
     def broken(**_):
         raise RuntimeError("the disk is full")
 
-    monkeypatch.setattr("training.services.results.submit_model", broken)
+    monkeypatch.setattr("training.jobs.services.results.submit_model", broken)
     job = a_training(alice, oval, now, submit_to_race=a_race(now, track=oval))
     trainer.networks = [network(job, 1)] * 2
     run_next_training(worker="w")
     job.refresh_from_db()
     assert (job.state, job.submit_reason_code) == (JobState.FINISHED, "submit_failed")
+    assert job.best_model is not None
+
+
+@pytest.mark.parametrize("fails", [False, True], ids=["that finishes", "that fails"])
+def test_a_race_deleted_during_a_training_keeps_the_model(alice, oval, now, trainer, fails):
+    job = a_training(alice, oval, now, submit_to_race=a_race(now, track=oval))
+    trainer.networks = [network(job, 1)] * 2
+
+    def end() -> Ended:
+        Race.objects.all().delete()
+        if fails:
+            raise UserFault("training_diverged")
+        return Ended("time", 200, 2.0, b"zip")
+
+    trainer.at_the_end = end
+    run_next_training(worker="w")
+    job.refresh_from_db()
+    ended = (JobState.FAILED, "") if fails else (JobState.FINISHED, "submit_failed")
+    assert (job.state, job.submit_reason_code) == ended
     assert job.best_model is not None

@@ -8,15 +8,12 @@ import pytest
 
 from paddock.errors import PlatformFault, UserFault
 from tests.training.jobs import a_training
+from training.jobs.queue_order import place_of, waiting_in_order
+from training.jobs.selectors import minutes_used
+from training.jobs.services.queue import TRAININGS, stop_training
+from training.jobs.services.records import keep_checkpoint
+from training.jobs.services.results import finish_training
 from training.models import JobState, TrainingJob
-from training.queue_order import place_of, waiting_in_order
-from training.selectors import minutes_used
-from training.services import (
-    TRAININGS,
-    finish_training,
-    keep_checkpoint,
-    stop_training,
-)
 from training.trainer.client import Ended
 
 from .test_leases import NETWORKS, saved

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import asdict
 from datetime import timedelta
 
 import numpy as np
@@ -16,16 +17,11 @@ from paddock.errors import PlatformFault, UserFault
 from tests.rows import model_row
 from tests.training.jobs import a_training, an_iteration, network
 from training import tasks
+from training.jobs.services.queue import KEEPINGS_TRIED, TRAININGS
+from training.jobs.services.records import keep_checkpoint, record_iteration
+from training.jobs.services.results import admit_networks
+from training.jobs.services.worker import run_next_training, spec_of
 from training.models import Checkpoint, JobState, TrainingJob
-from training.services import (
-    TRAININGS,
-    keep_checkpoint,
-    record_iteration,
-    run_next_training,
-    spec_of,
-)
-from training.services.jobs import KEEPINGS_TRIED
-from training.services.results import admit_networks
 from training.trainer.client import Ended, SavedState
 from training.trainer.network import NetworkLayout, to_onnx
 
@@ -297,6 +293,6 @@ def test_a_refused_last_network_does_not_cost_the_best(job, trainer):
 
 
 def test_the_trainer_learns_nothing_about_the_racer(job):
-    told = spec_of(job, Checkpoint(seconds=12.0, iteration=3)).to_dict()
+    told = asdict(spec_of(job, Checkpoint(seconds=12.0, iteration=3)))
     assert (told["seconds_before"], told["stop_seconds"], told["seed"]) == (12.0, 600.0, 0)
     assert "alice" not in str(told)

@@ -6,7 +6,7 @@ import django
 
 django.setup()
 
-from training.services import run_next_training  # noqa: E402
+from training.jobs.services.worker import run_next_training  # noqa: E402
 
 if __name__ == "__main__":
     run_next_training(worker="to be killed")

@@ -1,7 +1,8 @@
 """How the site of an older version was made, which the tests upgrade: run with that version's own code.
 
 In a checkout of that version, with this folder copied into its ``tests``:
-``PADDOCK_DATA=/tmp/site python -m tests.upgrade.make site-1.tar.xz site-1.json``. Small networks that really drove.
+``PADDOCK_DATA=/tmp/site python -m tests.upgrade.make site-0.1.0.tar.xz site-0.1.0.json``.
+Small networks that really drove.
 """
 
 from __future__ import annotations
@@ -26,14 +27,16 @@ def make() -> None:
     from onnx import numpy_helper
 
     from accounts.models import Racer
-    from evaluation.services import upload_model
-    from evaluation.services.work import run_next_evaluation
-    from league.services import demo
-    from league.services.notices import tell_what_happened
-    from league.services.webhooks import add_webhook, queue_deliveries
+    from core.events import reading
+    from evaluation.garage.services import upload_model
+    from evaluation.running.queue.worker import run_next_evaluation
+    from league.seasons.services import demo_season as demo
+    from league.webhooks.services import add_webhook
     from paddock.packages.read import UploadPart
+    from races.entries.services.entries import withdraw
+    from races.entries.services.submissions import submit_model
     from races.models import Race
-    from races.services import create_community_race, submit_model, withdraw
+    from races.pages.services import create_community_race
     from tests.hostile.parts import metadata, network
     from tracks.services import load_catalogue
 
@@ -77,8 +80,8 @@ def make() -> None:
     while run_next_evaluation(worker="made"):
         pass
     withdraw(entry=mine.entries.get(racer=racers[2]), now=MOMENT - timedelta(minutes=5))
-    tell_what_happened(now=MOMENT)
-    queue_deliveries(now=MOMENT)
+    for reader in reading.READERS:
+        reading.follow(reader, now=MOMENT)
 
 
 def pack(data: Path, target: Path) -> None:

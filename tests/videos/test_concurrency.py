@@ -7,7 +7,7 @@ import pytest
 from tests.factories import a_race, a_racer, drive, laps
 from tests.races.test_concurrency import at_once
 from videos.models import Video
-from videos.services import VIDEOS, Asked, ask_for_video, run_next_video, stop_video
+from videos.services import VIDEOS, VideoRequest, request_video, run_next_video, stop_video
 
 pytestmark = pytest.mark.django_db(transaction=True)
 
@@ -18,7 +18,7 @@ def run(alice, now, video_wakes):
 
 
 def asking(run, racer, now, part="1"):
-    return lambda: ask_for_video(evaluation=run, by=racer, part=part, language="en", now=now)
+    return lambda: request_video(evaluation=run, by=racer, part=part, language="en", now=now)
 
 
 def test_simultaneous_requests_make_one_video(run, now):
@@ -37,7 +37,7 @@ def test_a_failed_video_is_requeued_once_for_many_requests(run, alice, now):
 def test_simultaneous_requests_cannot_pass_a_limit(run, bob, now, settings):
     settings.VIDEOS_AT_ONCE = 3
     answers = at_once([asking(run, bob, now, part=str(number)) for number in range(1, 7)])
-    assert sum(isinstance(answer, Asked) for answer in answers) == 3
+    assert sum(isinstance(answer, VideoRequest) for answer in answers) == 3
     assert answers.count("videos_at_once") == 3
     assert Video.objects.count() == 3
 

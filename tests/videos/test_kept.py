@@ -9,13 +9,13 @@ import pytest
 from django.core.files.base import ContentFile
 from django.core.files.storage import default_storage
 
+from evaluation.garage.services import delete_model
 from evaluation.models import Evaluation
-from evaluation.services import delete_model
 from races.models import Submission
 from tests.drawn_runs import a_driven_run
 from tests.factories import a_race
 from videos.models import Video, VideoState
-from videos.services import VIDEOS, ask_for_video, forget_lost_file, note_watched, purge_videos, run_next_video
+from videos.services import VIDEOS, forget_lost_file, note_watched, purge_videos, request_video, run_next_video
 
 pytestmark = pytest.mark.django_db
 
@@ -24,7 +24,7 @@ pytestmark = pytest.mark.django_db
 def video(alice, now, video_wakes, commits) -> Video:
     """A ready one."""
     run = a_driven_run(a_race(now), alice, now)
-    made = ask_for_video(evaluation=run, by=alice, language="en", now=now).video
+    made = request_video(evaluation=run, by=alice, language="en", now=now).video
     assert run_next_video(worker="w")
     Video.objects.filter(pk=made.pk).update(watched_at=now)
     made.refresh_from_db()
@@ -44,8 +44,9 @@ def test_a_long_unwatched_video_goes_with_its_files(video, now, settings):
     assert not Video.objects.exists()
 
 
-def test_a_watched_video_is_kept_and_noted_once_an_hour(video, now, settings):
-    note_watched(video=video, now=now + timedelta(minutes=59))
+def test_a_watched_video_is_kept_and_noted_once_an_hour(video, now, settings, django_assert_num_queries):
+    with django_assert_num_queries(0):  # a guest who reads on takes no lock of the database
+        note_watched(video=video, now=now + timedelta(minutes=59))
     video.refresh_from_db()
     assert video.watched_at == now
     later = now + timedelta(days=settings.VIDEO_DAYS)
@@ -58,17 +59,17 @@ def test_an_old_failed_video_is_removed_a_waiting_one_stays(video, now, alice, s
     from paddock.errors import UserFault
 
     run = video.evaluation
-    ask_for_video(evaluation=run, by=alice, part="1", language="en", now=now)
+    request_video(evaluation=run, by=alice, part="1", language="en", now=now)
     failed = VIDEOS.claim(worker="w", now=now)
     VIDEOS.fail(pk=failed.pk, lease=failed.lease, fault=UserFault("video_no_steps"), now=now)
-    waiting = ask_for_video(evaluation=run, by=alice, part="3", language="en", now=now).video
+    waiting = request_video(evaluation=run, by=alice, part="3", language="en", now=now).video
     purge_videos(now=now + timedelta(days=settings.VIDEO_DAYS, seconds=1))
     assert list(Video.objects.all()) == [waiting]
 
 
 def test_deleting_a_model_deletes_its_videos(video, now, alice):
     other = a_driven_run(a_race(now), alice, now)
-    kept = ask_for_video(evaluation=other, by=alice, language="en", now=now).video
+    kept = request_video(evaluation=other, by=alice, language="en", now=now).video
     delete_model(model=video.evaluation.model, now=now)
     assert list(Video.objects.all()) == [kept]
     assert files_are_there(video) == [False, False]
@@ -94,7 +95,7 @@ def test_deleting_an_evaluation_deletes_its_videos(video):
 
 def test_deleting_a_requester_keeps_the_video(alice, bob, now, video_wakes, commits):
     run = a_driven_run(a_race(now), alice, now)
-    video = ask_for_video(evaluation=run, by=bob, language="en", now=now).video
+    video = request_video(evaluation=run, by=bob, language="en", now=now).video
     bob.delete()
     video.refresh_from_db()
     assert video.asked_by is None
@@ -107,7 +108,7 @@ def test_a_video_whose_file_is_lost_can_be_asked_for_again(video, now, alice):
     assert default_storage.exists(video.poster.name) is False
     video.refresh_from_db()
     assert (video.state, video.reason_code) == (VideoState.FAILED, "video_file_lost")
-    assert ask_for_video(evaluation=video.evaluation, by=alice, language="en", now=now).queued
+    assert request_video(evaluation=video.evaluation, by=alice, language="en", now=now).queued
 
 
 def test_unreferenced_files_are_removed_after_a_day(video, now):

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 import os
 from datetime import timedelta
 from functools import partial
@@ -9,7 +10,7 @@ from pathlib import Path
 
 import pytest
 from django.core.files.storage import default_storage
-from django.db import IntegrityError, transaction
+from django.db import IntegrityError, OperationalError, transaction
 
 from core.events import Event
 from core.jobs.models import Outage
@@ -19,7 +20,7 @@ from tests.factories import a_race
 from videos import drawing, tasks
 from videos.drawing import VideoFacts
 from videos.models import Video, VideoState
-from videos.services import VIDEOS, DrawnVideo, ask_for_video, finish_video, run_next_video, stop_video
+from videos.services import VIDEOS, DrawnVideo, finish_video, request_video, run_next_video, stop_video
 
 pytestmark = pytest.mark.django_db
 LEASE = timedelta(seconds=30)
@@ -32,7 +33,7 @@ def run(alice, now, video_wakes):
 
 @pytest.fixture
 def waiting(run, alice, now) -> Video:
-    return ask_for_video(evaluation=run, by=alice, language="en", now=now).video
+    return request_video(evaluation=run, by=alice, language="en", now=now).video
 
 
 @pytest.fixture
@@ -69,8 +70,8 @@ def ours(video: Video) -> set[str]:
 
 class TestClaim:
     def test_it_takes_the_longest_waiting_video_once(self, run, alice, now):
-        first = ask_for_video(evaluation=run, by=alice, part="1", language="en", now=now - timedelta(minutes=1)).video
-        second = ask_for_video(evaluation=run, by=alice, part="2", language="en", now=now).video
+        first = request_video(evaluation=run, by=alice, part="1", language="en", now=now - timedelta(minutes=1)).video
+        second = request_video(evaluation=run, by=alice, part="2", language="en", now=now).video
         assert [VIDEOS.claim(worker="w", now=now) for _ in range(3)] == [first, second, None]
 
     def test_a_claim_is_a_lease(self, claimed, now):
@@ -126,7 +127,7 @@ class TestEnd:
     def test_a_video_is_given_up_only_when_ours_fails_and_others_pass(self, run, claimed, alice, now, settings, drawn):
         settings.EVALUATION_MAX_ATTEMPTS = 2
         at = now + timedelta(seconds=1)
-        ask_for_video(evaluation=run, by=alice, part="1", language="en", now=at)
+        request_video(evaluation=run, by=alice, part="1", language="en", now=at)
         assert finish_video(**ident(VIDEOS.claim(worker="w2", now=at)), drawn=drawn(), now=at)
         for attempt in (1, 2):
             Video.objects.filter(state=VideoState.READY).update(ended_at=at)  # as if another had been drawn just now
@@ -166,7 +167,7 @@ class TestEnd:
         assert VIDEOS.claim(worker="w", now=now) is None
 
     def test_a_worker_dying_after_storing_leaves_no_file(self, claimed, now, monkeypatch, drawn):
-        from videos.services import jobs
+        from videos.services import queue as jobs
 
         class Killed(BaseException):
             pass
@@ -248,7 +249,7 @@ class TestVideoWorker:
     def test_it_writes_in_the_requested_language(self, run, alice, now, monkeypatch):
         scenes = []
         monkeypatch.setattr(drawing, "write_video", lambda scene, out, **more: scenes.append(scene))
-        ask_for_video(evaluation=run, by=alice, language="ko", now=now)
+        request_video(evaluation=run, by=alice, language="ko", now=now)
         run_next_video(worker="w")
         assert scenes[0].words.lap == "랩"
 
@@ -258,7 +259,7 @@ class TestVideoWorker:
         def draws(scene, out, *, on_progress, is_stopped):
             told.append(True)
             assert is_stopped()
-            raise drawing.Stopped
+            raise drawing.DrawingStopped
 
         monkeypatch.setattr(drawing, "write_video", draws)
         assert run_next_video(worker="w", interrupted=lambda: bool(told))
@@ -275,6 +276,29 @@ class TestVideoWorker:
         assert (waiting.state, waiting.reason_code, waiting.kills) == (VideoState.WAITING, "", 0)
         assert "ZeroDivisionError" in waiting.operator_detail and waiting.reason == ""
 
+    @pytest.mark.parametrize(
+        ("error", "code"),
+        [
+            (OSError(errno.ENOSPC, "No space left on device"), "storage_failed"),
+            (OperationalError("could not extend file: No space left on device"), "lease_expired"),
+        ],
+        ids=["of this machine", "of the database"],
+    )
+    def test_a_full_disk_never_fails_a_video_for_good(self, waiting, monkeypatch, settings, error, code):
+        """Shorter videos, and rows that need no new page, still fit."""
+
+        def draws(scene, out, *, on_progress, is_stopped):
+            raise error
+
+        monkeypatch.setattr(drawing, "write_video", draws)
+        monkeypatch.setattr(type(VIDEOS), "others_passed", lambda self, job: True)
+        for _ in range(settings.EVALUATION_MAX_ATTEMPTS + 1):
+            assert run_next_video(worker="w")
+            Video.objects.update(not_before=None)
+        waiting.refresh_from_db()
+        assert (waiting.state, waiting.kills) == (VideoState.WAITING, 0)
+        assert code in waiting.operator_detail and "No space left" in waiting.operator_detail
+
     def test_it_leaves_nothing_and_clears_a_killed_workers_files(self, waiting, settings):
         folder = Path(settings.FILE_UPLOAD_TEMP_DIR)
         ages = {"video-new": 0, "video-old": 90_000}
@@ -290,7 +314,7 @@ class TestVideoWorker:
 
     def test_a_worker_without_an_encoder_claims_nothing(self, waiting, monkeypatch, caplog):
         """Another machine may have one; until then it is nobody's fault who asked."""
-        from videos.services import work
+        from videos.services import worker as work
 
         monkeypatch.setattr(work, "ENCODER", "no-such-encoder")
         assert not run_next_video(worker="w")
@@ -300,7 +324,7 @@ class TestVideoWorker:
 
     def test_it_draws_one_and_sends_a_wake_up_for_the_next(self, run, alice, now, video_wakes, commits):
         for part in ("1", "2"):
-            ask_for_video(evaluation=run, by=alice, part=part, language="en", now=now)
+            request_video(evaluation=run, by=alice, part=part, language="en", now=now)
         video_wakes.clear()
         assert tasks.draw.apply().get()
         assert len(video_wakes) == 1

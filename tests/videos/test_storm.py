@@ -15,7 +15,7 @@ from tests.evaluation.processes import environment, kill_session
 from tests.factories import a_race, drive, laps
 from tests.shared import CHECKOUT
 from videos.models import Video, VideoState
-from videos.services import ask_for_video
+from videos.services import request_video
 
 LAPS = 20
 
@@ -30,7 +30,7 @@ def test_every_video_is_made_once_whatever_crashes(alice, video_wakes, wakes, se
     run = drive(race, alice, laps(*[1000 + number for number in range(LAPS)]), now).evaluation
     for number in range(1, LAPS + 1):
         for language in ("en", "ko"):
-            ask_for_video(evaluation=run, by=alice, part=str(number), language=language, now=now)
+            request_video(evaluation=run, by=alice, part=str(number), language=language, now=now)
     log = tmp_path / "storm.log"
     with log.open("wb") as output:
         storm = subprocess.Popen(

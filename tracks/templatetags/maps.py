@@ -1,7 +1,5 @@
 """Tracks on pages: their maps and lengths."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable
 from functools import lru_cache
 
@@ -12,8 +10,8 @@ from django.utils.translation import gettext as _
 
 from paddock.geometry.track import TrackGeometry
 from tracks.drawing import Trajectory, draw_svg
-from tracks.figures import TrackFigure
 from tracks.models import Track
+from tracks.selectors import TrackFigure
 
 register = template.Library()
 
@@ -31,13 +29,11 @@ def _plain_map(track: TrackGeometry, direction: str, title: str) -> str:
 
 @register.filter
 def track_length(track: Track) -> str:
-    """The length of a track for reading, or that it is not known."""
     return f"{track.length_m:.2f} m" if track.has_shape else _("length unknown")
 
 
 @register.filter
 def way(track: Track, direction: str) -> str:
-    """Which way round the track is driven, in words."""
     return track.way(direction)
 
 

@@ -111,18 +111,20 @@ class Eyes(BaseFeaturesExtractor):
         return self.layers(picture)
 
 
-class Teller(BaseCallback):
-    """Says how it goes after each update, and stops when it goes well."""
+class ProgressPrinter(BaseCallback):
+    """Reports progress after each update and stops the training when it is good enough."""
 
-    def __init__(self, enough: float, tell: Callable[[str], None] = print) -> None:
+    def __init__(self, enough: float, report: Callable[[str], None] = print) -> None:
         """``enough``: mean progress in percent of the last 40 episodes at which the training ends."""
         super().__init__()
-        self.enough, self.tell, self.began = enough, tell, time.monotonic()
+        self.enough, self.report, self.began = enough, report, time.monotonic()
 
     def _on_rollout_start(self) -> None:
         reward, progress = self.lately()
         seconds = time.monotonic() - self.began
-        self.tell(f"{seconds:5.0f} s {self.num_timesteps:7d} steps   reward {reward:6.1f}   progress {progress:5.1f} %")
+        self.report(
+            f"{seconds:5.0f} s {self.num_timesteps:7d} steps   reward {reward:6.1f}   progress {progress:5.1f} %"
+        )
 
     def _on_step(self) -> bool:
         return self.lately()[1] < self.enough
@@ -133,7 +135,7 @@ class Teller(BaseCallback):
         return tuple(np.mean(episodes, axis=0)) if len(episodes) == 40 else (0.0, 0.0)
 
 
-def train(cars: Cars, steps: int, seed: int, enough: float = 97.0, tell: Callable[[str], None] = print) -> PPO:
+def train(cars: Cars, steps: int, seed: int, enough: float = 97.0, report: Callable[[str], None] = print) -> PPO:
     """Learn for at most ``steps`` control steps (those of all cars together), or until ``enough`` percent of a lap is
     driven on average."""
     torch.set_num_threads(1)  # the network is too small to share out
@@ -150,7 +152,7 @@ def train(cars: Cars, steps: int, seed: int, enough: float = 97.0, tell: Callabl
         seed=seed,
         device="cpu",
     )
-    return model.learn(steps, callback=Teller(enough, tell))
+    return model.learn(steps, callback=ProgressPrinter(enough, report))
 
 
 class Driver(nn.Module):
@@ -165,7 +167,7 @@ class Driver(nn.Module):
 
 
 def export(model: PPO, package: Path, metadata: dict[str, Any] = METADATA) -> None:
-    """Write the package: the network by the ONNX contract (docs/racers.md) and ``model_metadata.json``, in a zip."""
+    """Write the package: the network by the ONNX contract (docs/formats.md) and ``model_metadata.json``, in a zip."""
     network = io.BytesIO()
     with warnings.catch_warnings(action="ignore", category=DeprecationWarning):  # the newer exporter needs onnxscript
         torch.onnx.export(

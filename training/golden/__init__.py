@@ -1,7 +1,7 @@
-"""Golden runs: a table of what an engine must come to, so that no result moves unseen.
+"""Golden runs: a table of an engine's results, so that no result changes unnoticed.
 
 ``python -m training.golden`` drives them and compares them with the present engine's table (``tables/ENGINE.json``);
-``--write`` writes the table of a new one. Tables of old engines stay, as history. ``--bare`` drives in one process
-without the sandbox, which is also what runs under an emulator of other processors (:mod:`.processors`). A worker proves
-by a few of them that it computes as every other (:mod:`.proof`).
+``--write`` writes the table of a new one; old tables stay. ``--bare`` drives in one process without the sandbox, as
+under an emulator of other processors (:mod:`.processors`). Workers prove their exactness by a few of them
+(:mod:`.proof`).
 """

@@ -1,16 +1,15 @@
 """``python -m training.golden``: drive the golden runs and compare them with the present engine's table."""
 
-from __future__ import annotations
-
 import argparse
 import contextlib
 import json
 import sys
 import tempfile
 from collections.abc import Iterator, Sequence
+from dataclasses import asdict
 from pathlib import Path
 
-from evaluation.admit import admit
+from evaluation.garage.admission import admit
 from paddock.errors import PaddockError
 from paddock.packages.read import UploadPart
 from paddock.simulator.engine import ENGINE_ID
@@ -22,7 +21,7 @@ from .runs import CONSOLE, RUNS, GoldenRun, runs_of
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
-    """0: all is as the table says, or the table was written; 1: something is not; 2: the arguments make no sense."""
+    """Exit status 0: every run equals the table, or the table was written; 1: a run differs; 2: wrong arguments."""
     parser = argparse.ArgumentParser("python -m training.golden", description=__doc__)
     parser.add_argument("names", nargs="*", metavar="RUN", help="only these runs, by name")
     parser.add_argument(
@@ -46,7 +45,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
             if options.processors is not None:
                 return _on_processors(options.processors or list(PROCESSORS), runs)
             if options.bare:
-                print(json.dumps([driven.to_dict() for driven in _bare(runs)], indent=1))
+                print(json.dumps([asdict(driven) for driven in _bare(runs)], indent=1))
                 return 0
             driven = [through_the_pipeline(run) for run in runs]
             return _write(runs, driven) if options.write else _compare(runs, driven)
@@ -80,10 +79,10 @@ def _compare(runs: Sequence[GoldenRun], driven: Sequence[Driven]) -> int:
     except FileNotFoundError:
         print(f"{ENGINE_ID} has no table: write it with --write", file=sys.stderr)
         return 1
-    found = [table.difference(rows.get(run.name), run, came) for run, came in zip(runs, driven, strict=True)]
-    for run, said in zip(runs, found, strict=True):
-        print(said or f"{run.name}: equal")
-    differ = sum(said is not None for said in found)
+    differences = [table.difference(rows.get(run.name), run, came) for run, came in zip(runs, driven, strict=True)]
+    for run, difference in zip(runs, differences, strict=True):
+        print(difference or f"{run.name}: equal")
+    differ = sum(difference is not None for difference in differences)
     print(f"{ENGINE_ID}: {len(runs) - differ} of {len(runs)} equal")
     if differ:
         print(table.ADVICE, file=sys.stderr)
@@ -91,7 +90,7 @@ def _compare(runs: Sequence[GoldenRun], driven: Sequence[Driven]) -> int:
 
 
 def _write(runs: Sequence[GoldenRun], driven: Sequence[Driven]) -> int:
-    """Both ways must have come to the same: a table that only one of them keeps is none."""
+    """Write the table if the sandbox and a bare process computed the same; otherwise refuse."""
     if [one.traces for one in _bare(runs)] != [one.traces for one in driven]:
         print("in the sandbox and in a bare process the runs differ: nothing is written", file=sys.stderr)
         return 1

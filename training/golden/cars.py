@@ -1,15 +1,12 @@
-"""The cars of the golden runs: the house cars, and networks built here for the other sensors. No torch, no Django.
+"""The cars of the golden runs: house cars, and networks built for the other sensors. Imports no torch, no Django.
 
-What is built is made of the house cars' layers, so that it stays on the road for a while, and of numbers that are
-reckoned from integers alone: they are the same on every machine.
+Built networks consist of the house cars' layers, so that they stay on the road for a while, and of numbers computed
+from integers, which are the same on every machine.
 """
-
-from __future__ import annotations
 
 import functools
 import json
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -17,31 +14,32 @@ import numpy as np
 import onnx
 from onnx import ModelProto, NodeProto, TensorProto, helper, numpy_helper
 
+from paddock.network.bound import FactsDocument
 from paddock.packages.admission import admit_network
 from paddock.packages.gate import check_onnx
 from paddock.packages.inputs import input_spec
 from paddock.packages.kinds import ONNX
 from paddock.packages.limits import DEFAULT_LIMITS
-from paddock.packages.metadata import parse_metadata
+from paddock.packages.metadata import MetadataDocument, parse_metadata
+from paddock.packages.own import OwnCar
 
 HOUSE_CARS = Path(__file__).resolve().parent.parent / "house_cars"
 FRONT, LEFT, STEREO = "FRONT_FACING_CAMERA", "LEFT_CAMERA", "STEREO_CAMERAS"
-LIDAR_CONFIG = {"num_sectors": 16, "num_values_per_sector": 4, "clipping_dist": 4.0}
+LIDAR_CONFIG: dict[str, float] = {"num_sectors": 16, "num_values_per_sector": 4, "clipping_dist": 4.0}
 
 
-@dataclass(frozen=True)
-class GoldenCar:
-    """A car as it races: its canonical network, its metadata as the platform keeps it, what its admission found out
-    (:class:`paddock.network.bound.NetworkFacts`), and who it is."""
+class HouseCarDocument(MetadataDocument, total=False):
+    """The JSON file beside a house car's network: its metadata, and maybe the facts of its admission."""
 
-    onnx: bytes
-    metadata: dict[str, Any]
-    facts: dict[str, Any]
-    sha256: str
+    facts: FactsDocument
+    house_car: dict[str, Any]
+
+
+Built = tuple[bytes, HouseCarDocument]
 
 
 @functools.cache
-def car(name: str) -> GoldenCar:
+def car(name: str) -> OwnCar:
     """The car called ``name``: one of :data:`BUILT`, a house car, or the path of another (``FOLDER/NAME``, two files
     as a house car's). Raises UserFault where the gate refuses it, OSError where there is none.
 
@@ -54,15 +52,15 @@ def car(name: str) -> GoldenCar:
     else:
         canonical = admit_network(ONNX, network, metadata, DEFAULT_LIMITS)
         facts = canonical.facts.to_dict()
-    return GoldenCar(canonical.onnx, metadata.to_dict(), facts, canonical.sha256)
+    return OwnCar(canonical.onnx, metadata.to_dict(), facts, canonical.sha256)
 
 
-def _read(name: str) -> tuple[bytes, dict[str, Any]]:
+def _read(name: str) -> Built:
     path = Path(name) if "/" in name else HOUSE_CARS / name
     return path.with_suffix(".onnx").read_bytes(), json.loads(path.with_suffix(".json").read_text())
 
 
-def _both_eyes() -> tuple[bytes, dict[str, Any]]:
+def _both_eyes() -> Built:
     """Brisk with a stereo pair: it sees the mean of two pictures."""
     network, described = _opened("brisk")
     first = next(tensor for tensor in network.graph.initializer if tensor.name == "conv1")
@@ -74,8 +72,8 @@ def _both_eyes() -> tuple[bytes, dict[str, Any]]:
     return network.SerializeToString(), {**described, "sensor": [STEREO]}
 
 
-def _with_lidar(base: str, lidar: str, reach: float) -> tuple[bytes, dict[str, Any]]:
-    """A house car with a lidar, each value of which adds up to ``reach`` to or takes it from every output."""
+def _with_lidar(base: str, lidar: str, reach: float) -> Built:
+    """A house car with a lidar, each value of which changes every output by at most ``reach``."""
     network, described = _opened(base)
     graph = network.graph
     (output,) = graph.output
@@ -92,8 +90,8 @@ def _with_lidar(base: str, lidar: str, reach: float) -> tuple[bytes, dict[str, A
     return network.SerializeToString(), {**described, "sensor": [FRONT, lidar], "lidar_config": LIDAR_CONFIG}
 
 
-def _wanderer() -> tuple[bytes, dict[str, Any]]:
-    """A table of actions chosen by numbers that nobody trained: it leaves the road, again and again."""
+def _wanderer() -> Built:
+    """Discrete actions by untrained numbers: the car leaves the road again and again."""
     nodes = [
         helper.make_node("Cast", [LEFT], ["rows"], to=TensorProto.FLOAT),
         helper.make_node("Transpose", ["rows"], ["picture"], perm=[0, 3, 1, 2]),
@@ -116,8 +114,8 @@ def _wanderer() -> tuple[bytes, dict[str, Any]]:
     return _network(nodes, weights, LEFT, 5), _metadata(LEFT, actions)
 
 
-def _drifter() -> tuple[bytes, dict[str, Any]]:
-    """Continuous commands by numbers that nobody trained."""
+def _drifter() -> Built:
+    """Continuous commands by untrained numbers."""
     nodes = [
         helper.make_node("Cast", ["observation"], ["rows"], to=TensorProto.FLOAT),
         helper.make_node("Transpose", ["rows"], ["picture"], perm=[0, 3, 1, 2]),
@@ -142,7 +140,7 @@ def _drifter() -> tuple[bytes, dict[str, Any]]:
 
 
 # A name of a golden run's car, and what builds it.
-BUILT: dict[str, Callable[[], tuple[bytes, dict[str, Any]]]] = {
+BUILT: dict[str, Callable[[], Built]] = {
     "both-eyes": _both_eyes,
     "beams": functools.partial(_with_lidar, "brisk", "LIDAR", 0.125),
     "sectors": functools.partial(_with_lidar, "steady", "SECTOR_LIDAR", 0.5),
@@ -161,13 +159,14 @@ def numbers(shape: Sequence[int], reach: float, seed: int) -> np.ndarray:
     return (whole.astype(np.float32) * np.float32(reach / (1 << 23))).reshape(shape)
 
 
-def _opened(name: str) -> tuple[ModelProto, dict[str, Any]]:
+def _opened(name: str) -> tuple[ModelProto, HouseCarDocument]:
     network, described = _read(name)
-    return onnx.load_model_from_string(network), {key: part for key, part in described.items() if key != "house_car"}
+    described.pop("house_car", None)
+    return onnx.load_model_from_string(network), described
 
 
 def _rename(network: ModelProto, before: str, after: str) -> None:
-    """Call a value of the graph, but not its input or output, something else."""
+    """Rename a value of the graph, but not its input or output."""
     for node in network.graph.node:
         for names in (node.input, node.output):
             names[:] = [after if name == before else name for name in names]
@@ -185,7 +184,7 @@ def _network(nodes: list[NodeProto], weights: dict[str, np.ndarray], sensor: str
     return model.SerializeToString(deterministic=True)
 
 
-def _metadata(sensor: str, space: list[dict[str, float]] | dict[str, dict[str, float]]) -> dict[str, Any]:
+def _metadata(sensor: str, space: list[dict[str, float]] | dict[str, dict[str, float]]) -> HouseCarDocument:
     return {
         "action_space": space,
         "action_space_type": "discrete" if isinstance(space, list) else "continuous",

@@ -1,24 +1,19 @@
-"""A golden run driven in two ways: through the pipeline in the sandbox, and in this very process."""
+"""Drives a golden run: through the sandboxed pipeline, or in this process."""
 
-from __future__ import annotations
-
-from dataclasses import asdict, dataclass, field
-from typing import TYPE_CHECKING, Any
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Any
 
 from paddock.simulator.engine import ENGINE_ID
 
 from .cars import car
 from .runs import GoldenRun
 
-if TYPE_CHECKING:
-    from evaluation.pipeline import CompetitorOutcome, EvaluationOutcome
-
 
 @dataclass(frozen=True)
 class DrivenCar:
-    """What one car came to. ``ways``: how many of its steps were answered in each of the ways of
-    :data:`paddock.network.policy_wire.WAYS`, which differs from processor to processor and is no part of the
-    result."""
+    """The result of one car. ``ways``: its steps by the ways of :data:`paddock.network.policy_wire.WAYS`, which differ
+    between processors and are no part of the result."""
 
     model: str  # its identity
     lap_ms: list[int]  # of complete laps
@@ -29,7 +24,7 @@ class DrivenCar:
 
 @dataclass(frozen=True)
 class Driven:
-    """What a run came to."""
+    """The result of a run."""
 
     name: str
     engine: str
@@ -38,66 +33,45 @@ class Driven:
 
     @property
     def traces(self) -> list[str]:
-        """The hashes of all cars' traces."""
         return [one.trace_sha256 for one in self.cars]
 
-    def to_dict(self) -> dict[str, Any]:
-        """Plain JSON values."""
-        return asdict(self)
-
     @classmethod
-    def from_dict(cls, data: dict[str, Any]) -> Driven:
-        """What :meth:`to_dict` wrote, also after a way through JSON."""
+    def from_dict(cls, data: Mapping[str, Any]) -> "Driven":
+        """The inverse of :func:`dataclasses.asdict`."""
         return cls(data["name"], data["engine"], data["track"], [DrivenCar(**one) for one in data["cars"]])
 
 
 def through_the_pipeline(run: GoldenRun) -> Driven:
-    """Drive as a worker does: networks and referee in sandboxed processes of their own. Raises PaddockError."""
-    from evaluation.pipeline import RaceJob, RivalModel, evaluate
+    """Drive as a worker does: networks and referee in separate sandboxed processes. Raises PaddockError."""
+    from evaluation.running.pipeline import CompetitorOutcome, EvaluationOutcome, RaceJob, RivalModel, evaluate
 
-    first, *rivals = cars = [car(name) for name in run.cars]
-    track = run.geometry()
+    first, *rivals = [car(name) for name in run.cars]
     others = tuple(RivalModel(rival.onnx, rival.metadata, rival.facts) for rival in rivals)
-    outcome = evaluate(RaceJob(track, run.rules, first.onnx, first.metadata, others, facts=first.facts))
+    outcome = evaluate(RaceJob(run.geometry(), run.rules, first.onnx, first.metadata, others, facts=first.facts))
     driven: list[EvaluationOutcome | CompetitorOutcome] = [outcome, *outcome.rivals]
-    return Driven(
-        run.name,
-        outcome.engine,
-        track.fingerprint,
-        [
-            DrivenCar(
-                one.sha256,
-                [lap["time_ms"] for lap in came.laps if lap["complete"]],
-                came.end_reason,
-                came.trace_sha256,
-                ways,
-            )
-            for one, came, ways in zip(cars, driven, outcome.ways, strict=True)
-        ],
-    )
+    results = [
+        ([lap["time_ms"] for lap in came.laps if lap["complete"]], came.end_reason, came.trace_sha256)
+        for came in driven
+    ]
+    return _driven(run, outcome.engine, results, outcome.ways)
 
 
 def in_this_process(run: GoldenRun) -> Driven:
     """Drive with simulator and networks in this process, which should have been started with the pins of
     :mod:`paddock.exact`. Raises UserFault."""
-    from paddock.packages.own import OwnCar
     from paddock.simulator.own import drive
 
-    cars = [car(name) for name in run.cars]
-    track = run.geometry()
-    own = drive(track, run.rules, [OwnCar(one.onnx, one.metadata, one.facts, one.sha256) for one in cars])
-    return Driven(
-        run.name,
-        ENGINE_ID,
-        track.fingerprint,
-        [
-            DrivenCar(
-                one.sha256,
-                [lap.time_ms for lap in came.laps if lap.complete],
-                came.end_reason,
-                came.trace.sha256,
-                ways,
-            )
-            for one, came, ways in zip(cars, own.cars, own.ways, strict=True)
-        ],
-    )
+    own = drive(run.geometry(), run.rules, [car(name) for name in run.cars])
+    results = [
+        ([lap.time_ms for lap in came.laps if lap.complete], came.end_reason, came.trace.sha256) for came in own.cars
+    ]
+    return _driven(run, ENGINE_ID, results, own.ways)
+
+
+def _driven(
+    run: GoldenRun, engine: str, results: Sequence[tuple[list[int], str, str]], ways: Sequence[list[int]]
+) -> Driven:
+    cars = [
+        DrivenCar(car(name).sha256, *result, way) for name, result, way in zip(run.cars, results, ways, strict=True)
+    ]
+    return Driven(run.name, engine, run.geometry().fingerprint, cars)

@@ -1,10 +1,7 @@
-"""The same runs on other processors: in a bare process here, and under qemu-user as another x86-64 processor.
+"""Golden runs on other processors: in a bare process, and under qemu-user.
 
-qemu is a C library's and a kernel's guest: the process is the very same, its instructions are computed in software, and
-those that the named processor lacks are not there.
+qemu-user runs the same process with the instructions of the named processor, computed in software.
 """
-
-from __future__ import annotations
 
 import contextlib
 import json
@@ -29,38 +26,37 @@ NATIVE = "native"
 # No AVX; AVX2 and FMA; AVX-512; another maker's AVX2
 PROCESSORS = ("Nehalem", "Haswell", "Skylake-Server", "EPYC-Milan")
 LIMIT_S = 600.0
-BARE = "training.golden.bare"
+BARE = "training.golden.bare_process"
 _ROOT = Path(__file__).resolve().parent.parent.parent
 
 
 class ProcessorFailed(Exception):
-    """A processor did not drive the runs to their end; the message says which and why."""
+    """A processor did not complete the runs; the message names it and the cause."""
 
 
 def emulator() -> str | None:
-    """Where the emulator is, if it is installed."""
     return shutil.which(EMULATOR)
 
 
 class Processor:
-    """A bare process that drives ``runs`` on ``processor``: :data:`NATIVE`, or a name that ``qemu-x86_64 -cpu help``
-    lists. It begins at once; :meth:`driven` waits for its end. ``module``: another program that answers stdin's list of
-    runs with lines of JSON. Raises ProcessorFailed where there is no emulator."""
+    """A bare process that drives ``runs`` on ``processor``: :data:`NATIVE`, or a name of ``qemu-x86_64 -cpu help``. It
+    begins at once. ``module``: another program with the same input and output. Raises ProcessorFailed without an
+    emulator."""
 
     def __init__(self, processor: str, runs: Sequence[GoldenRun], limit_s: float = LIMIT_S, module: str = BARE) -> None:
         self.name, self._limit_s = processor, limit_s
         command = [*_through(processor), str(Path(sys.executable).resolve()), "-m", module]
         with contextlib.ExitStack() as files, tempfile.TemporaryFile() as question:
-            self._answers, self._said = (files.enter_context(tempfile.TemporaryFile()) for _ in range(2))
+            self._answers, self._errors = (files.enter_context(tempfile.TemporaryFile()) for _ in range(2))
             question.write(json.dumps([run.to_dict() for run in runs]).encode())
             question.seek(0)
             self._process = subprocess.Popen(
-                command, stdin=question, stdout=self._answers, stderr=self._said, env=_environment(), cwd=_ROOT
+                command, stdin=question, stdout=self._answers, stderr=self._errors, env=_environment(), cwd=_ROOT
             )
             self._files = files.pop_all()
 
     def driven(self) -> list[Driven]:
-        """What the runs came to, in their order. Raises ProcessorFailed."""
+        """The results in the order of the runs. Raises ProcessorFailed."""
         return [Driven.from_dict(answer) for answer in self.answers()]
 
     def answers(self) -> list[dict[str, Any]]:
@@ -70,12 +66,11 @@ class Processor:
         except subprocess.TimeoutExpired:
             raise ProcessorFailed(f"{self.name}: not done after {self._limit_s:.0f} s") from None
         if status:
-            said = _all_of(self._said).decode(errors="replace").strip()[-2000:]
-            raise ProcessorFailed(f"{self.name}: {_how(status)}: {said}")
+            output = _all_of(self._errors).decode(errors="replace").strip()[-2000:]
+            raise ProcessorFailed(f"{self.name}: {_how(status)}: {output}")
         return [json.loads(line) for line in _all_of(self._answers).splitlines()]
 
     def close(self) -> None:
-        """End it, if it still drives."""
         if self._process.poll() is None:
             self._process.kill()
             self._process.wait()
@@ -86,7 +81,7 @@ class Processor:
 def side_by_side(
     processors: Sequence[str], runs: Sequence[GoldenRun], limit_s: float = LIMIT_S, module: str = BARE
 ) -> Iterator[list[Processor]]:
-    """All of them at once, a process each; leaving ends those that still drive."""
+    """All of them at once, one process each; leaving the context ends them."""
     started: list[Processor] = []
     try:
         for name in processors:
@@ -100,15 +95,14 @@ def side_by_side(
 def _through(processor: str) -> list[str]:
     if processor == NATIVE:
         return []
-    found = emulator()
-    if found is None:
+    if (found := emulator()) is None:
         raise ProcessorFailed(f"{EMULATOR} is not installed (Debian: qemu-user)")
     return [found, "-cpu", processor]
 
 
 def _environment() -> dict[str, str]:
-    """Ours, with the pins, one thread, and a path to the packages: the emulator runs the interpreter itself, to which a
-    virtual environment is nothing."""
+    """Ours, with the pins, one thread, and a path to the packages, because the emulator knows no virtual
+    environment."""
     packages = dict.fromkeys((sysconfig.get_path("platlib"), sysconfig.get_path("purelib")))
     ours = {"PYTHONPATH": os.pathsep.join([str(_ROOT), *packages]), "OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1"}
     return exact.environment({**os.environ, **ours, "PYTHONDONTWRITEBYTECODE": "1", "ORT_DISABLE_TELEMETRY": "1"})

@@ -1,32 +1,31 @@
-"""The few golden runs by which a worker shows that it computes as every other (:mod:`evaluation.proof`)."""
+"""The golden runs by which a worker proves that it computes the same results (:mod:`evaluation.running.proof`)."""
 
-from __future__ import annotations
-
+import json
 import logging
 
-from evaluation.proof import Proof
+from evaluation.running.proof import Proof
 from paddock.errors import PaddockError
 from paddock.simulator.engine import ENGINE_ID
 
 from . import table
 from .drive import through_the_pipeline
-from .runs import PROOF, GoldenRun, runs_of
+from .runs import PROOF, runs_of
 
 logger = logging.getLogger(__name__)
 
-# What a processor's missing instruction or a foreign C library ends in: to try again would end in the same.
+# The faults of a processor's missing instruction or a foreign C library, which another try would meet again
 _LASTING = ("runner_died", "policy_died", "policy_refused", "runner_error")
 
 
 def prove() -> Proof:
-    """Drive :data:`.runs.PROOF` in the sandbox and compare with the engine's table. Raises nothing: whatever goes
-    wrong is a run that is not equal."""
+    """Drive :data:`.runs.PROOF` in the sandbox and compare with the engine's table. Raises nothing: a run with an error
+    is not equal."""
     runs = runs_of(PROOF)
     try:
         rows = table.rows_of()
     except FileNotFoundError:
         rows = {}
-    said: dict[str, str] = {}
+    differences: dict[str, str] = {}
     settled = True
     for run in runs:
         try:
@@ -34,15 +33,14 @@ def prove() -> Proof:
         except PaddockError as fault:
             difference = f"{run.name}: {fault}"
             settled = settled and fault.code in _LASTING
-        except Exception as error:  # a worker that cannot say why it refuses work would seem to sleep
+        except Exception as error:  # without a reason the worker would seem idle
             logger.exception("A golden run could not be driven.")
             difference, settled = f"{run.name}: {type(error).__name__}: {error}", False
         if difference:
-            said[run.name] = difference
-    return _proof(runs, said, settled)
+            differences[run.name] = difference
+    equal, first = len(runs) - len(differences), next(iter(differences.values()), "")
+    return Proof(ENGINE_ID, len(runs), equal, tuple(differences), first, settled or not differences)
 
 
-def _proof(runs: list[GoldenRun], said: dict[str, str], settled: bool) -> Proof:
-    return Proof(
-        ENGINE_ID, len(runs), len(runs) - len(said), tuple(said), next(iter(said.values()), ""), settled or not said
-    )
+if __name__ == "__main__":
+    print(json.dumps(prove().to_dict()))

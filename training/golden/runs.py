@@ -1,6 +1,4 @@
-"""The golden runs: which cars drive what. Short, and of all kinds of races, sensors and action spaces."""
-
-from __future__ import annotations
+"""The golden runs: short ones of all race types, sensors and action spaces."""
 
 import functools
 from collections.abc import Collection, Mapping
@@ -9,7 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from paddock.geometry.catalogue import by_slug
-from paddock.geometry.npy import read_npy
+from paddock.geometry.files import read_npy
 from paddock.geometry.track import TrackGeometry
 from paddock.rules.race import HEAD_TO_HEAD, INNER, OBJECT_AVOIDANCE, OUTER, TIME_TRIAL, BoxPlace, RaceRules
 
@@ -27,25 +25,22 @@ class GoldenRun:
     cars: tuple[str, ...]
 
     def geometry(self) -> TrackGeometry:
-        """The track in the direction of the race."""
         return _track(self.track).in_direction(self.rules.direction)
 
-    def with_cars(self, paths: Mapping[str, str]) -> GoldenRun:
-        """The same run, its cars by the paths where they lie."""
+    def with_cars(self, paths: Mapping[str, str]) -> "GoldenRun":
+        """The same run with cars at these paths."""
         return replace(self, cars=tuple(paths.get(name, name) for name in self.cars))
 
-    def shortened(self, simulated_ms: int) -> GoldenRun:
-        """The same run, over after ``simulated_ms`` at the latest."""
+    def shortened(self, simulated_ms: int) -> "GoldenRun":
         rules = replace(self.rules, max_simulated_ms=min(simulated_ms, self.rules.max_simulated_ms))
         return replace(self, rules=rules)
 
     def to_dict(self) -> dict[str, Any]:
-        """Plain JSON values."""
         return {"name": self.name, "track": self.track, "rules": self.rules.to_dict(), "cars": list(self.cars)}
 
     @classmethod
-    def from_dict(cls, data: Mapping[str, Any]) -> GoldenRun:
-        """What :meth:`to_dict` wrote, also after a way through JSON."""
+    def from_dict(cls, data: Mapping[str, Any]) -> "GoldenRun":
+        """The inverse of :meth:`to_dict`, also after JSON."""
         return cls(data["name"], data["track"], RaceRules.from_dict(data["rules"]), tuple(data["cars"]))
 
 
@@ -130,8 +125,8 @@ PROOF = ("bots met with a lidar of sectors", "a duel", "camera and lidar among b
 
 
 def runs_of(names: Collection[str] = (), paths: Mapping[str, str] | None = None) -> list[GoldenRun]:
-    """The runs of these names (of all, unless given), without those whose cars are nowhere: ``paths`` says where the
-    console's car is. Raises KeyError for a name that there is not."""
+    """The runs of these names (default: all), without runs whose cars are missing. ``paths``: where the console's car
+    is. Raises KeyError for an unknown name."""
     paths = paths or {}
     if unknown := set(names) - {run.name for run in RUNS}:
         raise KeyError(*unknown)

@@ -1,6 +1,4 @@
-"""The table of an engine: what each golden run came to when the engine was new, and whether it still does."""
-
-from __future__ import annotations
+"""The table of an engine: the result of each golden run, and the comparison with it."""
 
 import json
 from collections.abc import Sequence
@@ -23,7 +21,6 @@ Row = dict[str, Any]
 
 
 def path_of(engine: str = ENGINE_ID) -> Path:
-    """Where the table of an engine lies."""
     return TABLES / f"{engine}.json"
 
 
@@ -33,7 +30,7 @@ def rows_of(engine: str = ENGINE_ID) -> dict[str, Row]:
 
 
 def write(runs: Sequence[GoldenRun], driven: Sequence[Driven]) -> Path:
-    """Write the table of the present engine. Raises FileExistsError where it has one: what it says is for ever."""
+    """Write the table of the present engine. Raises FileExistsError if there is one: a table never changes."""
     table = {
         "engine": ENGINE_ID,
         "versions": versions(),
@@ -46,7 +43,7 @@ def write(runs: Sequence[GoldenRun], driven: Sequence[Driven]) -> Path:
 
 
 def difference(row: Row | None, run: GoldenRun, driven: Driven) -> str | None:
-    """What a run came to otherwise than its row in the table says, in a sentence; None where nothing."""
+    """The first difference between a run and its row in the table, as a sentence; None if they are equal."""
     if row is None:
         return f"{run.name}: the table of {ENGINE_ID} has no such run"
     found = _row(run, driven)

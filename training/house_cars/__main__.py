@@ -1,9 +1,7 @@
 """Train house cars and measure them.
 
-``python -m training.house_cars [NAME ...] [--seconds N] [--seed N] [--measure]``
+``python -m training.house_cars [NAME ...] [--seconds N] [--seed N] [--measure | --admit]``
 """
-
-from __future__ import annotations
 
 import argparse
 import os
@@ -18,30 +16,32 @@ os.environ.setdefault("OMP_WAIT_POLICY", "PASSIVE")
 from paddock.errors import PaddockError
 from paddock.simulator.engine import ENGINE_ID, cpu_model, versions
 
-from .files import FOLDER, LAPS, measure_car, write_car, write_table
+from .files import FOLDER, LAPS, admit_car, measure_car, write_car, write_table
 from .recipes import RECIPES, Recipe
 
 
 def main(arguments: list[str] | None = None) -> int:
-    """Train (unless ``--measure``), write, measure. Returns the exit status."""
     parser = argparse.ArgumentParser("python -m training.house_cars", description="Train house cars and measure them.")
     parser.add_argument("names", nargs="*", metavar="NAME", help=f"which cars (default: all): {', '.join(RECIPES)}")
     parser.add_argument("--seconds", type=float, help="stop training each car after so many seconds of wall time")
     parser.add_argument("--seed", type=int, help="instead of the recipe's own seed")
     parser.add_argument("--folder", type=Path, default=FOLDER, help="where the files go (default: this package)")
     parser.add_argument("--measure", action="store_true", help="only measure the cars that are there")
+    parser.add_argument("--admit", action="store_true", help="only write again what their admission finds")
     options = parser.parse_args(arguments)
     unknown = [name for name in options.names if name not in RECIPES]
     if unknown:
         parser.error(f"no house car is named {unknown[0]!r}; there are {', '.join(RECIPES)}")
     try:
         for name in options.names or RECIPES:
-            if not options.measure:
+            if not (options.measure or options.admit):
                 make(RECIPES[name], options.folder, options.seed, options.seconds)
-            measured = measure_car(options.folder, name)
-            drives = [found for ways in measured.values() for found in ways.values()]
-            clean = sum(found["complete_laps"] == LAPS and not found["resets"] for found in drives)
-            print(f"{name}: {clean} of {len(drives)} routes without a reset")
+            if not options.admit:
+                measured = measure_car(options.folder, name)
+                drives = [found for ways in measured.values() for found in ways.values()]
+                clean = sum(found["complete_laps"] == LAPS and not found["resets"] for found in drives)
+                print(f"{name}: {clean} of {len(drives)} routes without a reset")
+            admit_car(options.folder, name)
         write_table(options.folder)
     except PaddockError as fault:
         print(f"{fault.code}: {fault}", file=sys.stderr)

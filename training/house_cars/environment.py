@@ -1,17 +1,21 @@
-"""The training ground: the tracks of the demo season and a few more, both ways, with frames that vary in light."""
-
-from __future__ import annotations
+"""The training environment of house cars (several tracks, both directions, frames with varied light), and scores."""
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
 from typing import Any, SupportsFloat
 
 import gymnasium
 import numpy as np
+import onnxruntime
 from gymnasium import spaces
 
 import paddock.simulator.envs  # noqa: F401  registers the environments
-from paddock.simulator.clock import STEP_MS
+from paddock.geometry.catalogue import by_slug
+from paddock.rules.race import RaceRules
+from paddock.simulator.action import ActionSpace
+from paddock.simulator.physics import STEP_MS
+from paddock.simulator.race import Entrant, RaceSettings, run_race
 from paddock.simulator.rewards import Params
 
 from .recipes import TRACKS, Recipe
@@ -30,8 +34,7 @@ def pool(frame: np.ndarray) -> np.ndarray:
 
 
 class Forward:
-    """Reward of one environment: metres gained along the track in a step, in shares of what full speed would gain, less
-    towards the edge of the road."""
+    """Reward: metres gained along the track in a step, as a share of full speed, less towards the edge of the road."""
 
     def __init__(self, recipe: Recipe, top_speed: float) -> None:
         self._focus = recipe.focus
@@ -39,7 +42,6 @@ class Forward:
         self._before: float | None = None
 
     def __call__(self, params: Params) -> float:
-        """See the class; the first step of an episode jumps and counts nothing."""
         length = params["track_length"]
         gained = math.remainder(params["projection_distance"] - (self._before or 0.0), length)
         self._before = params["projection_distance"]
@@ -65,7 +67,6 @@ class Daylight(gymnasium.Wrapper):
         self._contrast, self._brightness = 1.0, 0.0
 
     def reset(self, *, seed: int | None = None, options: dict[str, Any] | None = None) -> tuple[np.ndarray, dict]:
-        """Start an episode in a new light."""
         if seed is not None:
             self._rng = np.random.default_rng(seed)
         self._contrast = self._rng.uniform(0.8, 1.2)
@@ -74,7 +75,6 @@ class Daylight(gymnasium.Wrapper):
         return self._see(readings), info
 
     def step(self, action: Any) -> tuple[np.ndarray, SupportsFloat, bool, bool, dict]:
-        """As the environment's, with the changed frame."""
         readings, reward, terminated, truncated, info = self.env.step(action)
         return self._see(readings), reward, terminated, truncated, info
 
@@ -105,7 +105,49 @@ def make_env(recipe: Recipe, slug: str, direction: str) -> Callable[[], gymnasiu
 
 
 def top_speed(recipe: Recipe) -> float:
-    """The greatest speed (m/s) that a recipe's actions ask for."""
     if recipe.action_space_type == "continuous":
         return float(recipe.action_space["speed"]["high"])
     return max(float(action["speed"]) for action in recipe.action_space)
+
+
+class OnnxDriver:
+    """A network as a policy for :func:`paddock.simulator.race.run_race`: one thread, float32, no sandbox."""
+
+    def __init__(self, onnx: bytes) -> None:
+        options = onnxruntime.SessionOptions()
+        options.intra_op_num_threads = options.inter_op_num_threads = 1
+        self._session = onnxruntime.InferenceSession(onnx, options, providers=["CPUExecutionProvider"])
+
+    def __call__(self, readings: dict[str, np.ndarray]) -> np.ndarray:
+        frame = readings[SENSOR].astype(np.float32).reshape(1, 1, 120, 160)
+        return self._session.run(None, {SENSOR: frame})[0]
+
+
+@dataclass(frozen=True)
+class Score:
+    """How a network drove one lap of each route, stopped at its first fault. Greater is better."""
+
+    clean: int  # routes finished without a fault
+    speed: float  # mean over all routes, m/s; a route not finished counts nothing
+    distance: float  # mean share of the lap that was driven
+
+    @property
+    def key(self) -> tuple[float, float]:
+        """Clean routes first; then speed where they are equal, and distance before any is clean."""
+        return (self.clean + self.distance / 100.0 if not self.clean else float(self.clean), self.speed)
+
+
+def score(onnx: bytes, metadata: dict[str, Any], routes: Sequence[tuple[str, str]]) -> Score:
+    """Drive one lap from a standing start on each (slug, direction)."""
+    space = ActionSpace.from_metadata(metadata)
+    driver = OnnxDriver(onnx)
+    clean, speed, distance = 0, 0.0, 0.0
+    for slug, direction in routes:
+        track = by_slug(slug).geometry()
+        rules = RaceRules.of_an_episode(max_simulated_ms=120_000, direction=direction)
+        lap = run_race(RaceSettings(track, rules, [Entrant(space, [SENSOR], driver)])).laps[0]
+        distance += lap.completion_percentage / 100.0
+        if lap.complete:
+            clean += 1
+            speed += track.length / (lap.time_ms / 1000.0)
+    return Score(clean, speed / len(routes), distance / len(routes))

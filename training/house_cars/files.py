@@ -1,24 +1,24 @@
-"""The two files of a house car, and what they are measured at."""
-
-from __future__ import annotations
+"""The two files of a house car, and its measured lap times."""
 
 import io
 import json
 from collections.abc import Iterable
 from pathlib import Path
-from typing import Any
+from typing import Any, TypedDict
 
-from evaluation.admit import AdmittedPackage, admit
-from evaluation.pipeline import RaceJob, evaluate
+from evaluation.garage.admission import AdmittedPackage, admit
+from evaluation.running.pipeline import RaceJob, evaluate
 from paddock.geometry.catalogue import by_slug
 from paddock.packages.read import UploadPart
 from paddock.rules.race import RaceRules
+from paddock.simulator.engine import ENGINE_ID
 
 from .recipes import TRACKS, Recipe
 
 FOLDER = Path(__file__).parent
 LAPS = 3
 KEY = "house_car"
+ADMITTED = "admitted"
 _BEGIN, _END = "<!-- lap times: begin -->", "<!-- lap times: end -->"
 
 
@@ -34,7 +34,7 @@ def write_car(folder: Path, recipe: Recipe, onnx: bytes, made: dict[str, Any]) -
             "measured": {},
         },
     }
-    package = _admit(onnx, content)
+    package = _admit(onnx, json.dumps(content).encode())
     made.update(parameters=package.parameters, model_sha256=package.sha256)
     folder.mkdir(parents=True, exist_ok=True)
     (folder / f"{recipe.name}.onnx").write_bytes(onnx)
@@ -42,13 +42,40 @@ def write_car(folder: Path, recipe: Recipe, onnx: bytes, made: dict[str, Any]) -
     return package
 
 
-def measure_car(folder: Path, name: str) -> dict[str, dict[str, dict[str, Any]]]:
-    """Three laps on each of :data:`.recipes.TRACKS`, both ways, through the platform's own sandboxed pipeline; written
-    into the car's JSON and returned by track and direction. Raises PaddockError where an evaluation fails."""
+def admit_car(folder: Path, name: str) -> AdmittedPackage:
+    """Admit a car, and write its canonical network and what was found into ``admitted/``. Raises UserFault."""
+    package = _admit((folder / f"{name}.onnx").read_bytes(), (folder / f"{name}.json").read_bytes())
+    (folder / ADMITTED).mkdir(exist_ok=True)
+    (folder / ADMITTED / f"{name}.onnx").write_bytes(package.onnx)
+    found = {
+        "engine": ENGINE_ID,
+        "source_sha256": package.source_sha256,
+        "sha256": package.sha256,
+        "parameters": package.parameters,
+        "macs": package.macs,
+        "facts": package.facts.to_dict(),
+    }
+    _write_json(folder / ADMITTED / f"{name}.json", found)
+    return package
+
+
+class Measured(TypedDict):
+    """Three laps on one route; times are None without a complete lap."""
+
+    complete_laps: int
+    average_lap_ms: int | None
+    best_lap_ms: int | None
+    off_tracks: int
+    resets: int
+
+
+def measure_car(folder: Path, name: str) -> dict[str, dict[str, Measured]]:
+    """Three laps on each of :data:`.recipes.TRACKS`, both ways, in the sandboxed pipeline; written into the car's JSON
+    and returned by track and direction. Raises PaddockError."""
     path = folder / f"{name}.json"
     content = json.loads(path.read_text())
-    package = _admit((folder / f"{name}.onnx").read_bytes(), content)
-    measured: dict[str, dict[str, dict[str, Any]]] = {}
+    package = _admit((folder / f"{name}.onnx").read_bytes(), path.read_bytes())
+    measured: dict[str, dict[str, Measured]] = {}
     for slug in TRACKS:
         track = by_slug(slug).geometry()
         for direction in ("ccw", "cw"):
@@ -71,8 +98,7 @@ def measure_car(folder: Path, name: str) -> dict[str, dict[str, dict[str, Any]]]
 
 
 def write_table(folder: Path) -> None:
-    """Put the measured lap times of every car in ``folder`` into its README, between the two marks; nothing where there
-    is no README."""
+    """Write the measured lap times of all cars in ``folder`` into its README, if there is one."""
     readme = folder / "README.md"
     if not readme.exists():
         return
@@ -96,7 +122,7 @@ def _table_lines(cars: list[dict[str, Any]]) -> Iterable[str]:
             yield f"| {by_slug(slug).name} | {direction} | " + " | ".join(cells) + " |"
 
 
-def _cell(found: dict[str, Any]) -> str:
+def _cell(found: Measured) -> str:
     if found["average_lap_ms"] is None:
         return "no lap"
     count = found["resets"]
@@ -104,8 +130,7 @@ def _cell(found: dict[str, Any]) -> str:
     return f"{found['average_lap_ms'] / 1000:.3f}{resets}"
 
 
-def _admit(onnx: bytes, content: dict[str, Any]) -> AdmittedPackage:
-    metadata = json.dumps(content).encode()
+def _admit(onnx: bytes, metadata: bytes) -> AdmittedPackage:
     return admit([UploadPart("model.onnx", io.BytesIO(onnx)), UploadPart("model_metadata.json", io.BytesIO(metadata))])
 
 

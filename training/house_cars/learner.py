@@ -1,6 +1,4 @@
-"""Training one house car with PPO."""
-
-from __future__ import annotations
+"""Trains one house car with PPO."""
 
 import sys
 import time
@@ -13,9 +11,10 @@ from stable_baselines3.common.callbacks import BaseCallback
 from stable_baselines3.common.policies import ActorCriticPolicy
 from stable_baselines3.common.vec_env import DummyVecEnv
 
-from .driving import Score, score
-from .environment import ROUTES, make_env
-from .network import SmallEyes, to_onnx
+from ..trainer.network import NetworkLayout, to_onnx
+from ..trainer.torso import Torso
+from ..trainer.warm_up import torso_arguments
+from .environment import ROUTES, Score, make_env, score
 from .recipes import Recipe
 
 LOOK_EVERY = 20_000  # control steps between two looks at what the car can do
@@ -23,8 +22,6 @@ LOOK_EVERY = 20_000  # control steps between two looks at what the car can do
 
 @dataclass(frozen=True)
 class Trained:
-    """The best network seen and how it came about."""
-
     onnx: bytes
     steps: int  # when the best was seen
     steps_in_all: int
@@ -51,7 +48,7 @@ def train(recipe: Recipe, *, seed: int, seconds: float | None = None) -> Trained
         gae_lambda=0.95,
         clip_range=0.2,
         ent_coef=recipe.entropy,
-        policy_kwargs={"features_extractor_class": SmallEyes, "net_arch": [], "log_std_init": recipe.log_std},
+        policy_kwargs=policy_options(recipe) | {"log_std_init": recipe.log_std},
         seed=seed,
         device="cpu",
     )
@@ -71,8 +68,6 @@ def train(recipe: Recipe, *, seed: int, seconds: float | None = None) -> Trained
 
 
 class _Looks(BaseCallback):
-    """Looks at the car between two updates, keeps the best network, and watches the time."""
-
     def __init__(self, recipe: Recipe, seconds: float | None) -> None:
         super().__init__()
         self._recipe, self._seconds = recipe, seconds
@@ -89,18 +84,26 @@ class _Looks(BaseCallback):
             self.look()
 
     def look(self) -> None:
-        """Drive the routes with the present network."""
-        onnx = to_onnx(cast(ActorCriticPolicy, self.model.policy))
+        onnx = exported(self._recipe, cast(ActorCriticPolicy, self.model.policy))
         found = score(onnx, self._recipe.metadata, ROUTES)
         if self.best is None or found.key >= self.best[2].key:
             self.best = (onnx, self.num_timesteps, found)
-        _say(self._recipe.name, self.num_timesteps, time.perf_counter() - self.begun, found)
+        seconds = time.perf_counter() - self.begun
+        print(
+            f"{self._recipe.name}: {self.num_timesteps:>7} steps, {seconds:5.0f} s, "
+            f"{found.clean}/{len(ROUTES)} routes clean, {found.distance:4.0%} of the way, {found.speed:.2f} m/s",
+            file=sys.stderr,
+            flush=True,
+        )
 
 
-def _say(name: str, steps: int, seconds: float, found: Score, **_: Any) -> None:
-    print(
-        f"{name}: {steps:>7} steps, {seconds:5.0f} s, {found.clean}/{len(ROUTES)} routes clean, "
-        f"{found.distance:4.0%} of the way, {found.speed:.2f} m/s",
-        file=sys.stderr,
-        flush=True,
-    )
+def policy_options(recipe: Recipe) -> dict[str, Any]:
+    arguments = torso_arguments(NetworkLayout.of(recipe.metadata))
+    return {"features_extractor_class": Torso, "features_extractor_kwargs": arguments, "net_arch": []}
+
+
+def exported(recipe: Recipe, policy: ActorCriticPolicy) -> bytes:
+    layout = NetworkLayout.of(recipe.metadata)
+    weights = [*policy.features_extractor.parameters(), *policy.action_net.parameters()]
+    arrays = (weight.detach().numpy() for weight in weights)
+    return to_onnx(layout, dict(zip(layout.shapes, arrays, strict=True)), squash=False)

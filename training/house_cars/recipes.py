@@ -1,6 +1,4 @@
-"""What each house car is: its character, its actions, and the settings it is trained with."""
-
-from __future__ import annotations
+"""The recipe of each house car: its character, actions and training settings."""
 
 from dataclasses import dataclass
 from typing import Any
@@ -41,7 +39,6 @@ class Recipe:
 
     @property
     def metadata(self) -> dict[str, Any]:
-        """The car's ``model_metadata.json``."""
         return {
             "action_space": self.action_space,
             "action_space_type": self.action_space_type,

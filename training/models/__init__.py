@@ -1,4 +1,4 @@
-"""Vehicles, training jobs and what a job leaves behind. The table of jobs is the queue."""
+"""Vehicles, training jobs and their records; the table of jobs is the queue."""
 
 from .choices import (
     FINAL_STATES,
@@ -10,20 +10,6 @@ from .choices import (
     RewardSignature,
 )
 from .job import TrainingJob, TrainingTrack
-from .record import Checkpoint, TrainingIteration
+from .record import Checkpoint, SightDocument, TrainingIteration, TrainingProgress
+from .sweep import Sweep, SweepState, SweepTrial
 from .vehicle import Vehicle
-
-__all__ = [
-    "FINAL_STATES",
-    "Algorithm",
-    "BestMetric",
-    "Checkpoint",
-    "EndReason",
-    "JobState",
-    "NeuralNetwork",
-    "RewardSignature",
-    "TrainingIteration",
-    "TrainingJob",
-    "TrainingTrack",
-    "Vehicle",
-]

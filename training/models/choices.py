@@ -1,15 +1,18 @@
-"""The words that a training job and a vehicle choose from."""
+"""Choices of training jobs and vehicles."""
 
 from __future__ import annotations
+
+import re
 
 from django.db import models
 from django.utils.translation import gettext_lazy as _
 from django.utils.translation import pgettext_lazy
 
+_COMMAS_OF_2018 = 11  # of twelve arguments: POSITIONAL_NAMES in rewards.sandbox.function, which imports the physics
+_ARGUMENTS = re.compile(r"^def[ \t]+reward_function[ \t]*\(([^)]*)\)", re.MULTILINE)
+
 
 class Algorithm(models.TextChoices):
-    """How the policy is learned."""
-
     PPO = "ppo", _("PPO")
     SAC = "sac", _("SAC")
 
@@ -25,7 +28,7 @@ class JobState(models.TextChoices):
 
 
 class EndReason(models.TextChoices):
-    """Why a training ended: one of its stop conditions, its owner or an admin, or what the job's reason says."""
+    """Why a training ended: one of its stop conditions, its owner or an admin, or the job's reason."""
 
     TIME = "time", pgettext_lazy("why a training ended", "time limit reached")
     STEPS = "steps", pgettext_lazy("why a training ended", "step limit reached")
@@ -51,6 +54,13 @@ class RewardSignature(models.TextChoices):
 
     PARAMS = "params", _("reward_function(params)")
     POSITIONAL = "positional", _("the 2018 form with separate values")
+
+    @classmethod
+    def of(cls, code: str) -> RewardSignature:
+        """The form by the commas among the arguments. The code is not parsed: a text can occupy the parser for ten
+        seconds, which only the sandbox limits."""
+        found = _ARGUMENTS.search(code)
+        return cls.POSITIONAL if found and found[1].count(",") >= _COMMAS_OF_2018 else cls.PARAMS
 
 
 class NeuralNetwork(models.TextChoices):

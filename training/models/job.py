@@ -1,4 +1,4 @@
-"""A training job, its place in the queue and how it ended."""
+"""A training job, its place in the queue and its end."""
 
 from __future__ import annotations
 
@@ -11,9 +11,10 @@ from django.urls import reverse
 from django.utils import timezone
 from django.utils.translation import gettext_lazy as _
 
+from core.database.columns import OneLineField
 from core.ids import new_public_id
 from core.jobs.models import Job, lease_constraints, reason_sentence
-from evaluation.looks import DEFAULT_COLOUR, Shell
+from evaluation.appearance.looks import DEFAULT_COLOUR, Shell
 from paddock.rules.race import MAX_BOTS, MAX_BOXES, RULES
 from paddock.rules.training import DRIVEN_BY, KEPT, MOST_TRACKS, RANDOMISED, SETTINGS
 from races.models.rules import name_choices, with_columns, within
@@ -30,18 +31,18 @@ _RULES = {**{name: RULES[name] for name in DRIVEN_BY}, **{name: SETTINGS[name] f
 
 
 class TrainingJob(with_columns(_RULES), Job):  # type: ignore[misc]
-    """One training, frozen when it was made but for its state and what it measures.
+    """One training; its settings never change, only its state and measurements.
 
     ``driving`` is the newest evaluation as ``[[x, y, yaw, speed], ...]``, one point a control step, in metres, radians
-    and m/s. ``kills``: those of its ``failures`` that its own process told of.
+    and m/s. ``kills``: the ``failures`` reported by its own process.
     """
 
     public_id = models.CharField(max_length=12, unique=True, default=new_public_id, editable=False)
     owner = models.ForeignKey(
         settings.AUTH_USER_MODEL, models.CASCADE, related_name="training_jobs", verbose_name=_("owner")
     )
-    name = models.CharField(_("name"), max_length=64)
-    description = models.CharField(_("description"), max_length=255, blank=True)
+    name = OneLineField(_("name"), max_length=64)
+    description = OneLineField(_("description"), max_length=255, blank=True)
 
     track = models.ForeignKey("tracks.Track", models.PROTECT, related_name="training_jobs", verbose_name=_("track"))
 
@@ -106,6 +107,18 @@ class TrainingJob(with_columns(_RULES), Job):  # type: ignore[misc]
         db_default={},
         help_text=_("While running: camera picture (PNG, base64), next action and expected reward."),
     )
+    stop_seconds = models.FloatField(
+        _("time limit in seconds"),
+        null=True,
+        blank=True,
+        help_text=_("Of a trial of a sweep, up to the end of its rung; in place of the minutes."),
+    )
+    keeps_models = models.BooleanField(
+        _("keeps its models"),
+        default=True,
+        db_default=True,
+        help_text=_("Not for a trial of a sweep that may continue: it keeps its checkpoint."),
+    )
     steps_done = models.PositiveIntegerField(_("steps driven"), default=0)
     seconds_done = models.FloatField(_("seconds of training"), default=0.0)
     reward_ms = models.FloatField(
@@ -162,7 +175,7 @@ class TrainingJob(with_columns(_RULES), Job):  # type: ignore[misc]
         blank=True,
         related_name="+",
         verbose_name=_("track to evaluate on when done"),
-        db_index=False,  # asked for by nobody but who deletes a track or a run
+        db_index=False,  # queried only when a track or a run is deleted
     )
     own_evaluation = models.ForeignKey(
         "races.OwnEvaluation",
@@ -249,6 +262,10 @@ class TrainingJob(with_columns(_RULES), Job):  # type: ignore[misc]
             models.CheckConstraint(condition=~Q(reward_code=""), name="training_has_reward_function"),
             models.CheckConstraint(condition=Q(charged_s__gte=0), name="training_charged_seconds_positive"),
             models.CheckConstraint(
+                condition=Q(stop_seconds__isnull=True, keeps_models=True) | Q(stop_seconds__gt=0),
+                name="training_trial_has_seconds",
+            ),
+            models.CheckConstraint(
                 condition=Q(deleted_at__isnull=True)
                 | Q(state__in=["finished", "failed", "stopped"], best_model=None, last_model=None, sb3_zip="", log=""),
                 name="training_deleted_leaves_nothing",
@@ -263,22 +280,23 @@ class TrainingJob(with_columns(_RULES), Job):  # type: ignore[misc]
 
     @property
     def is_final(self) -> bool:
-        """Whether nothing will change any more."""
         return self.state in FINAL_STATES
 
     @property
+    def limit_s(self) -> float:
+        """The time limit in seconds."""
+        return self.stop_minutes * 60.0 if self.stop_seconds is None else self.stop_seconds
+
+    @property
     def submit_reason(self) -> str:
-        """Why its model was not submitted to the chosen race, in the reader's language, or ``""``."""
         return reason_sentence(self.submit_reason_code, self.submit_reason_params)
 
     @property
     def evaluate_reason(self) -> str:
-        """Why its model was not evaluated on the chosen track, in the reader's language, or ``""``."""
         return reason_sentence(self.evaluate_reason_code, self.evaluate_reason_params)
 
     @property
     def tracks(self) -> list[Track]:
-        """All that it drives on, the first one first."""
         more = self.more_tracks.select_related("track").order_by("place")
         return [self.track, *(one.track for one in more)]
 
@@ -288,13 +306,7 @@ class TrainingJob(with_columns(_RULES), Job):  # type: ignore[misc]
         return {name: getattr(self, name) for name in RANDOMISED if getattr(self, name)}
 
     @property
-    def seconds_left(self) -> float:
-        """Seconds of wall time until it ends at the latest, counted by the training itself."""
-        return max(0.0, self.stop_minutes * 60.0 - self.seconds_done)
-
-    @property
     def metadata(self) -> dict:
-        """``model_metadata.json`` of the model that it makes."""
         metadata = {
             "action_space": self.action_space,
             "action_space_type": self.action_space_type,

@@ -1,6 +1,6 @@
-"""What a training leaves behind while it runs: the rows of its graph, and where it can be taken up again."""
+"""Records of a running training: iterations of its graph, and checkpoints."""
 
-from __future__ import annotations
+from typing import TypedDict
 
 from django.db import models
 from django.db.models import Q
@@ -10,11 +10,31 @@ from django.utils.translation import gettext_lazy as _
 from .job import TrainingJob
 
 
+class SightDocument(TypedDict):
+    """What a car of a running training sees: a grey PNG as base64, degrees, m/s, the expected reward."""
+
+    png: str
+    steering: float
+    speed: float
+    value: float | None
+
+
+class TrainingProgress(TypedDict, total=False):
+    """``TrainingJob.progress`` of a running training; ``seen`` goes into a column of that name."""
+
+    steps: int
+    seconds: float
+    iteration: int
+    steps_per_second: float
+    reward_ms: float
+    seen: SightDocument
+
+
 class TrainingIteration(models.Model):
     """One update of the policy (late in a long training a few together) and the evaluation that followed it.
 
-    ``episodes``: the training episodes since the one before, ``[{"episode", "reward", "progress", "status", "steps",
-    "start_ms", "time_ms"}, ...]`` (times simulated). ``eval_trials``: the same of the evaluation's trials.
+    ``episodes``: the training episodes since the one before, ``eval_trials``: the trials of the evaluation, both as
+    :class:`training.trainer.messages.EpisodeReport`.
     ``simtrace``: the newest of those episodes in the columns of the field's sim-trace, a gzipped CSV; ``""`` once it
     was cleared away.
     """
@@ -56,7 +76,7 @@ class TrainingIteration(models.Model):
 class Checkpoint(models.Model):
     """The learner's whole state after an iteration. The newest two of a running job are kept, none of an ended one.
 
-    ``networks``: the policies of that moment as ONNX, the best and the last, for whoever goes on: a zip.
+    ``networks``: a zip with the best and the last policy at that time as ONNX, for the worker that resumes.
     """
 
     job = models.ForeignKey(TrainingJob, models.CASCADE, related_name="checkpoints", verbose_name=_("training job"))

@@ -1,6 +1,4 @@
-"""A racer's vehicles: what a car that is to be trained sees with, thinks with and looks like."""
-
-from __future__ import annotations
+"""A racer's vehicles: sensors, network and look of a car to be trained."""
 
 from django.conf import settings
 from django.core.validators import RegexValidator
@@ -9,8 +7,9 @@ from django.db.models import Q
 from django.utils import timezone
 from django.utils.translation import gettext_lazy as _
 
+from core.database.columns import OneLineField
 from core.ids import new_public_id
-from evaluation.looks import COLOUR, DEFAULT_COLOUR, Shell
+from evaluation.appearance.looks import COLOUR, DEFAULT_COLOUR, Shell
 
 from .choices import NeuralNetwork
 
@@ -27,7 +26,7 @@ class Vehicle(models.Model):
     owner = models.ForeignKey(
         settings.AUTH_USER_MODEL, models.CASCADE, related_name="vehicles", verbose_name=_("owner")
     )
-    name = models.CharField(_("name"), max_length=64)
+    name = OneLineField(_("name"), max_length=64)
     sensors = models.JSONField(_("sensors"), default=default_sensors)
     lidar_config = models.JSONField(_("lidar settings"), default=dict, blank=True)
     neural_network = models.CharField(

@@ -1,7 +1,7 @@
-"""Reward functions: a stranger's Python, which runs in the sandbox only. Nothing here imports Django.
+"""Reward functions: a racer's Python, which runs in the sandbox only.
 
-Inside the sandbox: :mod:`.function` (load and call), :mod:`.watch` (its time and its prints), :mod:`.modules` (what it
-may import), :mod:`.check` (help before it runs), :mod:`.process`. Outside: :mod:`.validate` and :mod:`.laboratory`.
+:mod:`.sandbox` loads, checks and calls them in a locked process. :mod:`.validation` tries one in five states, and
+:mod:`.laboratory` shows the rewards along a lap.
 """
 
 from . import reasons as reasons  # registers its codes

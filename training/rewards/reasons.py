@@ -1,12 +1,11 @@
-"""Why a reward function is refused, or ends the training that it was written for."""
+"""Reason codes of reward functions."""
 
 from paddock.errors.reasons import gettext_noop as _
 from paddock.errors.reasons import register
 
 REWARD_REASONS = register(
     "Reward functions",
-    "user",
-    {
+    invalid={
         "reward_length": _(
             "The reward function has %(length)s characters. It must have at least one and at most %(limit)s."
         ),
@@ -29,8 +28,8 @@ REWARD_REASONS = register(
         "reward_undefined_name": _("Line %(line)s uses the undefined name “%(name)s”."),
         "reward_mistake": _("Line %(line)s will fail when it runs: %(detail)s."),
         "reward_forbidden_name": _(
-            "Line %(line)s uses “%(name)s”, which a reward function may not: it has no files, no network and no other "
-            "programs. Compute with what params hold."
+            "Line %(line)s uses “%(name)s”, which reward functions cannot use: files, network and other programs "
+            "are not available. Compute with the values in params."
         ),
         "reward_import_not_allowed": _(
             "Line %(line)s imports “%(name)s”. A reward function has no files, processes, network or interpreter "
@@ -70,8 +69,7 @@ REWARD_REASONS = register(
 # Of functions that may be trained with.
 REWARD_WARNINGS = register(
     "Reward functions",
-    "user",
-    {
+    invalid={
         "reward_slow": _(
             "A call takes %(ms)s ms. The %(steps)s steps before each update of the network then take %(seconds)s s for "
             "the reward function alone, so that the training learns little in its time. A fast function takes less "
@@ -96,8 +94,7 @@ REWARD_WARNINGS = register(
 
 register(
     "Reward functions",
-    "platform",
-    {
+    unavailable={
         "reward_check_failed": _(
             "The site could not test the reward function. The function is fine. Try again in a minute."
         ),

@@ -1,11 +1,9 @@
-"""What ``data`` of a stable-baselines3 zip says in plain words: which spaces, which layers, which scale.
+"""Facts from ``data`` of a stable-baselines3 zip: spaces, layers, scale.
 
 ``save_to_zip_file`` writes JSON. What JSON cannot hold is a dict of ``:type:``, ``:serialized:`` (base64 of a pickle,
 never decoded here) and the object's attributes as text, which is what is read.
 Source: stable_baselines3/common/save_util.py (data_to_json).
 """
-
-from __future__ import annotations
 
 import json
 import re
@@ -54,39 +52,39 @@ class PolicyFacts:
 def read_facts(data: bytes) -> PolicyFacts:
     """Raises UserFault ``sb3_unreadable``, ``sb3_custom``, ``sb3_action_space``."""
     try:
-        said = json.loads(data)
+        document = json.loads(data)
     except (ValueError, RecursionError):
-        said = None
-    if not isinstance(said, dict):
+        document = None
+    if not isinstance(document, dict):
         raise UserFault("sb3_unreadable", member="data")
-    _refuse_custom_policy(said)
-    _refuse_other_actions(_mapping(said, "action_space"))
-    arguments = _mapping(said, "policy_kwargs")
+    _refuse_custom_policy(document)
+    _refuse_other_actions(_mapping(document, "action_space"))
+    arguments = _mapping(document, "policy_kwargs")
     extractor = arguments.get("features_extractor_class")
-    if said.get("use_sde") is True or arguments.get("use_sde") is True:
+    if document.get("use_sde") is True or arguments.get("use_sde") is True:
         raise UserFault("sb3_custom", what="use_sde=True")
     return PolicyFacts(
-        observations=_observations(_mapping(said, "observation_space")),
+        observations=_observations(_mapping(document, "observation_space")),
         activation=_name_of_class(arguments["activation_fn"]) if "activation_fn" in arguments else None,
         normalize_images=arguments.get("normalize_images", True) is not False,
         extractor=None if extractor is None else _known_extractor(extractor),
     )
 
 
-def _mapping(said: Mapping[str, Any], key: str) -> Mapping[str, Any]:
-    value = said.get(key)
+def _mapping(mapping: Mapping[str, Any], key: str) -> Mapping[str, Any]:
+    value = mapping.get(key)
     return value if isinstance(value, dict) else {}
 
 
-def _refuse_custom_policy(said: Mapping[str, Any]) -> None:
-    """A policy class of the uploader's own may do anything with its weights."""
-    module = _mapping(said, "policy_class").get("__module__")
+def _refuse_custom_policy(document: Mapping[str, Any]) -> None:
+    """Refuse an uploader's own policy class, which may do anything with its weights."""
+    module = _mapping(document, "policy_class").get("__module__")
     if not isinstance(module, str) or not module.startswith(_LIBRARIES):
         raise UserFault("sb3_custom", what=f"policy {printable(str(module), 60)}")
 
 
 def _refuse_other_actions(space: Mapping[str, Any]) -> None:
-    """A box of actions must be [-1, 1]: what else a policy was trained to answer would drive as something else."""
+    """Refuse a box of actions other than [-1, 1], which would drive differently here."""
     if "Box" in str(space.get(":type:")) and (_ends(space.get("low")), _ends(space.get("high"))) != ({-1.0}, {1.0}):
         found = f"{printable(str(space.get('low')), 30)} to {printable(str(space.get('high')), 30)}"
         raise UserFault("sb3_action_space", found=found)
@@ -99,22 +97,22 @@ def _ends(text: Any) -> set[float]:
         return set()
 
 
-def _known_extractor(said: Any) -> str:
-    found = _EXTRACTORS.get(_path_of_class(said))
+def _known_extractor(text: Any) -> str:
+    found = _EXTRACTORS.get(_path_of_class(text))
     if found is None:
-        raise UserFault("sb3_custom", what=f"features_extractor_class {printable(str(said), 60)}")
+        raise UserFault("sb3_custom", what=f"features_extractor_class {printable(str(text), 60)}")
     return found
 
 
-def _path_of_class(said: Any) -> str:
-    found = _CLASS.match(said) if isinstance(said, str) else None
+def _path_of_class(text: Any) -> str:
+    found = _CLASS.match(text) if isinstance(text, str) else None
     return found[1] if found else ""
 
 
-def _name_of_class(said: Any) -> str:
-    path = _path_of_class(said)
+def _name_of_class(text: Any) -> str:
+    path = _path_of_class(text)
     if not path.startswith("torch.nn."):
-        raise UserFault("sb3_custom", what=f"activation_fn {printable(str(said), 60)}")
+        raise UserFault("sb3_custom", what=f"activation_fn {printable(str(text), 60)}")
     return path.rpartition(".")[2]
 
 

@@ -1,18 +1,15 @@
-"""The admission of a policy of stable-baselines3, inside the sandbox: the only process of the site that imports torch
-besides the trainer.
+"""The sandboxed process that converts a stable-baselines3 policy; besides the trainer the only one with torch.
 
-Started by ``evaluation.admit``, asked and answered as ``evaluation.convert_process`` is. Of the
-pickle inside ``policy.pth`` torch itself makes tensors and nothing else (``weights_only=True``); ``data`` is JSON.
+Started by ``evaluation.garage.admission``, with the protocol of ``evaluation.garage.conversion_process``. From the
+pickle inside ``policy.pth`` torch loads tensors only (``weights_only=True``); ``data`` is JSON.
 """
-
-from __future__ import annotations
 
 import io
 from collections.abc import Mapping
 
 import numpy as np
 
-from evaluation.convert_process import LOCKED
+from evaluation.garage.conversion_process import LOCKED
 from evaluation.sandbox.frames import MAX_NETWORK, read_message, write_message
 from paddock.errors import UserFault
 from paddock.packages.admission import admit_network
@@ -20,7 +17,7 @@ from paddock.packages.kinds import ONNX
 from paddock.packages.limits import PackageLimits
 from paddock.packages.metadata import parse_metadata
 
-from ..trainer import lean  # noqa: F401  before torch: without its compiler, and one thread
+from ..trainer import torch_imports  # noqa: F401  before torch: without its compiler, and one thread
 from .facts import read_facts
 from .rebuild import rebuild, with_frame_stack
 
@@ -35,7 +32,7 @@ def main(frames_in: int, frames_out: int) -> int:
     the canonical network out, and how many observations it reads at once."""
     write_message(frames_out, LOCKED)
     header, blobs = read_message(frames_in, blob_limit=MAX_NETWORK)
-    limits = PackageLimits.from_dict(header["limits"])
+    limits = PackageLimits(**header["limits"])
     policy, metadata_json, *rest = blobs
     del blobs
     try:
@@ -51,14 +48,14 @@ def main(frames_in: int, frames_out: int) -> int:
     except UserFault as fault:
         write_message(frames_out, {"state": "refused", "error": fault.to_dict()})
         return 0
-    told = {
+    answer = {
         "state": "admitted",
         "parameters": canonical.parameters,
         "macs": canonical.macs,
         "facts": canonical.facts.to_dict(),
         "frame_stack": metadata.frame_stack,
     }
-    write_message(frames_out, told, [canonical.onnx])
+    write_message(frames_out, answer, [canonical.onnx])
     return 0
 
 
@@ -66,7 +63,7 @@ def read_tensors(policy: bytes, limits: PackageLimits) -> dict[str, torch.Tensor
     """The weights of ``policy.pth`` by name. Raises UserFault ``sb3_unreadable``; MemoryError."""
     try:
         found = torch.load(io.BytesIO(policy), map_location="cpu", weights_only=True)
-    except Exception as error:  # whatever torch says of bytes that are not what they should be
+    except Exception as error:  # torch raises various types for malformed bytes
         if "alloc" in str(error):
             raise MemoryError from error
         raise UserFault("sb3_unreadable", member="policy.pth") from error
@@ -80,12 +77,11 @@ def read_tensors(policy: bytes, limits: PackageLimits) -> dict[str, torch.Tensor
 
 
 def as_array(tensor: torch.Tensor) -> np.ndarray:
-    """A weight as float32."""
     return tensor.detach().to(torch.float32).contiguous().numpy()
 
 
 def _warm_up() -> None:
-    """Have torch import, while files can still be read, what it imports at the first load."""
+    """Load a file once before the lock, so that torch imports all modules for it."""
     file = io.BytesIO()
     torch.save({"weight": torch.zeros(2, 2)}, file)
     as_array(read_tensors(file.getvalue(), PackageLimits())["weight"])

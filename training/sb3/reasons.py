@@ -1,12 +1,11 @@
-"""Why a policy of stable-baselines3 cannot become ONNX."""
+"""Reason codes of stable-baselines3 policies that cannot become ONNX."""
 
 from paddock.errors.reasons import gettext_noop as _
 from paddock.errors.reasons import register
 
 register(
     "Policies of stable-baselines3",
-    "user",
-    {
+    invalid={
         "sb3_unreadable": _(
             "%(member)s in this zip of stable-baselines3 cannot be read. Save the model again with model.save() of a "
             "current version and upload that."

@@ -1,13 +1,11 @@
 """The deterministic policy of stable-baselines3 as ONNX, from the names and shapes of its weights.
 
-What ``predict(observation, deterministic=True)`` computes: pictures divided by 255, the features extractor, the layers
-between, the head, for SAC and TD3 a tanh. A weight of the policy that has no place in it is refused by its name: a
-network that is rebuilt wrongly would drive, only worse.
+It computes ``predict(observation, deterministic=True)``: pictures divided by 255, the features extractor, the layers
+between, the head, for SAC and TD3 a tanh. A weight without a place in the policy is refused, because a network that is
+rebuilt wrongly would drive badly.
 Sources: stable_baselines3 2.9, common/policies.py, common/torch_layers.py, sac/policies.py, td3/policies.py,
 dqn/policies.py.
 """
-
-from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, replace
@@ -30,6 +28,7 @@ _OPSET, _IR_VERSION = 17, 8
 _COLOURS = 3  # channels of a frame with observation="rgb"
 _STRIDES = {0: 4, 2: 2, 4: 1}  # of NatureCNN's convolutions, by their place
 _SIMPLE = {"ReLU": "Relu", "Tanh": "Tanh", "Sigmoid": "Sigmoid", "ELU": "Elu", "Softplus": "Softplus", "Mish": "Mish"}
+_SIMPLE["Hardswish"] = "HardSwish"
 
 
 @dataclass(frozen=True)
@@ -120,12 +119,10 @@ class _Policy:
         self._kept: set[str] = set()
 
     def refuse_others(self) -> None:
-        """Every weight of the policy has its place, or is only needed for learning."""
-        known = {f"{layer}.{part}" for layer in (*self._stack, self._head) for part in ("weight", "bias")}
+        """Refuse weights without a place in the policy, unless only learning needs them."""
+        known = {f"{layer}.{part}" for layer in (*self._stack, self._head) for part in _PARTS}
         for name in self._shapes:
-            if name in known or name.startswith(self._family.eyes):
-                continue
-            if not name.startswith(self._family.unused):
+            if name not in known and not name.startswith((self._family.eyes, *self._family.unused)):
                 raise _unknown(name)
         for name in sorted(known):
             self._shape(name)
@@ -136,10 +133,7 @@ class _Policy:
     def onnx(self) -> bytes:
         if self._extractor == TORSO:
             return self._of_our_trainer()
-        inputs = [
-            helper.make_tensor_value_info(spec.sensor, TensorProto.FLOAT, spec.channels_first)
-            for spec in self._metadata.inputs
-        ]
+        sensors = [(spec.sensor, spec.channels_first) for spec in self._metadata.inputs]
         value = self._features()
         activation = self._facts.activation or self._family.activation
         for layer in self._stack:
@@ -147,13 +141,9 @@ class _Policy:
         value = self._linear(self._head, value)
         if self._family.squash:
             value = self._node("Tanh", [value])
-        graph = helper.make_graph(
-            self._nodes,
-            "policy",
-            inputs,
-            [helper.make_tensor_value_info(value, TensorProto.FLOAT, [1, self._metadata.output_size])],
-            self._weights,
-        )
+        ports = [*sensors, (value, (1, self._metadata.output_size))]
+        *inputs, output = [helper.make_tensor_value_info(name, TensorProto.FLOAT, shape) for name, shape in ports]
+        graph = helper.make_graph(self._nodes, "policy", inputs, [output], self._weights)
         opset = helper.make_opsetid("", _OPSET)
         return helper.make_model(graph, opset_imports=[opset], ir_version=_IR_VERSION).SerializeToString()
 
@@ -166,7 +156,7 @@ class _Policy:
         return shape
 
     def _linear_layers(self) -> list[str]:
-        """The dense layers of the stack in their order; an activation stands behind each."""
+        """The dense layers of the stack in their order; an activation follows each."""
         prefix = self._family.hidden
         names = {name[len(prefix) :].partition(".")[0] for name in self._shapes if name.startswith(prefix)}
         layers = [f"{prefix}{2 * place}" for place in range(len(names))]
@@ -201,7 +191,6 @@ class _Policy:
         return seen[0] if len(seen) == 1 else self._node("Concat", seen, axis=1)
 
     def _seen(self, spec: InputSpec, prefix: str) -> str:
-        """One sensor's features."""
         value = spec.sensor
         if not spec.is_picture:
             return value
@@ -229,7 +218,7 @@ class _Policy:
         return self._node("Relu", [self._linear(f"{prefix}linear.0", self._node("Flatten", [value], axis=1))])
 
     def _of_our_trainer(self) -> bytes:
-        """A policy of this site's own trainings, whose network is known to the last layer."""
+        """A policy of this site's own trainings, whose layout is known."""
         for layout in _layouts(self._metadata):
             names = _names_of_torso(layout, self._family.eyes, self._head)
             if all(self._shapes.get(names[key]) == shape for key, shape in layout.shapes.items()):
@@ -265,12 +254,8 @@ class _Policy:
     def _activated(self, activation: str, value: str) -> str:
         if activation == "Identity":
             return value
-        if activation in ("SiLU", "Hardswish"):
-            return (
-                self._node("Mul", [value, self._node("Sigmoid", [value])])
-                if activation == "SiLU"
-                else self._node("HardSwish", [value])
-            )
+        if activation == "SiLU":
+            return self._node("Mul", [value, self._node("Sigmoid", [value])])
         if activation == "LeakyReLU":
             return self._node("LeakyRelu", [value], alpha=0.01)
         if activation not in _SIMPLE:
@@ -286,7 +271,7 @@ def _unknown(name: str) -> UserFault:
 
 
 def _by_sensor(boxes: Mapping[str, Box], metadata: ModelMetadata) -> Mapping[str, Box]:
-    """The observations by sensor: a plain box is that of the only one."""
+    """The observations by sensor; a plain box belongs to the only sensor."""
     if set(boxes) == {""} and len(metadata.sensors) == 1:
         return {metadata.sensors[0]: boxes[""]}
     return boxes
@@ -300,7 +285,7 @@ def _check_box(spec: InputSpec, box: Box) -> None:
 
 
 def _stacked(spec: InputSpec, shape: tuple[int, ...]) -> int:
-    """How many observations VecFrameStack joined in one of this shape, along the first axis or the last; 0 for none."""
+    """The number of observations joined by VecFrameStack in this shape, along its first or last axis; 0 for none."""
     for one, axis in ((spec.channels_first[1:], 0), (spec.shape, -1)):
         if len(shape) == len(one) and shape[axis] > one[axis] and not shape[axis] % one[axis]:
             rest = list(shape)
@@ -311,18 +296,18 @@ def _stacked(spec: InputSpec, shape: tuple[int, ...]) -> int:
 
 
 def _layouts(metadata: ModelMetadata) -> Iterable[NetworkLayout]:
-    """What our trainer may have built for this car: the depth that the metadata says first."""
-    said = metadata.to_dict()
+    """The layouts that our trainer may have built for this car: first those with the metadata's depth."""
+    described = metadata.to_dict()
     for build in BUILDS:
         for network in (metadata.network, *NETWORKS):
             try:
-                yield NetworkLayout.of({**said, "neural_network": network}, build)
+                yield NetworkLayout.of({**described, "neural_network": network}, build)
             except LookupError:
                 continue
 
 
 def _names_of_torso(layout: NetworkLayout, eyes: str, head: str) -> dict[str, str]:
-    """The names in ``policy.pth`` of a layout's weights."""
+    """A layout's weights by their names in ``policy.pth``."""
     names = {}
     for number, sense in enumerate(layout.senses):
         layers = [f"conv{place}" for place in range(len(layout.convolutions))] if sense.spec.is_picture else ["dense"]

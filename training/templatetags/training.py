@@ -1,6 +1,4 @@
-"""What pages show of trainings and vehicles."""
-
-from __future__ import annotations
+"""Template tags of trainings and vehicles."""
 
 from dataclasses import dataclass
 from typing import Any, Literal
@@ -17,23 +15,24 @@ from evaluation.models import TrainedModel
 from evaluation.selectors import can_see_model
 from evaluation.templatetags.garage import sensor_name
 from paddock.rules.hyperparameters import HYPERPARAMETERS
+from paddock.rules.race import BOX_COUNT
 from paddock.rules.training import SETTINGS
 from races.models import Race, RaceType
-from races.sensors import not_offered
-from training.cloning import build_of_model
-from training.forms.hyperparameters import LOSS_NAMES
+from races.models.sensors import not_offered
+from training.cloning.selectors import build_of_model, house_cars
+from training.jobs.selectors import closed_because
 from training.models import NeuralNetwork, TrainingJob
-from training.selectors import house_cars
-from training.services import begun_by
-from training.views.common import closed_because
+from training.starter_training.services import begun_by
+from training.wizard.hyperparameters import shown_value
 
 register = template.Library()
+register.filter("plain_value", shown_value)
 
 
 @dataclass(frozen=True)
 class Origin:
-    """The model whose weights another began with. ``is_visible``: the reader may open its page; ``is_named``: they may
-    know its name, as they trained from it. ``by``: its racer where it is another's and may be told, else ``""``."""
+    """The model whose weights another began with. ``is_visible``: the reader may open its page; ``is_named``: may see
+    its name. ``by``: its racer if it is another's and may be shown, else ``""``."""
 
     model: TrainedModel
     is_visible: bool
@@ -44,8 +43,7 @@ class Origin:
 @register.simple_tag(takes_context=True)
 def origin_of(context: Context, model: TrainedModel) -> Origin | None:
     """What a model was cloned from; None for one that was not, or came from elsewhere."""
-    made = TrainingJob.objects.filter(Q(best_model=model) | Q(last_model=model)).exclude(cloned_from=None)
-    job = made.select_related("cloned_from__owner").order_by("pk").first()
+    job = min((job for job in _trainings_of(model) if job.cloned_from), key=lambda job: job.pk, default=None)
     if job is None or job.cloned_from is None:
         return None
     reader, origin = context["user"], job.cloned_from
@@ -55,16 +53,12 @@ def origin_of(context: Context, model: TrainedModel) -> Origin | None:
     return Origin(origin, visible, named, origin.owner.alias if another_s else "")
 
 
-@register.inclusion_tag("training/parts/ways.html", takes_context=True)
+@register.inclusion_tag("training/starter_training/parts/ways.html", takes_context=True)
 def ways_to_a_car(context: Context, race: Race | None = None, *, but: str = "") -> dict[str, Any]:
-    """The three ways to a car: upload one, train one, begin with a house car's weights; for ``race`` where one is asked
-    for there. ``but``: a way that the page itself is (``upload``, ``train``).
-
-    Who has no car yet trains the first one by one click, or is led to it while it is being trained.
-    """
+    """The ways to a car: upload, train, clone a house car. ``race``: that needs one. ``but``: the page's own way
+    (``upload``, ``train``). A racer without a car gets one button that trains the first, or a link to that training."""
     request, user = context["request"], context["user"]
     begun = begun_by(user, timezone.now())
-    house = house_cars() if begun.has_house_cars else ()
     return {
         "race": race,
         "but": but,
@@ -72,7 +66,7 @@ def ways_to_a_car(context: Context, race: Race | None = None, *, but: str = "") 
         "first": begun.first,
         "first_race": begun.race,
         "has_car": begun.has_car,
-        "house_cars": [model for model in house if race is None or not not_offered(model.sensors, race.sensors)],
+        "house_cars": [model for model in house_cars() if race is None or not not_offered(model.sensors, race.sensors)],
         "layout": layout_query(race),
         "csrf_token": get_token(request),
     }
@@ -80,12 +74,11 @@ def ways_to_a_car(context: Context, race: Race | None = None, *, but: str = "") 
 
 @register.filter
 def layout_query(race: Race | None) -> str:
-    """What the wizard is asked for so that it trains for ``race``, as the query of its address."""
     if race is None:
         return ""
     asked: dict[str, Any] = {"track": race.track.slug, "direction": race.direction, "submit_to_race": race.slug}
     if race.race_type == RaceType.OBJECT_AVOIDANCE:
-        asked |= {"race_type": race.race_type, "random_boxes": race.random_boxes or len(race.boxes)}
+        asked |= {"race_type": race.race_type, BOX_COUNT: race.random_boxes or len(race.boxes)}
     elif race.bots:
         asked |= {"race_type": race.race_type, "bots": race.bots}
     return urlencode(asked)
@@ -99,19 +92,26 @@ def network_word(name: str) -> str:
 
 @register.filter
 def trains_on(model: TrainedModel) -> bool:
-    """Whether the model's weights can be learned on here."""
     return build_of_model(model) is not None
 
 
 @register.simple_tag
 def training_of(model: TrainedModel) -> TrainingJob | None:
-    """The training that made a model; None for an uploaded one."""
-    return TrainingJob.objects.filter(Q(best_model=model) | Q(last_model=model)).defer("log", "driving").first()
+    return next(iter(_trainings_of(model)), None)
+
+
+def _trainings_of(model: TrainedModel) -> list[TrainingJob]:
+    """The trainings whose best or last model this is, the latest first; the model keeps them."""
+    found: list[TrainingJob] | None = getattr(model, "_trainings", None)
+    if found is None:
+        made = TrainingJob.objects.filter(Q(best_model=model) | Q(last_model=model)).defer("log", "driving")
+        found = list(made.select_related("cloned_from__owner"))
+        model._trainings = found  # type: ignore[attr-defined]
+    return found
 
 
 @register.filter
 def sensor_words(sensors: list[str]) -> str:
-    """Names of sensors in the reader's language."""
     return ", ".join(sensor_name(sensor) for sensor in sensors)
 
 
@@ -126,31 +126,14 @@ def span(seconds: float | None) -> str:
 
 @register.filter
 def figure(value: float | Literal[""] | None, digits: int = 2) -> str:
-    """A measured number with so many decimals; a dash for none."""
     return "–" if value is None or value == "" else f"{value:,.{digits}f}"
 
 
 @register.filter
-def item_of(key: str, mapping: dict) -> object:
-    """``mapping[key]``, or nothing."""
-    return mapping.get(key)
-
-
-@register.filter
 def hyperparameter_name(name: str) -> str:
-    """A hyperparameter's name in the reader's language."""
     return _(HYPERPARAMETERS[name].label) if name in HYPERPARAMETERS else name
 
 
 @register.filter
 def setting_name(name: str) -> str:
-    """A setting's name in the reader's language."""
     return _(SETTINGS[name].label) if name in SETTINGS else name
-
-
-@register.filter
-def plain_value(value: object) -> str:
-    """A hyperparameter's value: small numbers without an exponent, words in the reader's language."""
-    if isinstance(value, float):
-        return f"{value:.8f}".rstrip("0").rstrip(".")
-    return str(LOSS_NAMES.get(str(value), value))

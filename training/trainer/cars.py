@@ -1,6 +1,4 @@
-"""The cars that gather experience: the vectorised environment in stable-baselines3's form."""
-
-from __future__ import annotations
+"""The training cars: the vectorised environment in stable-baselines3's interface."""
 
 import gzip
 from collections.abc import Sequence
@@ -20,11 +18,11 @@ from paddock.simulator.rewards import RewardFunction
 from paddock.simulator.trace import LABELS, TIME_UP, Row, Trace
 from paddock.simulator.vector import HeadToHeadVectorEnv, ObjectAvoidanceVectorEnv, TimeTrialVectorEnv
 
-from .drills import DRILL_STEPS, Drills, astray
-from .scale import RewardScale
-from .senses import Sense, look
+from .messages import EpisodeReport
+from .observations import Sense, look
+from .practice_starts import DRILL_STEPS, Drills, astray
 from .spec import TrainerSpec
-from .warm import row_space
+from .warm_up import row_space
 
 KINDS = {
     TIME_TRIAL: TimeTrialVectorEnv,
@@ -32,11 +30,43 @@ KINDS = {
     HEAD_TO_HEAD: HeadToHeadVectorEnv,
 }
 TRACE_ROWS = 6_000  # of an iteration's sim-trace; the newest episodes that fit
+WORTH = 3.0
+_LEAST_SHARE = 0.01  # of what is to come that one step counts, where the discount factor is 1 or nearly
+
+
+class RewardScale:
+    """The scale of rewards for PPO, learned from all rewards so far.
+
+    PPO's policy and value share their features, so with large rewards the value's errors dominate what the features
+    learn from. So rewards are scaled to make a lasting mean reward worth :data:`WORTH`. SAC weighs rewards against its
+    entropy, whose coefficient its owner chooses, and gets them unscaled.
+    """
+
+    def __init__(self, discount: float) -> None:
+        self._share = max(1.0 - discount, _LEAST_SHARE)
+        self._paid, self._steps = 0.0, 0
+
+    @property
+    def factor(self) -> float:
+        """The present factor; 1 until a reward was paid."""
+        return WORTH * self._share * self._steps / self._paid if self._paid else 1.0
+
+    def scaled(self, rewards: np.ndarray) -> np.ndarray:
+        """The scaled rewards of one step of all cars, float32."""
+        self._paid += float(np.abs(rewards, dtype=np.float64).sum())
+        self._steps += len(rewards)
+        return (rewards * self.factor).astype(np.float32)
+
+    def state(self) -> dict[str, float]:
+        return {"paid": self._paid, "steps": self._steps}
+
+    def restore(self, state: dict[str, float]) -> None:
+        self._paid, self._steps = float(state["paid"]), int(state["steps"])
 
 
 def lap_limit_ms(track: TrackGeometry, space: ActionSpace) -> int:
-    """Simulated time in which a car of this action space ought to lap the track: half as long again as at the mean of
-    its speeds, and ten seconds; 20 s to 4 minutes."""
+    """The simulated time limit of a lap: 1.5 times the lap at the mean of the action space's speeds, and ten seconds;
+    20 s to 4 minutes."""
     if space.kind == CONTINUOUS:
         speed = sum(space.speed) / 2.0
     else:
@@ -45,7 +75,7 @@ def lap_limit_ms(track: TrackGeometry, space: ActionSpace) -> int:
 
 
 def fault_m(referee: Referee) -> float | None:
-    """Where a car has failed, in metres from the finish line; None where it has not."""
+    """The place of a car's fault, in metres from the finish line; None without one."""
     failed = referee.end_reason not in (None, LAPS_DONE, TIME_UP)
     return referee.odometer.place.distance if failed else None
 
@@ -58,17 +88,14 @@ class Way(NamedTuple):
     look: str
 
     @property
-    def told(self) -> dict[str, Any]:
-        """What is written down of an episode on it."""
+    def record(self) -> EpisodeReport:
         return {"track": self.number, "direction": self.track.direction}
 
 
 def ways_of(spec: TrainerSpec, track: TrackGeometry) -> list[Way]:
-    """All that a training drives, track by track. ``track``: its first, in its direction."""
-    shapes = [
-        (track, spec.look),
-        *((TrackGeometry.from_trusted_dict(one["track"]), one["look"]) for one in spec.more_tracks),
-    ]
+    """The ways of a training, track by track. ``track``: its first, in its direction."""
+    more = [(TrackGeometry.from_trusted_dict(one["track"]), one["look"]) for one in spec.more_tracks]
+    shapes = [(track, spec.look), *more]
     ways = []
     for number, (shape, theme) in enumerate(shapes):
         ways.append(Way(number, shape, theme))
@@ -78,13 +105,9 @@ def ways_of(spec: TrainerSpec, track: TrackGeometry) -> list[Way]:
 
 
 class TrainingCars(SB3VecEnv):
-    """Many cars in one world, each from a random place of the track, until it leaves it, has done a lap or is out of
-    time. Every second car drills instead once there is something to drill, see :mod:`.drills`; such episodes are
-    learned from and not written down. Observations: rows, see :mod:`.senses`.
-
-    An episode that ends with a lap, out of time or as a drill is "truncated": the car could have driven on, and what it
-    would have earned counts.
-    """
+    """Many cars in one world, each from a random place of the track until it leaves the track, has driven a lap or is
+    out of time (the latter two are "truncated", as the end of a drill). Every second car drills known faults instead,
+    see :mod:`.practice_starts`; drills are not recorded. Observations: rows, see :mod:`.observations`."""
 
     def __init__(
         self,
@@ -113,7 +136,7 @@ class TrainingCars(SB3VecEnv):
             randomise=spec.randomise,
             **spec.layout,
         )
-        self._told_ways = [way.told for way in ways] if len(ways) > 1 else []
+        self._way_records = [way.record for way in ways] if len(ways) > 1 else []
         self._grounds = [ground for each in env.setting.ways for ground in each]
         self._senses, self._seed = senses, seed
         super().__init__(env, observation_space=row_space(senses))
@@ -121,7 +144,7 @@ class TrainingCars(SB3VecEnv):
         self.scale = RewardScale(spec.hyperparameters["discount_factor"]) if spec.algorithm == PPO else None
         self._drillers = np.arange(self.num_envs) % 2 == 1
         self._drilling = np.zeros(self.num_envs, np.bool_)  # in the present episode
-        self.episodes: list[dict[str, Any]] = []  # those that ended since the last :meth:`harvest`
+        self.episodes: list[EpisodeReport] = []  # those that ended since the last :meth:`harvest`
         self._rows: list[list[Row]] = []
         self.episode = 0
 
@@ -131,17 +154,15 @@ class TrainingCars(SB3VecEnv):
         return cast("np.ndarray", super().reset())
 
     def step_wait(self) -> Any:
-        """As every such environment, with rewards of the size that is learned from; ``earned`` has those that were
-        paid."""
+        """The outcome of a step with scaled rewards; ``earned`` has the function's own."""
         seen, rewards, done, infos = super().step_wait()
         return seen, rewards if self.scale is None else self.scale.scaled(rewards), done, infos
 
     def cut(self) -> np.ndarray:
-        """Drills are short."""
         return self._drilling & (self._steps >= DRILL_STEPS)
 
     def again(self, cars: np.ndarray) -> Any:
-        """Drillers begin where somebody has failed, if anybody has."""
+        """Start episodes: drillers begin at a fault, if there was any."""
         readings: Any = None
         if (usual := cars & ~self._drillers).any():
             self._drilling[usual] = False
@@ -164,10 +185,9 @@ class TrainingCars(SB3VecEnv):
         return next((number for number, ground in enumerate(self._grounds) if ground.track is track), 0)
 
     def look(self, readings: Any) -> np.ndarray:
-        """The row of each car."""
         return look(self._senses, readings)
 
-    def harvest(self) -> tuple[list[dict[str, Any]], bytes]:
+    def harvest(self) -> tuple[list[EpisodeReport], bytes]:
         """The episodes since the last time, and the newest of their traces: a gzipped CSV, ``b""`` for none."""
         episodes, kept, count = self.episodes, [], 0
         for rows in reversed(self._rows):
@@ -182,7 +202,7 @@ class TrainingCars(SB3VecEnv):
         return episodes, gzip.compress(csv, 1, mtime=0)
 
     def ended(self, number: int, info: dict[str, Any]) -> None:
-        """Write down an episode that is over, and where it failed."""
+        """Record an episode that is over, and its fault."""
         car = self.env.car(number)
         referee = car.referee
         if (metres := fault_m(referee)) is not None:
@@ -198,12 +218,9 @@ class TrainingCars(SB3VecEnv):
                 "status": LABELS[car.status],
                 "steps": len(rows),
                 "time_ms": int(referee.time_ms),
-                **self._way_of(number),
             }
         )
+        if self._way_records:
+            self.episodes[-1] |= self._way_records[self._grounds.index(self.env.ground(number))]
         self._rows.append(rows)
         self.episode += 1
-
-    def _way_of(self, number: int) -> dict[str, Any]:
-        """Which of several ways a car drives on."""
-        return self._told_ways[self._grounds.index(self.env.ground(number))] if self._told_ways else {}

@@ -11,8 +11,6 @@ How the console's names map onto stable-baselines3's:
 - The field's fixed values: clip 0.2, GAE lambda 0.95, Adam epsilon 1e-5.
 """
 
-from __future__ import annotations
-
 import codecs
 import io
 import json
@@ -36,10 +34,10 @@ from torch.nn import functional
 from paddock.rules.hyperparameters import HUBER
 
 from . import torso
-from .mirror import Mirror
+from .mirror_augmentation import Mirror
 from .network import FEATURES, NetworkLayout
 from .spec import TrainerSpec
-from .warm import torso_arguments
+from .warm_up import torso_arguments
 
 _CLIP, _LAMBDA, _GRADIENT_NORM = 0.2, 0.95, 0.5
 _SAC_MEMORY = 20_000  # steps that SAC learns from: 0.2 GB of pooled pictures
@@ -74,21 +72,16 @@ class Learner:
         mirror: Mirror | None = None,
         share: Callable[[], float] = lambda: 0.0,
     ) -> None:
-        """``callback`` is asked after each control step; ``hurry`` between the steps of learning: once it is true, the
-        update ends there, and one of PPO is undone. ``mirror``: what half of each batch of PPO is turned round by.
-        ``share``: how much of the training is over, 0 to 1."""
+        """``callback`` is called after each control step, ``hurry`` between the steps of learning: if it is true, the
+        update ends, and one of PPO is undone. ``mirror`` turns half of each batch of PPO round. ``share``: the share of
+        the training that is over."""
         self.spec, self.layout = spec, layout
-        self._mirror = mirror
-        self._share = share
-        self._hurry = hurry
+        self._mirror, self._share, self._hurry = mirror, share, hurry
         self._driven = 0  # steps of all cars since the last update
         self.sac = spec.algorithm == "sac"
         values = spec.hyperparameters
         self.loss = functional.huber_loss if values["loss_type"] == HUBER else functional.mse_loss
-        policy = {
-            "features_extractor_class": torso.Torso,
-            "features_extractor_kwargs": torso_arguments(layout),
-        }
+        policy = {"features_extractor_class": torso.Torso, "features_extractor_kwargs": torso_arguments(layout)}
         common: dict[str, Any] = {
             "learning_rate": values["lr"],
             "batch_size": values["batch_size"],
@@ -128,7 +121,7 @@ class Learner:
         _, self._callback = self.model._setup_learn(2**31 - 1, callback)
 
     def drive(self) -> bool:
-        """Drive until the next update is due. False: the callback said stop."""
+        """Drive until the next update is due. False: the callback stopped it."""
         model = self.model
         steps = self.spec.rollout_steps(model.num_timesteps)
         self._driven = steps * model.env.num_envs
@@ -146,24 +139,20 @@ class Learner:
         return model.collect_rollouts(model.env, self._callback, model.rollout_buffer, steps)
 
     def exploring(self) -> float:
-        """What entropy is worth now: it falls over the training, if it is to."""
+        """The present entropy coefficient, which falls over the training by ``entropy_decay``."""
         values = self.spec.hyperparameters
         worth = float(values["sac_alpha" if self.sac else "beta_entropy"])
-        decay = float(values.get("entropy_decay", 0.0))  # trainings of earlier versions do not say
+        decay = float(values.get("entropy_decay", 0.0))  # earlier versions stored none
         return worth * (1.0 - decay * min(max(self._share(), 0.0), 1.0)) if decay else worth
 
     def update(self) -> Losses:
-        """Learn from what was driven."""
         self.model.policy.set_training_mode(True)
         return self._update_sac() if self.sac else self._update_ppo()
 
     def _update_ppo(self) -> Losses:
-        """As ``PPO.train`` of stable-baselines3 2.9, with a choice of the value loss.
-
-        An update that is cut short is undone: in its midst a car may drive far worse than before and after it, a large
-        network most of all, whose first steps with a new optimiser are long.
-        """
-        model, policy, told = self.model, self.model.policy, []
+        """As ``PPO.train`` of stable-baselines3 2.9, with a choice of the value loss. An update that is cut short is
+        undone, because within it a car may drive far worse than before or after."""
+        model, policy, losses = self.model, self.model.policy, []
         bonus = self.exploring()
         before = {name: tensor.clone() for name, tensor in policy.state_dict().items()}
         discrete = self.spec.metadata["action_space_type"] == "discrete"
@@ -185,23 +174,20 @@ class Learner:
                 loss.backward()
                 torch.nn.utils.clip_grad_norm_(policy.parameters(), model.max_grad_norm)
                 policy.optimizer.step()
-                told.append((spread.item(), policy_loss.item(), value_loss.item()))
+                losses.append((spread.item(), policy_loss.item(), value_loss.item()))
                 if self._hurry():
                     policy.load_state_dict(before)
-                    return _means(told)
+                    return _means(losses)
             model._n_updates += 1
-        return _means(told)
+        return _means(losses)
 
     @property
     def _turns(self) -> bool:
-        """Whether half of what is learned from is turned round."""
         return self._mirror is not None and self._mirror.holds
 
     def _mirrored_batches(self) -> Callable[[], Iterator[RolloutBufferSamples]]:
-        """What gives an epoch's batches: of each step what was driven or its mirror image, by lot.
-
-        Nobody has driven the latter: how likely they were is asked of the policy that drove.
-        """
+        """A source of an epoch's batches: each step as driven or mirrored, at random. The probability of mirrored steps
+        comes from the policy that drove."""
         model, mirror, buffer = self.model, self._mirror, self.model.rollout_buffer
         assert mirror is not None
         next(buffer.get(model.batch_size))  # it lays itself out flat
@@ -229,7 +215,7 @@ class Learner:
 
     def _update_sac(self) -> Losses:
         """As ``SAC.train`` of stable-baselines3 2.9 with a fixed alpha, with a choice of the critics' loss."""
-        model, told = self.model, []
+        model, losses = self.model, []
         alpha = self.exploring()
         for _ in range(max(1, self.spec.hyperparameters["num_epochs"] * self._driven // model.batch_size)):
             batch = model.replay_buffer.sample(model.batch_size)
@@ -245,7 +231,7 @@ class Learner:
             model.critic.optimizer.zero_grad()
             value_loss.backward()
             model.critic.optimizer.step()
-            model.critic.requires_grad_(False)  # it is asked and does not learn here: a seventh of the time
+            model.critic.requires_grad_(False)  # only evaluated here, not trained: a seventh of the time
             least = torch.cat(model.critic(batch.observations, actions), dim=1).min(dim=1, keepdim=True).values
             policy_loss = (alpha * log_prob - least).mean()
             model.actor.optimizer.zero_grad()
@@ -253,41 +239,43 @@ class Learner:
             model.actor.optimizer.step()
             model.critic.requires_grad_(True)
             polyak_update(model.critic.parameters(), model.critic_target.parameters(), model.tau)
-            told.append((-log_prob.mean().item(), policy_loss.item(), value_loss.item()))
+            losses.append((-log_prob.mean().item(), policy_loss.item(), value_loss.item()))
             if self._hurry():
                 break
-        model._n_updates += len(told)
-        return _means(told)
+        model._n_updates += len(losses)
+        return _means(losses)
 
     def act(self, rows: np.ndarray) -> np.ndarray:
-        """What the policy does without exploring, for rows (n, length): the outputs of the network as raced."""
+        """The policy's outputs without exploration, for rows (n, length), as the exported network computes them."""
+        return self._judged(rows, with_value=False)[0]
+
+    def consider(self, rows: np.ndarray) -> tuple[np.ndarray, float]:
+        """For one row (1, length): the outputs as of :meth:`act` and the expected reward: PPO's value, or the lower of
+        SAC's critics."""
+        outputs, value = self._judged(rows, with_value=True)
+        return outputs[0], value
+
+    def _judged(self, rows: np.ndarray, with_value: bool) -> tuple[np.ndarray, float]:
         policy = self.model.policy
-        _at_rest(policy)
+        if policy.training:  # setting it again in every layer would take longer than a layer
+            policy.set_training_mode(False)
         with torch.no_grad():
             seen = torch.from_numpy(rows)
             if self.sac:
-                return torch.tanh(policy.actor.mu(policy.actor.features_extractor(seen))).numpy()
-            return policy.action_net(policy.features_extractor(seen)).numpy()
-
-    def consider(self, rows: np.ndarray) -> tuple[np.ndarray, float]:
-        """For one row (1, length): the outputs as of :meth:`act`, and what it expects to earn from here on, by PPO's
-        value, by the lower of SAC's critics for what it would do."""
-        policy = self.model.policy
-        _at_rest(policy)
-        with torch.no_grad():
-            seen = torch.from_numpy(rows)
-            if not self.sac:
+                outputs = torch.tanh(policy.actor.mu(policy.actor.features_extractor(seen)))
+                value = torch.cat(self.model.critic(seen, outputs), dim=1).min() if with_value else 0.0
+            else:
                 features = policy.features_extractor(seen)
-                return policy.action_net(features).numpy()[0], float(policy.value_net(features))
-            chosen = torch.tanh(policy.actor.mu(policy.actor.features_extractor(seen)))
-            return chosen.numpy()[0], float(torch.cat(self.model.critic(seen, chosen), dim=1).min())
+                outputs = policy.action_net(features)
+                value = policy.value_net(features) if with_value else 0.0
+            return outputs.numpy(), float(value)
 
     def weights(self) -> dict[str, np.ndarray]:
-        """The policy's weights by the names of :attr:`.network.Layout.shapes`."""
+        """The policy's weights by the names of :attr:`.network.NetworkLayout.shapes`."""
         return {name: tensor.detach().numpy().copy() for name, tensor in self._tensors().items()}
 
     def take(self, weights: Mapping[str, np.ndarray]) -> None:
-        """Begin with these weights, as a clone does."""
+        """Start with these weights, as a clone does."""
         with torch.no_grad():
             for name, tensor in self._tensors().items():
                 tensor.copy_(torch.from_numpy(np.ascontiguousarray(weights[name])))
@@ -311,7 +299,7 @@ class Learner:
         return found
 
     def is_finite(self) -> bool:
-        """Whether all weights are numbers still: too great a step, and they are none for ever."""
+        """Whether no weight is NaN or infinite."""
         return all(bool(torch.isfinite(weights).all()) for weights in self.model.policy.parameters())
 
     @property
@@ -320,10 +308,8 @@ class Learner:
         return [policy.actor.optimizer, policy.critic.optimizer] if self.sac else [policy.optimizer]
 
     def state(self) -> dict[str, Any]:
-        """What :meth:`restore` needs to learn on: weights and the optimisers' memory, and how many steps were driven.
-
-        SAC's memory of what it drove is not in it (0.2 GB): it drives anew.
-        """
+        """Weights, the optimisers' state and the number of steps, for :meth:`restore`; without SAC's replay buffer of
+        0.2 GB."""
         return {
             "policy": self.model.policy.state_dict(),
             "optimisers": [one.state_dict() for one in self._optimisers],
@@ -331,28 +317,21 @@ class Learner:
         }
 
     def restore(self, state: Mapping[str, Any]) -> None:
-        """Go on where :meth:`state` was taken."""
         self.model.policy.load_state_dict(state["policy"])
         for one, kept in zip(self._optimisers, state["optimisers"], strict=True):
             one.load_state_dict(kept)
         self.model.num_timesteps = int(state["steps"])
 
     def to_zip(self) -> bytes:
-        """The file that ``PPO.load`` or ``SAC.load`` of stable-baselines3 reads, with the car's metadata beside the
-        policy, which they pass over: so it may be uploaded as it is."""
+        """The file for ``PPO.load`` or ``SAC.load`` of stable-baselines3, with the car's metadata beside the policy, so
+        that it may be uploaded, too."""
         file = io.BytesIO()
         self.model.save(file, exclude=["_last_obs", "_last_original_obs", "rollout_buffer", "replay_buffer"])
         with zipfile.ZipFile(file, "a") as archive:
-            member = zipfile.ZipInfo("model_metadata.json")  # with a date of its own: a locked process asks no clock
+            member = zipfile.ZipInfo("model_metadata.json")  # with a fixed date: a locked process reads no clock
             archive.writestr(member, json.dumps(self.spec.metadata, indent=2))
         return file.getvalue()
 
 
-def _at_rest(policy: Any) -> None:
-    """Out of the mode of learning; to say so again to every layer takes longer than a layer."""
-    if policy.training:
-        policy.set_training_mode(False)
-
-
-def _means(told: list[tuple[float, float, float]]) -> Losses:
-    return Losses(*(float(value) for value in np.mean(told, axis=0)))
+def _means(losses: list[tuple[float, float, float]]) -> Losses:
+    return Losses(*(float(value) for value in np.mean(losses, axis=0)))

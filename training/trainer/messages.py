@@ -1,32 +1,75 @@
-"""What the trainer's process may say, checked: sizes, types and ranges. No torch here."""
-
-from __future__ import annotations
+"""The messages of the trainer's process, checked for sizes, types and ranges. Imports no torch."""
 
 import math
 import zlib
+from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, TypedDict, TypeVar
 
 from paddock.rules.race import DIRECTIONS
 from paddock.rules.training import MOST_TRACKS
 from paddock.simulator.trace import COLUMNS, LABELS
 
-from ..rewards.function import readable
-from ..rewards.watch import KEPT_CHARACTERS, LAST_CHARACTERS
-from .bounds import SIMTRACE_CSV, SIMTRACE_PACKED
+from ..rewards.sandbox.call_limits import KEPT_CHARACTERS, LAST_CHARACTERS
+from ..rewards.sandbox.function import readable
+from .network import NetworkLayout
+from .spec import TrainerSpec
 
+# Measured with both algorithms, all depths, one camera and two: a network is its weights and less than 2 kB; a
+# checkpoint and stable-baselines3's file are 3.0 to 3.2 times the weights with PPO (Adam has two numbers for each) and
+# 7.1 to 8.6 times with SAC, whose two critics each have their own, and less than 0.15 MB.
+_FLOAT = 4  # bytes
+_TIMES = {"ppo": 3.2, "sac": 9.0}
+_NETWORK_ROOM, _STATE_ROOM = 64 * 1024, 512 * 1024
+SIMTRACE_PACKED, SIMTRACE_CSV = 1024 * 1024, 2 * 1024 * 1024  # 6000 rows are 0.3 and 1.2 MB
 _EPISODES, _TRIALS, _PLACES = 200, max(10, 2 * MOST_TRACKS), 400
 GREATEST = 1e12
 _LONGEST_CALL_MS = 1e6
 _HEADER = (",".join(COLUMNS) + "\n").encode()
 
 
+class EpisodeReport(TypedDict, total=False):
+    """An episode, or a trial of an evaluation (with ``lap_ms``, without ``episode``). ``track`` and ``direction``: only
+    where a training drives several ways."""
+
+    episode: int | None
+    reward: float
+    progress: float
+    status: str
+    steps: int
+    time_ms: int
+    lap_ms: int | None
+    track: int
+    direction: str
+
+
+class IterationReport(TypedDict):
+    """The columns of a ``training.models.TrainingIteration``."""
+
+    number: int
+    steps: int
+    seconds: float
+    steps_per_second: float
+    episodes: list[EpisodeReport]
+    mean_reward: float | None
+    mean_progress: float | None
+    eval_trials: list[EpisodeReport]
+    eval_progress: float
+    eval_reward: float
+    eval_lap_ms: int | None
+    eval_clean_laps: int
+    entropy: float | None
+    policy_loss: float | None
+    value_loss: float | None
+    is_best: bool
+
+
 @dataclass(frozen=True)
 class Iteration:
-    """One look at the car: see ``training.models.TrainingIteration`` for the names. ``driving``: [[x, y, yaw, speed],
-    ...]; ``onnx``: the policy as it is; ``simtrace``: a gzipped CSV or nothing."""
+    """An iteration. ``driving``: [[x, y, yaw, speed], ...]; ``onnx``: the policy; ``simtrace``: a gzipped CSV or
+    nothing."""
 
-    values: dict[str, Any]
+    values: IterationReport
     driving: list[list[float]]
     onnx: bytes
     simtrace: bytes
@@ -34,7 +77,7 @@ class Iteration:
 
 @dataclass(frozen=True)
 class SavedState:
-    """A checkpoint: bytes that only the trainer reads again."""
+    """A checkpoint: bytes for the trainer alone."""
 
     iteration: int
     steps: int
@@ -44,11 +87,11 @@ class SavedState:
 
 @dataclass(frozen=True)
 class Ended:
-    """How a training ended by itself: ``why`` is clean_laps, time, steps or stopped.
+    """The end of a training: ``why`` is clean_laps, time, steps or stopped.
 
-    ``sb3_zip``: ``b""`` where it did not end although it was told to, or its time was up: it was cut off.
-    ``network``: the policy as it is, where the training ended before its first iteration; else ``b""``. ``reward_ms``:
-    milliseconds of a call of the reward function, on the average.
+    ``sb3_zip``: ``b""`` if the training was cut off, because it did not end on request or at its time limit.
+    ``network``: the policy, where the training ended before its first iteration, else ``b""``. ``reward_ms``: mean
+    milliseconds of a call of the reward function.
     """
 
     why: str
@@ -61,8 +104,8 @@ class Ended:
 
 @dataclass(frozen=True)
 class Prints:
-    """What a reward function printed since the last time: see :meth:`training.rewards.watch.Watch.news`; lines that
-    may be shown."""
+    """Printable lines that a reward function printed since the last message
+    (:meth:`training.rewards.sandbox.call_limits.Watch.news`)."""
 
     kept: str
     last: str
@@ -71,8 +114,8 @@ class Prints:
 
 @dataclass(frozen=True)
 class Sight:
-    """What a car sees while it drives, and what the policy would do: ``picture`` is grey, 120 rows of 160 bytes;
-    degrees (positive is left), m/s, and what it expects to earn from there on (None: beyond what can be told)."""
+    """A car's camera picture and the policy's output: ``picture`` is grey, 120 rows of 160 bytes; degrees (positive is
+    left), m/s, and ``value``, the expected reward from there on (None: too large to report)."""
 
     picture: bytes
     steering: float
@@ -83,66 +126,66 @@ class Sight:
 SIGHT_ROWS, SIGHT_COLUMNS = 120, 160
 
 
-def sight_of(said: dict[str, Any], blobs: list[bytes]) -> Sight:
-    """What was said, if it has the form and the size of a sight. Raises KeyError, TypeError, ValueError."""
+def sight_of(report: Any, blobs: list[bytes]) -> Sight:
+    """The sight in a message, checked for form and size. Raises KeyError, TypeError, ValueError."""
     (picture,) = blobs
     if len(picture) != SIGHT_ROWS * SIGHT_COLUMNS:
         raise ValueError("no picture")
-    value = None if said["value"] is None else number(said["value"])
-    return Sight(picture, number(said["steering"]), number(said["speed"]), value)
+    return Sight(picture, number(report["steering"]), number(report["speed"]), _or_none(number, report["value"]))
 
 
-def prints_of(said: dict[str, Any]) -> Prints:
-    """What was said, if it has the form and the size of prints. Raises KeyError, TypeError, ValueError."""
-    kept, last = said["kept"], said["last"]
+def prints_of(report: Any) -> Prints:
+    """The prints in a message, checked for form and size. Raises KeyError, TypeError, ValueError."""
+    kept, last = report["kept"], report["last"]
     if not (isinstance(kept, str) and isinstance(last, str)):
         raise ValueError("no text")
     if len(kept) > KEPT_CHARACTERS or len(last) > LAST_CHARACTERS:
         raise ValueError("too much text")
-    return Prints(readable(kept), readable(last), said["more"] is True)
+    return Prints(readable(kept), readable(last), report["more"] is True)
 
 
-def reward_ms_of(said: dict[str, Any]) -> float | None:
+def reward_ms_of(report: Any) -> float | None:
     """Milliseconds of a call of the reward function, if they were reported. Raises ValueError."""
-    milliseconds = said.get("reward_ms")
-    if milliseconds is None:
-        return None
-    if not 0.0 <= number(milliseconds) <= _LONGEST_CALL_MS:
+    milliseconds = _or_none(number, report.get("reward_ms"))
+    if milliseconds is not None and not 0.0 <= milliseconds <= _LONGEST_CALL_MS:
         raise ValueError("no time of a call")
-    return float(milliseconds)
+    return milliseconds
 
 
-def iteration_of(message: dict[str, Any], blobs: list[bytes], network_limit: int) -> Iteration:
-    """What was said, if it has the form and the size of an iteration. ``network_limit``: bytes of its network.
+def iteration_of(message: Any, blobs: list[bytes], network_limit: int) -> Iteration:
+    """The iteration in a message, checked for form and size. ``network_limit``: in bytes.
 
     Raises KeyError, TypeError, ValueError."""
-    said = message["iteration"]
+    report = message["iteration"]
     onnx, simtrace = blobs
     if not 0 < len(onnx) <= network_limit:
         raise ValueError("no network")
     if simtrace and not _is_trace(simtrace):
         raise ValueError("no sim-trace")
-    values = {
-        "number": whole(said["number"], 1),
-        "steps": whole(said["steps"]),
-        "seconds": number(said["seconds"]),
-        "steps_per_second": number(said["steps_per_second"]),
-        "episodes": [_episode(one) for one in said["episodes"][:_EPISODES]],
-        "eval_trials": [_episode(one) for one in said["eval_trials"][:_TRIALS]],
-        "eval_progress": min(max(number(said["eval_progress"]), 0.0), 100.0),
-        "eval_reward": number(said["eval_reward"]),
-        "eval_lap_ms": None if said["eval_lap_ms"] is None else whole(said["eval_lap_ms"]),
-        "eval_clean_laps": min(whole(said["eval_clean_laps"]), _TRIALS),
-        "is_best": said["is_best"] is True,
+    values: IterationReport = {
+        "number": whole(report["number"], 1),
+        "steps": whole(report["steps"]),
+        "seconds": number(report["seconds"]),
+        "steps_per_second": number(report["steps_per_second"]),
+        "episodes": [_episode(one) for one in report["episodes"][:_EPISODES]],
+        "eval_trials": [_episode(one) for one in report["eval_trials"][:_TRIALS]],
+        "eval_progress": min(max(number(report["eval_progress"]), 0.0), 100.0),
+        "eval_reward": number(report["eval_reward"]),
+        "eval_lap_ms": _or_none(whole, report["eval_lap_ms"]),
+        "eval_clean_laps": min(whole(report["eval_clean_laps"]), _TRIALS),
+        "is_best": report["is_best"] is True,
+        "mean_reward": _or_none(number, report["mean_reward"]),
+        "mean_progress": _or_none(number, report["mean_progress"]),
+        "entropy": _or_none(number, report["entropy"]),
+        "policy_loss": _or_none(number, report["policy_loss"]),
+        "value_loss": _or_none(number, report["value_loss"]),
     }
-    for name in ("mean_reward", "mean_progress", "entropy", "policy_loss", "value_loss"):
-        values[name] = None if said[name] is None else number(said[name])
     driving = [[number(value) for value in place[:4]] for place in message["driving"][:_PLACES]]
     return Iteration(values, driving, onnx, simtrace)
 
 
 def _is_trace(packed: bytes) -> bool:
-    """Whether it is a gzipped sim-trace of the size that ours have: it is unpacked again where it is downloaded."""
+    """Whether these are the bytes of a gzipped sim-trace of an ordinary size: downloads unpack it."""
     if len(packed) > SIMTRACE_PACKED:
         return False
     unpacking = zlib.decompressobj(wbits=31)  # gzip's form
@@ -153,20 +196,21 @@ def _is_trace(packed: bytes) -> bool:
     return unpacking.eof and not unpacking.unused_data and csv.startswith(_HEADER)
 
 
-def _episode(said: dict[str, Any]) -> dict[str, Any]:
-    known = {
-        "reward": number(said["reward"]),
-        "progress": min(max(number(said["progress"]), 0.0), 100.0),
-        "status": said["status"] if said["status"] in LABELS.values() else LABELS["in_progress"],
-        "steps": whole(said["steps"]),
-        "time_ms": whole(said["time_ms"]),
+def _episode(report: Any) -> EpisodeReport:
+    known: EpisodeReport = {
+        "reward": number(report["reward"]),
+        "progress": min(max(number(report["progress"]), 0.0), 100.0),
+        "status": report["status"] if report["status"] in LABELS.values() else LABELS["in_progress"],
+        "steps": whole(report["steps"]),
+        "time_ms": whole(report["time_ms"]),
     }
-    for name in ("episode", "lap_ms"):
-        if name in said:
-            known[name] = None if said[name] is None else whole(said[name])
-    if "track" in said:
-        known["track"] = min(whole(said["track"]), MOST_TRACKS - 1)
-        known["direction"] = said["direction"] if said["direction"] in DIRECTIONS else DIRECTIONS[0]
+    if "episode" in report:
+        known["episode"] = _or_none(whole, report["episode"])
+    if "lap_ms" in report:
+        known["lap_ms"] = _or_none(whole, report["lap_ms"])
+    if "track" in report:
+        known["track"] = min(whole(report["track"]), MOST_TRACKS - 1)
+        known["direction"] = report["direction"] if report["direction"] in DIRECTIONS else DIRECTIONS[0]
     return known
 
 
@@ -178,7 +222,33 @@ def number(value: Any) -> float:
 
 
 def whole(value: Any, least: int = 0) -> int:
-    """A whole number that the database takes. Raises ValueError."""
+    """A whole number within the range of the database. Raises ValueError."""
     if type(value) is not int or not least <= value <= 2**31 - 1:
         raise ValueError("not a whole number")
     return value
+
+
+Number = TypeVar("Number", int, float)
+
+
+def _or_none(check: Callable[[Any], Number], value: Any) -> Number | None:
+    return None if value is None else check(value)
+
+
+@dataclass(frozen=True)
+class Bounds:
+    """In bytes: ``network``, one policy as ONNX; ``state``, a checkpoint or stable-baselines3's file."""
+
+    network: int
+    state: int
+
+    @property
+    def message(self) -> int:
+        """The limit of all blobs of one message: the end of a resumed training has both files."""
+        return self.network + max(SIMTRACE_PACKED, self.state)
+
+
+def bounds_of(spec: TrainerSpec) -> Bounds:
+    """The bounds of a training's files. Raises LookupError for a network that no training here has."""
+    weights = _FLOAT * NetworkLayout.of(spec.metadata, spec.build).parameters
+    return Bounds(weights + _NETWORK_ROOM, int(_TIMES[spec.algorithm] * weights) + _STATE_ROOM)

@@ -1,14 +1,12 @@
-"""The policy's network: in torch for learning, in ONNX for racing, and back again for cloning.
+"""The policy's network: in torch for learning, in ONNX for racing, and back for cloning.
 
-Every picture goes through convolutions of its own, a lidar through a dense layer; what they find goes through one dense
-layer to the heads. Depths, by the field's names: SHALLOW has two convolutions, as the prototype that learned to lap a
-hairpin track in ten seconds; DEEP_CONVOLUTIONAL_NETWORK three; DEEP four.
+Every picture goes through its own convolutions, a lidar through a dense layer, and their features through one dense
+layer to the heads. Depths, by the field's names: SHALLOW has two convolutions, DEEP_CONVOLUTIONAL_NETWORK three, DEEP
+four.
 
-A car of the old console is learned on as it was built there: its shallow network reads every pixel and is thirty times
-as large (deepracer.md 1.4, verified on a real one). Its deeper ones are refused: nobody has shown us one.
+A car of the old console is trained further as it was built there: its shallow network reads every pixel and is thirty
+times as large (verified on a real one). Its deeper networks are refused, because no example of one is known.
 """
-
-from __future__ import annotations
 
 import math
 from collections.abc import Mapping
@@ -17,7 +15,7 @@ from typing import Any
 
 import numpy as np
 
-from .senses import POOL, Sense, senses_of
+from .observations import POOL, Sense, senses_of
 
 FEATURES = 128
 LIDAR_FEATURES = 64
@@ -45,8 +43,8 @@ BUILDS = {OURS: Build(POOL, CONVOLUTIONS, FEATURES), CONSOLE: Build(1, OF_THE_CO
 
 
 def build_of(metadata: Mapping[str, Any], parameters: int) -> str | None:
-    """The name of the build that has so many weights for this metadata, None for none. No more than a good guess: what
-    the weights really are is seen where they are read (:func:`from_onnx`)."""
+    """The name of the build with so many weights for this metadata, or None: a guess, which :func:`from_onnx`
+    checks."""
     for name in BUILDS:
         try:
             if NetworkLayout.of(metadata, name).parameters == parameters:
@@ -66,7 +64,7 @@ class NetworkLayout:
     features: int = FEATURES
 
     @classmethod
-    def of(cls, metadata: Mapping[str, Any], build: str = OURS) -> NetworkLayout:
+    def of(cls, metadata: Mapping[str, Any], build: str = OURS) -> "NetworkLayout":
         """The network that a training with this metadata makes, or learns on, by the name of its build.
 
         Raises LookupError for a depth or a sensor that the build does not have.
@@ -82,11 +80,11 @@ class NetworkLayout:
 
     @property
     def row_scale(self) -> float:
-        """What a row of bytes is multiplied with before it meets the weights; 1 for rows that are scaled already."""
+        """The factor from a row of bytes to the network's input; 1 for scaled rows."""
         return self.senses[0].scale if self.senses[0].pool == 1 else 1.0
 
     def picture_shape(self, shape: tuple[int, ...]) -> tuple[int, int, int]:
-        """What the convolutions make of a picture as the learner sees it, both as (channels, rows, columns)."""
+        """The shape behind the convolutions of a picture, both as (channels, rows, columns)."""
         _, rows, columns = shape
         for _, size, stride in self.convolutions:
             rows, columns = (rows - size) // stride + 1, (columns - size) // stride + 1
@@ -120,17 +118,13 @@ class NetworkLayout:
 
     @property
     def parameters(self) -> int:
-        """How many weights the policy has, as the gate counts them."""
+        """The number of the policy's weights, as the gate counts them."""
         return sum(int(np.prod(shape)) for shape in self.shapes.values())
 
 
 def to_onnx(layout: NetworkLayout, weights: Mapping[str, np.ndarray], squash: bool) -> bytes:
-    """The deterministic policy by the ONNX contract: each sensor as it is read, to one row. ``squash``: tanh at the
-    end, for a policy that was learned so.
-
-    The pictures' pooling comes first; the scale of an input goes into the weights that meet it. Written operator by
-    operator, so that the file holds nothing but what is needed.
-    """
+    """The deterministic policy by the ONNX contract: from the sensors' readings to one row of outputs. ``squash``: with
+    a tanh at the end. The pooling of pictures comes first; the scale of an input goes into its first weights."""
     import onnx
     from onnx import TensorProto, helper, numpy_helper
 
@@ -178,11 +172,8 @@ def to_onnx(layout: NetworkLayout, weights: Mapping[str, np.ndarray], squash: bo
 
 
 def from_onnx(layout: NetworkLayout, data: bytes) -> dict[str, np.ndarray]:
-    """The weights out of a canonical network of this layout, whatever its values are called: one that :func:`to_onnx`
-    wrote once, or a converted car of the console, whose convolutions are flattened with the channels last.
-
-    Raises ValueError where the network is built in another way.
-    """
+    """The weights of a canonical network of this layout: one of :func:`to_onnx`, or a converted car of the console,
+    whose convolutions are flattened with the channels last. Raises ValueError for another network."""
     return _GraphReader(layout, data).read()
 
 
@@ -202,7 +193,6 @@ class _GraphReader:
         self._weights: dict[str, np.ndarray] = {}
 
     def read(self) -> dict[str, np.ndarray]:
-        """See :func:`from_onnx`."""
         layout, weights = self._layout, self._weights
         # what a softmax makes of the scores changes neither the best action nor what is learned from them
         end = self._before(self._end, "Tanh", "Softmax")
@@ -225,8 +215,8 @@ class _GraphReader:
         return weights
 
     def _dense(self, found: str) -> str:
-        """Take the weights of the layer that made ``found``; what goes into it: a row, or the last picture itself where
-        the gate made a convolution of a large layer (:mod:`paddock.network.dense`)."""
+        """Take the weights of the layer that made ``found``; its input: a row, or the last picture where the gate wrote
+        a large layer as a convolution (:mod:`paddock.network.dense`)."""
         made = self._makers.get(found)
         if made is None or made.op_type != "Reshape":
             return self._weigh(self._back(self._back(found, "Relu").input[0], "Gemm"), "dense")
@@ -238,15 +228,15 @@ class _GraphReader:
         return self._before(self._weigh(layer, "dense"), "Reshape")
 
     def _picture(self, sense: Sense, flat: str) -> str:
-        """The convolutions of one camera, from their flattened end; what they start from."""
+        """Take the convolutions of one camera, from their flattened end; the value that they start from."""
         value = self._unflattened(sense, flat)
         for number in reversed(range(len(self._layout.convolutions))):
             made = self._back(self._back(value, "Relu").input[0], "Conv")
             _, _, stride = self._layout.convolutions[number]
-            said = self._attributes(made)
-            plain = {"strides": [stride] * 2, "group": 1, "dilations": [1, 1], "auto_pad": b"NOTSET"}
-            if {**plain, "pads": [0] * 4, **said, "kernel_shape": 0} != {**plain, "pads": [0] * 4, "kernel_shape": 0}:
-                raise ValueError(f"a convolution with {said}")
+            attributes = self._attributes(made)
+            plain = {"strides": [stride] * 2, "group": 1, "dilations": [1, 1], "auto_pad": b"NOTSET", "pads": [0] * 4}
+            if {**plain, **attributes, "kernel_shape": 0} != {**plain, "kernel_shape": 0}:
+                raise ValueError(f"a convolution with {attributes}")
             value = self._weigh(made, f"{sense.name}.conv{number}")
         if sense.pool > 1:
             return self._before(self._back(value, "AveragePool").input[0], "Cast")
@@ -255,7 +245,7 @@ class _GraphReader:
         return self._before(value, "Cast")
 
     def _unflattened(self, sense: Sense, flat: str) -> str:
-        """What was flattened. The dense layer's columns are put into the order that torch flattens in."""
+        """The value before the flattening. The dense layer's columns are ordered as torch flattens."""
         made = self._makers.get(flat)
         if made is not None and made.op_type == "Relu":  # the dense layer reads the picture as it is
             return flat
@@ -279,12 +269,12 @@ class _GraphReader:
         return made
 
     def _before(self, value: str, *kinds: str) -> str:
-        """What goes into the node that makes ``value`` if it is one of these kinds, else ``value`` itself."""
+        """The input of the node that makes ``value`` if it is of these kinds, else ``value`` itself."""
         made = self._makers.get(value)
         return made.input[0] if made is not None and made.op_type in kinds else value
 
     def _weigh(self, made: Any, name: str) -> str:
-        """Take the weights of a node; what goes into it."""
+        """Take the weights of a node; its input."""
         if len(made.input) != 3:
             raise ValueError(f"{made.op_type} without a bias")
         for key, source in ((name, made.input[1]), (f"{name}_bias", made.input[2])):
@@ -293,7 +283,7 @@ class _GraphReader:
                 raise ValueError(f"{key} has the shape {None if array is None else array.shape}")
             self._weights[key] = array.astype(np.float32)
         if made.op_type == "Gemm":
-            said = {"alpha": 1.0, "beta": 1.0, "transA": 0, **self._attributes(made)}
-            if said != {"alpha": 1.0, "beta": 1.0, "transA": 0, "transB": 1}:
-                raise ValueError(f"a dense layer with {said}")
+            attributes = {"alpha": 1.0, "beta": 1.0, "transA": 0, **self._attributes(made)}
+            if attributes != {"alpha": 1.0, "beta": 1.0, "transA": 0, "transB": 1}:
+                raise ValueError(f"a dense layer with {attributes}")
         return made.input[0]

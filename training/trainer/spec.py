@@ -1,12 +1,10 @@
-"""What a training is, as plain values that cross a pipe as JSON."""
+"""The specification of a training as plain values that cross a pipe as JSON."""
 
-from __future__ import annotations
-
-import dataclasses
-from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import Any
+from typing import Any, TypedDict
 
+from paddock.geometry.track import TrackDocument
+from paddock.packages.metadata import MetadataDocument
 from paddock.simulator.camera.theme import OFFICIAL
 
 from .network import OURS
@@ -16,31 +14,47 @@ CARS = 16  # that drive at the same time
 EPISODE_STEPS = 100  # what one episode counts for when the steps between two updates are reckoned
 
 
+class TrackAndLook(TypedDict):
+    """A further track of a training, as :attr:`TrainerSpec.track` and ``look``."""
+
+    track: TrackDocument
+    look: str
+
+
+class Warmth(TypedDict):
+    """The numbers that the process needs before its lock (:mod:`.warm_up`); none is a racer's input. ``learned`` and
+    ``driven``: the sizes of the batches."""
+
+    metadata: MetadataDocument
+    build: str
+    learned: list[int]
+    driven: list[int]
+
+
 @dataclass(frozen=True)
 class TrainerSpec:
-    """All that a training depends on. ``track``: ``TrackGeometry.to_dict()`` in the driven direction.
-
-    ``look``: what cameras see of it, a name of ``paddock.simulator.camera.theme.THEMES``.
+    """The input of a training. ``track``: ``TrackGeometry.to_dict()`` in the driven direction; ``look``: a name of
+    ``paddock.simulator.camera.theme.THEMES``.
 
     ``layout``: the keyword arguments of the race type's environment (boxes, bots). ``metadata``: the checked
-    ``model_metadata.json`` of the model to be made. ``hyperparameters``: checked, see :mod:`training.hyperparameters`.
+    ``model_metadata.json`` of the model to be made. ``hyperparameters``: see :mod:`training.jobs.settings_checks`.
     ``build``: how the network is built, a name of :data:`.network.BUILDS`.
-    ``reward_code``: the source of the reward function; ``""`` is the console's default, which needs no stranger's code.
+    ``reward_code``: the source of the reward function; ``""`` is the console's default, which is our own code.
 
-    ``more_tracks``: others beside it, ``{"track", "look"}`` each. Every episode drives on one of them all, drawn from
-    the seed; with ``alternate_direction`` a car's every second episode goes the other way. Evaluations drive each of
-    these ways (:attr:`ways`). ``randomise``: strengths of what episodes draw about the world, see
+    ``more_tracks``: further tracks. Every episode drives on one of all tracks, drawn from the seed; with
+    ``alternate_direction`` a car's every second episode goes the other way. Evaluations drive each of these ways
+    (:attr:`ways`). ``randomise``: strengths of the episodes' random changes of the world, see
     :class:`paddock.simulator.randomisation.Randomisation`; evaluations are without.
 
-    It stops at the first of: ``stop_seconds`` of wall time (those of earlier attempts, ``seconds_before``, count),
-    ``stop_steps`` control steps, and ``stop_clean_laps`` laps in a row without a fault from the finish line,
-    on each way.
-    ``iterations_before``: of earlier attempts, up to the checkpoint that this one goes on from.
+    It stops at the first of: ``stop_seconds`` of wall time (with ``seconds_before`` of earlier attempts),
+    ``stop_steps`` control steps, and ``stop_clean_laps`` laps in a row without a fault from the finish line, on each
+    way. ``iterations_before``: of earlier attempts, up to the checkpoint. ``continues``: another training continues it
+    from the checkpoint that it saves at its end.
     """
 
-    track: dict[str, Any]
+    track: TrackDocument
     race_type: str
-    metadata: dict[str, Any]
+    metadata: MetadataDocument
     algorithm: str
     hyperparameters: dict[str, Any]
     reward_code: str = ""
@@ -55,13 +69,13 @@ class TrainerSpec:
     iterations_before: int = 0
     look: str = OFFICIAL.name
     build: str = OURS
-    more_tracks: list[dict[str, Any]] = field(default_factory=list)
+    more_tracks: list[TrackAndLook] = field(default_factory=list)
     alternate_direction: bool = False
     randomise: dict[str, float] = field(default_factory=dict)
+    continues: bool = False
 
     @property
     def ways(self) -> int:
-        """Tracks, times the directions of each."""
         return (1 + len(self.more_tracks)) * (2 if self.alternate_direction else 1)
 
     @property
@@ -71,31 +85,16 @@ class TrainerSpec:
 
     @property
     def updates_a_look(self) -> int:
-        """After so many updates the car is looked at: trials on many ways take their time, and driving shall have as
-        large a share of it as on one."""
+        """Updates between evaluations: more for many ways, so that driving keeps the same share of the time."""
         return -(-self.trials_driven // self.trials)
 
-    def to_dict(self) -> dict[str, Any]:
-        """Plain JSON values."""
-        return dataclasses.asdict(self)
-
-    @classmethod
-    def from_dict(cls, data: Mapping[str, Any]) -> TrainerSpec:
-        """The inverse of :meth:`to_dict`. Raises TypeError for an unknown key."""
-        return cls(**data)
-
     @property
-    def warmth(self) -> dict[str, Any]:
-        """What the process must know before its lock (:mod:`.warm`): our own numbers, nothing of a stranger.
-
-        ``learned`` and ``driven``: the sizes of the batches.
-        """
+    def warmth(self) -> Warmth:
         batch = self.hyperparameters["batch_size"]
         ppo = self.algorithm == "ppo"
         driven = {CARS * self.steps_each, CARS * self.rollout_steps(self._full_rollouts)}
-        keys = ("sensor", "lidar_config", "neural_network", "action_space_type", "action_space")
         return {
-            "metadata": {key: self.metadata[key] for key in keys if key in self.metadata},
+            "metadata": self.metadata,
             "build": self.build,
             "learned": sorted({batch, *(count % batch or batch for count in driven)} if ppo else {batch}),
             "driven": [*range(1, self.trials_driven + 1), CARS],
@@ -103,13 +102,13 @@ class TrainerSpec:
 
     @property
     def steps_each(self) -> int:
-        """Control steps of each car between two updates: the field counts episodes (5 to 100), stable-baselines3 steps.
-        An episode counts :data:`EPISODE_STEPS`, so 100 of them are the field's own cap of 10,000 steps an update."""
+        """Control steps of each car between two updates. The field counts episodes of :data:`EPISODE_STEPS`, so 100 of
+        them are its own cap of 10,000 steps an update."""
         return -(-self.hyperparameters["num_episodes_between_training"] * EPISODE_STEPS // CARS)
 
     def rollout_steps(self, done: int) -> int:
-        """Control steps of each car until the next update, when all of them have driven ``done``: ``stop_steps`` cuts
-        the last of these short, so that everything that is driven is learned from."""
+        """Control steps of each car until the next update, after ``done`` steps of all; ``stop_steps`` cuts the last of
+        these short."""
         if self.stop_steps is None or self.stop_steps <= done:
             return self.steps_each
         return min(self.steps_each, -(-(self.stop_steps - done) // CARS))

@@ -1,4 +1,4 @@
-"""The learner's eyes. It stands alone: a downloaded stable-baselines3 file carries this class by value."""
+"""The learner's feature extractor; a downloaded stable-baselines3 file carries this class by value."""
 
 from __future__ import annotations
 
@@ -10,8 +10,8 @@ from torch import nn
 
 
 class Torso(BaseFeaturesExtractor):
-    """A row of numbers (see ``training.trainer.senses``) to features: convolutions for each picture, a dense layer for
-    a lidar, and one dense layer for all."""
+    """Features of a row of numbers (``training.trainer.observations``): convolutions for each picture, a dense layer
+    for a lidar, and one dense layer for all."""
 
     def __init__(
         self,
@@ -43,7 +43,6 @@ class Torso(BaseFeaturesExtractor):
         self.dense = nn.Linear(joined, features)
 
     def forward(self, observations: torch.Tensor) -> torch.Tensor:
-        """Features of a batch of rows."""
         if self.scale != 1.0:
             observations = observations.float() * self.scale
         seen = []

@@ -1,22 +1,4 @@
-"""The video of a finished run, drawn and encoded on the server.
+"""The video of a finished run, drawn and encoded on the server; PyAV and OpenCV are loaded by the first call."""
 
-:func:`write_video` writes it, :func:`poster` draws its still, both of a :class:`VideoScene`. No database, no request.
-Importing this room loads neither PyAV nor OpenCV: both are loaded by the first call.
-"""
-
-from .scene import FULL, MAX_SECONDS, Form, Stopped, VideoCar, VideoFacts, VideoScene, Words
+from .scene import FULL, MAX_SECONDS, DrawingStopped, Form, VideoCar, VideoFacts, VideoScene, Words
 from .writing import poster, write_reel, write_video
-
-__all__ = [
-    "FULL",
-    "MAX_SECONDS",
-    "Form",
-    "Stopped",
-    "VideoCar",
-    "VideoFacts",
-    "VideoScene",
-    "Words",
-    "poster",
-    "write_reel",
-    "write_video",
-]

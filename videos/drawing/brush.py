@@ -1,4 +1,4 @@
-"""Painting with subpixels: polygons, lines and discs with smooth edges on a picture, by OpenCV."""
+"""Polygons, lines and discs with smooth edges at subpixel places on a picture, by OpenCV."""
 
 from __future__ import annotations
 
@@ -17,13 +17,13 @@ _FARTHEST_PX = 30_000.0  # OpenCV counts in 32 bits, 16 of them behind the point
 
 
 def fixed(points: np.ndarray) -> np.ndarray:
-    """Places in px as OpenCV's whole numbers, none farther off than it can count."""
+    """Places in px as OpenCV's fixed-point numbers, within its range."""
     near = np.minimum(np.maximum(points, -_FARTHEST_PX), _FARTHEST_PX)  # np.clip takes three times as long
     return np.rint(near * _ONE).astype(np.int32)
 
 
 def fill(picture: np.ndarray, outlines: Sequence[np.ndarray], colour: Colour) -> None:
-    """Fill outlines (n, 2) in px; of two that lie in each other the inner one is a hole."""
+    """Fill outlines (n, 2) in px; an outline within another is a hole."""
     if outlines:
         cv2.fillPoly(picture, [fixed(outline) for outline in outlines], colour, cv2.LINE_AA, _SHIFT)
 
@@ -31,7 +31,6 @@ def fill(picture: np.ndarray, outlines: Sequence[np.ndarray], colour: Colour) ->
 def stroke(
     picture: np.ndarray, outlines: Sequence[np.ndarray], colour: Colour, width: float, closed: bool = True
 ) -> None:
-    """Draw lines through places in px."""
     if outlines:
         lines = [fixed(outline) for outline in outlines]
         cv2.polylines(picture, lines, closed, colour, max(1, round(width)), cv2.LINE_AA, _SHIFT)
@@ -61,8 +60,8 @@ def _rounded(width: float, height: float, radius: float) -> np.ndarray:
 
 
 class Sticker(NamedTuple):
-    """A small picture with how much of each pixel it covers (uint8, (h, w)): put onto any ground, at any strength.
-    ``corner``: px; nothing but its four corners of this size is covered in part."""
+    """A small picture with its coverage (uint8, (h, w)), for any ground and strength. ``corner``: px; only its four
+    corners of this size are partly covered."""
 
     pixels: np.ndarray
     cover: np.ndarray
@@ -70,7 +69,6 @@ class Sticker(NamedTuple):
 
     @classmethod
     def card(cls, width: int, height: int, radius: float, colour: Colour, edge: Colour | None = None) -> Sticker:
-        """An empty card with round corners, on which can be painted."""
         cover = np.zeros((height, width), np.uint8)
         outline = rounded(width, height, radius) - 0.5
         cv2.fillPoly(cover, [fixed(outline)], 255, cv2.LINE_AA, _SHIFT)
@@ -84,7 +82,7 @@ class Sticker(NamedTuple):
         return cls(pixels, cover, corner)
 
     def put(self, picture: np.ndarray, left: int, top: int, strength: float = 1.0) -> None:
-        """Lay it over the picture, as far as it lies in it."""
+        """Lay it over the picture, clipped."""
         height, width = self.cover.shape
         x0, y0 = max(left, 0), max(top, 0)
         x1, y1 = min(left + width, picture.shape[1]), min(top + height, picture.shape[0])
@@ -110,7 +108,7 @@ def _lay(under: np.ndarray, pixels: np.ndarray, cover: np.ndarray, strength: flo
 
 
 def dim(picture: np.ndarray, outlines: Sequence[np.ndarray], share: float) -> None:
-    """Darken what lies in the outlines, a shadow."""
+    """Paint a shadow with these outlines."""
     corners = np.concatenate(outlines)
     x0, y0 = np.maximum(np.floor(corners.min(axis=0)).astype(int) - 6, 0)
     x1, y1 = np.minimum(np.ceil(corners.max(axis=0)).astype(int) + 7, (picture.shape[1], picture.shape[0]))

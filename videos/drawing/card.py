@@ -1,17 +1,15 @@
-"""The card at the end: what came of the run, or of the lap that was shown."""
-
-from __future__ import annotations
+"""The result card at the end of a video."""
 
 from typing import NamedTuple
 
 import numpy as np
 
 from . import palette, shapes
-from .brush import Sticker, disc, fill, rounded
-from .lettering import figures, mask, shortened, write
-from .panel import car_picture
+from .brush import Sticker, disc
+from .lettering import Pen, figures, mask, shortened, write
+from .panel import car_picture, sector_bars
 from .scene import Words
-from .take import Actor, Take
+from .timeline import Actor, FrameTimeline
 from .timing import SECTORS, TimedLap, written
 
 _WIDTH, _PAD, _ROW = 620, 28, 34
@@ -27,8 +25,7 @@ class Figure(NamedTuple):
     colour: palette.Colour
 
 
-def result_card(take: Take, words: Words) -> Sticker:
-    """The card as it is laid over the last picture."""
+def result_card(take: FrameTimeline, words: Words) -> Sticker:
     unit = take.form.height / 720.0
     several = len(take.actors) > 1 and take.scene.lap is None
     cars = _in_order(take) if several else []
@@ -48,48 +45,44 @@ def result_card(take: Take, words: Words) -> Sticker:
     if missing:
         y = (_HEAD + len(shown) * _ROW + 4) * unit
         text = f"+ {missing}"
-        write(pixels, text, _PAD * unit, y, 16 * unit, palette.MUTED, palette.SURFACE)
+        write(pixels, text, _PAD * unit, y, Pen(16 * unit, palette.MUTED))
     _foot(pixels, _figures(take, words), (high - _FOOT) * unit, unit)
     return card
 
 
-def caption(take: Take) -> Sticker:
-    """What is written below a moment of a run, on a ground of its own."""
+def caption(take: FrameTimeline) -> Sticker:
     unit = take.form.height / 720.0
     size, pad = 24 * unit, 16 * unit
     text = shortened(take.scene.caption, size, True, round(take.form.width - 120 * unit))
     wide = mask(text, size, True).shape[1] + 2 * pad
     sticker = Sticker.card(round(wide), round(52 * unit), 10 * unit, palette.SURFACE, palette.LINE_STRONG)
-    write(sticker.pixels, text, pad, 9 * unit, size, palette.TEXT, palette.SURFACE, bold=True)
+    write(sticker.pixels, text, pad, 9 * unit, Pen(size, palette.TEXT, bold=True))
     return sticker
 
 
-def _in_order(take: Take) -> list[Actor]:
-    """The cars, winner first."""
+def _in_order(take: FrameTimeline) -> list[Actor]:
     places = {number: place for place, number in enumerate(take.scene.order)}
     return sorted(take.actors, key=lambda actor: places.get(actor.car.number, len(places)))
 
 
-def _laps(take: Take) -> list[TimedLap]:
+def _laps(take: FrameTimeline) -> list[TimedLap]:
     return [lap for lap in take.hero.timing.laps if take.scene.lap in (None, lap.number)]
 
 
 def _fastest(laps: list[TimedLap]) -> list[TimedLap]:
-    """The laps that the card has room for: the fastest ones, in the order in which they were driven."""
+    """The fastest laps that the card has room for, in the order in which they were driven."""
     best = sorted(laps, key=lambda lap: (not lap.complete, lap.time_ms))[:_MOST_ROWS]
     return sorted(best, key=lambda lap: lap.number)
 
 
-def _head(pixels: np.ndarray, take: Take, unit: float) -> None:
-    scale = 56 * unit / 56
+def _head(pixels: np.ndarray, take: FrameTimeline, unit: float) -> None:
     left = pixels.shape[1] - (_PAD + 120) * unit
-    car_picture(pixels, shapes.side(take.hero.car.shell), take.hero.colour, left, 22 * unit, scale)
+    car_picture(pixels, shapes.side(take.hero.car.shell), take.hero.colour, left, 22 * unit, unit)
     room = round(left - (_PAD + 16) * unit)
-    on = palette.SURFACE
     name = shortened(take.hero.car.name, 26 * unit, True, room)
-    write(pixels, name, _PAD * unit, 20 * unit, 26 * unit, palette.TEXT, on, bold=True)
+    write(pixels, name, _PAD * unit, 20 * unit, Pen(26 * unit, palette.TEXT, bold=True))
     title = shortened(take.scene.title, 15 * unit, False, room)
-    write(pixels, title, _PAD * unit, 57 * unit, 15 * unit, palette.MUTED, on)
+    write(pixels, title, _PAD * unit, 57 * unit, Pen(15 * unit, palette.MUTED))
     _rule(pixels, 92 * unit, unit)
 
 
@@ -98,38 +91,31 @@ def _rule(pixels: np.ndarray, y: float, unit: float) -> None:
 
 
 def _lap_row(pixels: np.ndarray, lap: TimedLap, hero: Actor, y: float, unit: float, words: Words) -> None:
-    on = palette.SURFACE
     best = min((one.time_ms for one in hero.timing.laps if one.complete), default=None)
     colour = palette.SECTORS["green"] if lap.complete and lap.time_ms == best else palette.TEXT
     if not lap.complete:
         colour = palette.MUTED
     text = f"{words.lap} {lap.number}"
-    write(pixels, text, _PAD * unit, y + 6 * unit, 17 * unit, palette.SOFT, on)
-    figures(pixels, written(lap.time_ms), 236 * unit, y + 5 * unit, 19 * unit, colour, on, bold=True, align="right")
-    colours = hero.timing.final(lap)
-    for number in range(SECTORS):
-        x = (270 + number * 58) * unit
-        paint = palette.SECTORS.get(colours[number]) if number < len(colours) else None
-        fill(pixels, [rounded(52 * unit, 7 * unit, 3.5 * unit, x, y + 15 * unit)], paint or palette.LINE)
-    told = [(words.off_tracks, lap.off_tracks), (words.crashes, lap.crashes), (words.resets, lap.resets)]
-    text = next((f"{word} {count}" for word, count in told if count), "")
-    write(pixels, text, pixels.shape[1] - _PAD * unit, y + 7 * unit, 15 * unit, palette.MUTED, on, align="right")
+    write(pixels, text, _PAD * unit, y + 6 * unit, Pen(17 * unit, palette.SOFT))
+    figures(pixels, written(lap.time_ms), 236 * unit, y + 5 * unit, Pen(19 * unit, colour, bold=True, align="right"))
+    sector_bars(pixels, hero.timing.final(lap), 270 * unit, y + 15 * unit, 52 * unit, 7 * unit, 6 * unit)
+    counts = [(words.off_tracks, lap.off_tracks), (words.crashes, lap.crashes), (words.resets, lap.resets)]
+    text = next((f"{word} {count}" for word, count in counts if count), "")
+    write(pixels, text, pixels.shape[1] - _PAD * unit, y + 7 * unit, Pen(15 * unit, palette.MUTED, align="right"))
 
 
 def _car_row(pixels: np.ndarray, place: int, actor: Actor, y: float, unit: float, words: Words) -> None:
-    on = palette.SURFACE
     complete = [lap.time_ms for lap in actor.timing.laps if lap.complete]
-    figures(pixels, str(place), _PAD * unit, y + 5 * unit, 19 * unit, palette.MUTED, on, bold=True)
+    figures(pixels, str(place), _PAD * unit, y + 5 * unit, Pen(19 * unit, palette.MUTED, bold=True))
     disc(pixels, (_PAD + 36) * unit, y + 17 * unit, 7 * unit, actor.colour)
     name = shortened(actor.car.name, 18 * unit, True, round(250 * unit))
-    write(pixels, name, (_PAD + 54) * unit, y + 6 * unit, 18 * unit, palette.TEXT, on, bold=True)
+    write(pixels, name, (_PAD + 54) * unit, y + 6 * unit, Pen(18 * unit, palette.TEXT, bold=True))
     best, total = min(complete, default=None), sum(lap.time_ms for lap in actor.timing.laps)
     for value, x, colour in ((best, 450, palette.SECTORS["green"]), (total or None, _WIDTH - _PAD, palette.TEXT)):
-        figures(pixels, written(value), x * unit, y + 5 * unit, 18 * unit, colour, on, bold=True, align="right")
+        figures(pixels, written(value), x * unit, y + 5 * unit, Pen(18 * unit, colour, bold=True, align="right"))
 
 
-def _figures(take: Take, words: Words) -> list[Figure]:
-    """What the foot tells of the followed car."""
+def _figures(take: FrameTimeline, words: Words) -> list[Figure]:
     hero = take.hero
     laps = _laps(take)
     if take.scene.lap is not None:
@@ -157,5 +143,5 @@ def _foot(pixels: np.ndarray, entries: list[Figure], y: float, unit: float) -> N
     for number, figure in enumerate(entries):
         x = _PAD * unit + number * width
         label = figure.label.upper()
-        write(pixels, label, x, y + 17 * unit, 13 * unit, palette.MUTED, palette.SURFACE, bold=True)
-        figures(pixels, figure.value, x, y + 36 * unit, 30 * unit, figure.colour, palette.SURFACE, bold=True)
+        write(pixels, label, x, y + 17 * unit, Pen(13 * unit, palette.MUTED, bold=True))
+        figures(pixels, figure.value, x, y + 36 * unit, Pen(30 * unit, figure.colour, bold=True))

@@ -1,4 +1,4 @@
-"""MP4 with H.264 from pictures, one after the other: PyAV, one thread, the same bytes for the same pictures."""
+"""Encodes pictures as MP4 with H.264: the same bytes for the same pictures."""
 
 from __future__ import annotations
 
@@ -13,8 +13,8 @@ from av.video.frame import PictureType
 
 from .scene import Form
 
-KEY_S = 2  # a key frame each so many seconds: a player finds any moment quickly
-# Flat surfaces and thin lines: x264 at this rate factor leaves no blocks that are seen, in 1 to 4 Mbit/s.
+KEY_S = 2  # seconds from one key frame to the next
+# Flat surfaces and thin lines: x264 at this rate factor leaves no visible blocks, in 1 to 4 Mbit/s.
 _OPTIONS = {
     "preset": "superfast",
     "crf": "21",
@@ -23,12 +23,12 @@ _OPTIONS = {
     "flags": "+bitexact",
     "x264-params": "scenecut=0:weightp=0:sliced-threads=0:videoformat=component",
 }
-# The matrix and range of OpenCV's conversion, said in the file: a player would take another one for granted.
+# The matrix and range of OpenCV's conversion; players assume another one by default.
 _BT601, _BT709_CURVE, _LIMITED = 6, 1, 1
 
 
 class Encoder:
-    """Writes one file. Used as a context: when it is left without an exception the file is whole, its index first."""
+    """Writes one file; a context manager that completes the file unless an exception leaves it."""
 
     def __init__(self, path: Path, form: Form) -> None:
         self._form = form
@@ -50,7 +50,7 @@ class Encoder:
         self._number = 0
 
     def add(self, picture: np.ndarray) -> None:
-        """One more picture, BGR (height, width, 3)."""
+        """Add a picture, BGR (height, width, 3)."""
         planes = np.asarray(cv2.cvtColor(picture, cv2.COLOR_BGR2YUV_I420), np.uint8)
         frame = av.VideoFrame.from_ndarray(planes, format="yuv420p")
         frame.pts, frame.time_base = self._number, Fraction(1, self._form.fps)

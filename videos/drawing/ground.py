@@ -1,8 +1,4 @@
-"""The track as it lies on the ground, in polygons; those near the picture's middle, for as many frames as it is there.
-
-A whole track at the picture's scale would be an image of up to a gigabyte. Filling the few polygons that are in view
-takes a third of a millisecond and needs no memory worth the name.
-"""
+"""The track on the ground as polygons, of which only those near the picture's middle are filled."""
 
 from __future__ import annotations
 
@@ -35,8 +31,8 @@ _LEAST_STONES = 5
 
 
 class Patch(NamedTuple):
-    """One fill: the corners of all its outlines in metres, (n, 2), which of them belong to each outline, and the
-    colour. Where outlines lie in each other, the inner one is a hole."""
+    """One fill: the corners of all its outlines in metres, (n, 2), the slice of each outline, and the colour. An
+    outline within another is a hole."""
 
     corners: np.ndarray
     parts: list[slice]
@@ -44,7 +40,6 @@ class Patch(NamedTuple):
 
     @classmethod
     def of(cls, outlines: list[np.ndarray], colour: Colour) -> Patch:
-        """From outlines (n, 2) each."""
         ends = np.cumsum([len(outline) for outline in outlines]).tolist()
         parts = [slice(end - len(outline), end) for outline, end in zip(outlines, ends, strict=True)]
         return cls(np.concatenate(outlines), parts, colour)
@@ -54,7 +49,7 @@ class Ground:
     """The patches of a track, from below to above, cut into cells that are kept."""
 
     def __init__(self, track: TrackGeometry, reach_m: float) -> None:
-        """``reach_m``: how far from the picture's middle anything is seen."""
+        """``reach_m``: the visible distance from the picture's middle."""
         self._reach = reach_m
         *holes, around = outlines = [rounded_off(line) for line in track.outlines]
         ring = Polygon(around, holes).buffer(0)
@@ -63,20 +58,14 @@ class Ground:
         self._borders = shapely.union_all([line.buffer(BORDER_M, quad_segs=3) for line in borders])
         shapely.prepare(self._borders)
         red, white = _kerbs(track)
-        self._small = [
-            (_Pieces(red), palette.KERB_RED),
-            (_Pieces(white), palette.KERB_WHITE),
-        ]
+        self._kerbs = (_Pieces(red, palette.KERB_RED), _Pieces(white, palette.KERB_WHITE))
         dark, light = _finish(track)
-        self._on_top = [
-            (_Pieces(_dashes(track)), palette.ROAD_LINE),
-            (_Pieces(dark), palette.SUNKEN),
-            (_Pieces(light), palette.TEXT),
-        ]
+        self._dashes = _Pieces(_dashes(track), palette.ROAD_LINE)
+        self._finish = (_Pieces(dark, palette.SUNKEN), _Pieces(light, palette.TEXT))
         self._cells: OrderedDict[tuple[int, int], list[Patch]] = OrderedDict()
 
     def around(self, x: float, y: float) -> list[Patch]:
-        """Everything within reach of the point, in the order in which it is painted."""
+        """The patches within reach of the point, in the order of painting."""
         cell = (math.floor(x / CELL_M), math.floor(y / CELL_M))
         patches = self._cells.get(cell)
         if patches is None:
@@ -94,35 +83,33 @@ class Ground:
         )
         road = shapely.clip_by_rect(self._road, *box)
         yield from _patch(shapely.clip_by_rect(self._verge, *box), palette.VERGE)
-        for pieces, colour in self._small:
-            yield from pieces.within(box, colour)
+        for pieces in self._kerbs:
+            yield from pieces.within(box)
         yield from _patch(road, palette.ROAD)
-        for pieces, colour in self._on_top[:1]:
-            yield from pieces.within(box, colour)
+        yield from self._dashes.within(box)
         yield from _patch(shapely.clip_by_rect(self._borders, *box), palette.ROAD_LINE)
-        for pieces, colour in self._on_top[1:]:
-            yield from pieces.within(box, colour)
+        for pieces in self._finish:
+            yield from pieces.within(box)
 
 
 class _Pieces:
     """Many small polygons of one colour."""
 
-    def __init__(self, pieces: list[np.ndarray]) -> None:
-        self._pieces = pieces
+    def __init__(self, pieces: list[np.ndarray], colour: Colour) -> None:
+        self._pieces, self._colour = pieces, colour
         self._low = np.array([piece.min(axis=0) for piece in pieces]).reshape(-1, 2)
         self._high = np.array([piece.max(axis=0) for piece in pieces]).reshape(-1, 2)
 
-    def within(self, box: tuple[float, float, float, float], colour: Colour) -> Iterator[Patch]:
+    def within(self, box: tuple[float, float, float, float]) -> Iterator[Patch]:
         seen = (self._low < box[2:]).all(axis=1) & (self._high > box[:2]).all(axis=1)
         found = [self._pieces[index] for index in np.flatnonzero(seen)]
         if found:
-            yield Patch.of(found, colour)
+            yield Patch.of(found, self._colour)
 
 
 def rounded_off(line: np.ndarray) -> np.ndarray:
-    """A closed border (n, 2) with points between its own, on a curve through all of them (Catmull and Rom): a road of
-    straight pieces looks broken from near. Where the curve leaves the border by more than ``_ROUNDED_M``, at corners
-    that are meant, the border stays as it is."""
+    """A closed border (n, 2) with more points, on a curve through all of its own (Catmull and Rom). Where the curve
+    leaves the border by more than ``_ROUNDED_M`` the border stays straight."""
     before, start, end, after = (np.roll(line, shift, axis=0) for shift in (1, 0, -1, -2))
     share = np.linspace(0.0, 1.0, _BETWEEN + 1)[:-1, None, None]
     straight = start + share * (end - start)
@@ -149,7 +136,6 @@ def _patch(shape: BaseGeometry, colour: Colour) -> Iterator[Patch]:
 
 
 def _dashes(track: TrackGeometry) -> list[np.ndarray]:
-    """The dashed centre line."""
     first, last = track.paved
     count = max(1, round((last - first) / (DASH_M + GAP_M)))
     starts = first + np.arange(count) * ((last - first) / count)
@@ -163,7 +149,7 @@ def _dashes(track: TrackGeometry) -> list[np.ndarray]:
 
 
 def _finish(track: TrackGeometry) -> tuple[list[np.ndarray], list[np.ndarray]]:
-    """The chequered finish line, border to border: its dark and its light squares."""
+    """The dark and the light squares of the finish line."""
     finish = track.finish_m
     left, right = track.half_widths_at(finish)
     columns = max(2, round((left + right) / CHECK_M))
@@ -180,8 +166,7 @@ def _finish(track: TrackGeometry) -> tuple[list[np.ndarray], list[np.ndarray]]:
 
 
 def _kerbs(track: TrackGeometry) -> tuple[list[np.ndarray], list[np.ndarray]]:
-    """Red and white stones along the inner side of every bend, outside of the border's line. They are for the eye only:
-    nothing of them is in the simulator."""
+    """Red and white stones along the inner side of every bend; the simulator has none."""
     count = max(8, round(track.length / STONE_M))
     step = track.length / count
     distances = np.arange(count) * step
@@ -193,7 +178,7 @@ def _kerbs(track: TrackGeometry) -> tuple[list[np.ndarray], list[np.ndarray]]:
     bend = turn / reach
     left, right = track.half_widths_along(distances)
     edges = np.where(bend > 0, left, right)
-    # inside of a bend that is tighter than the road is wide, stones would lie on each other
+    # inside a bend that is tighter than the road is wide, stones would overlap
     wanted = (np.abs(bend) > _BEND) & (np.abs(bend) < 1.0 / (edges + KERB_M + 0.12))
     side = np.where(wanted, np.sign(bend), 0.0)
     stones: tuple[list[np.ndarray], list[np.ndarray]] = ([], [])

@@ -1,15 +1,14 @@
 """Text in the picture: Pillow's own typeface, and whatever the system has for letters that are not in it."""
 
-from __future__ import annotations
-
 import subprocess
 import unicodedata
 from functools import cache, lru_cache
+from typing import NamedTuple
 
 import numpy as np
 from PIL import Image, ImageDraw, ImageFont
 
-from .palette import Colour
+from .palette import SURFACE, Colour
 
 _ABSENT = "\uffff"
 _PLAIN = str.maketrans({"–": "-", "—": "-", "−": "-", "’": "'", "‘": "'", "“": '"', "”": '"', "…": "...", "×": "x"})
@@ -31,15 +30,14 @@ def _other(file: str, index: int, size: float) -> ImageFont.FreeTypeFont:
 
 
 def _has(font: ImageFont.FreeTypeFont, letter: str) -> bool:
-    """Whether the font has a glyph for the letter, and not only the box that stands for a missing one."""
     if letter == " ":
         return True
     mask, absent = font.getmask(letter), font.getmask(_ABSENT)
     return mask.size != (0, 0) and (mask.size != absent.size or bytes(mask) != bytes(absent))
 
 
-_found: list[tuple[str, int]] = []  # system fonts that were of use before are asked first
-_mute: list[Exception] = []  # why fontconfig is not asked any more: it is not there, or it does not answer
+_found: list[tuple[str, int]] = []  # system fonts in use, tried first
+_failures: list[Exception] = []  # of fontconfig, which is then not called again
 
 
 @cache
@@ -53,7 +51,7 @@ def system_font(letter: str) -> tuple[str, int] | None:
     for known in _found:
         if _has(_other(*known, 20), letter):
             return known
-    if _mute:
+    if _failures:
         return None
     try:
         answer = subprocess.run(
@@ -69,7 +67,7 @@ def system_font(letter: str) -> tuple[str, int] | None:
     except (FileNotFoundError, PermissionError, subprocess.TimeoutExpired) as error:
         if not isinstance(error, subprocess.TimeoutExpired) and error.filename != "fc-match":
             return None  # a font that cannot be read
-        _mute.append(error)
+        _failures.append(error)
         return None
     except (OSError, ValueError, subprocess.SubprocessError):
         return None  # no such font, or one of pictures
@@ -94,13 +92,12 @@ def drawable(text: str) -> str:
 
 
 def is_drawable(text: str) -> bool:
-    """Whether fonts here have every letter of the text."""
     return all(letter.isspace() or _font_for(letter) is not None for letter in text)
 
 
 @lru_cache(maxsize=1024)
 def mask(text: str, size: float, bold: bool = False) -> np.ndarray:
-    """How much of each pixel the text covers, uint8 (h, w); of all texts of a size h and the baseline are the same."""
+    """The coverage of each pixel, uint8 (h, w); h and the baseline depend on the size alone."""
     pen = round(size * 0.022, 2) if bold else 0.0
     parts: list[tuple[ImageFont.FreeTypeFont, str]] = []
     for letter in drawable(text):
@@ -124,7 +121,7 @@ def mask(text: str, size: float, bold: bool = False) -> np.ndarray:
 
 @lru_cache(maxsize=1024)
 def shortened(text: str, size: float, bold: bool, width: int) -> str:
-    """The text, or as much of its beginning as ``width`` px hold, with three dots."""
+    """The text, or its beginning and three dots, in at most ``width`` px."""
     text = drawable(text)
     if mask(text, size, bold).shape[1] <= width:
         return text
@@ -138,62 +135,46 @@ def shortened(text: str, size: float, bold: bool, width: int) -> str:
     return f"{text[:low].rstrip()}..."
 
 
+class Pen(NamedTuple):
+    """The style of a text on a panel. ``size``: px; ``align``: which end of the text lies at its place, "left", "right"
+    or "middle"."""
+
+    size: float
+    colour: Colour
+    bold: bool = False
+    align: str = "left"
+
+
 @lru_cache(maxsize=2048)
-def _patch(text: str, size: float, bold: bool, colour: Colour, on: Colour) -> np.ndarray:
-    cover = mask(text, size, bold)[:, :, None].astype(np.float32) / 255.0
-    return np.rint(np.array(on, np.float32) * (1.0 - cover) + np.array(colour, np.float32) * cover).astype(np.uint8)
+def _patch(text: str, pen: Pen) -> np.ndarray:
+    cover = mask(text, pen.size, pen.bold)[:, :, None].astype(np.float32) / 255.0
+    ground, colour = np.array(SURFACE, np.float32), np.array(pen.colour, np.float32)
+    return np.rint(ground * (1.0 - cover) + colour * cover).astype(np.uint8)
 
 
-def write(
-    picture: np.ndarray,
-    text: str,
-    x: float,
-    y: float,
-    size: float,
-    colour: Colour,
-    on: Colour,
-    *,
-    bold: bool = False,
-    align: str = "left",
-) -> int:
-    """Write a text on a plain ground of the colour ``on``, its line's upper edge at ``y`` and its left end, its right
-    end or its middle at ``x`` (``align``). Returns its width in px. What lies outside the picture is left out."""
-    patch = _patch(text, size, bold, colour, on)
-    left = round(x) - {"left": 0, "right": patch.shape[1], "middle": patch.shape[1] // 2}[align]
-    put(picture, patch, left, round(y))
+def write(picture: np.ndarray, text: str, x: float, y: float, pen: Pen) -> int:
+    """Write a text with the upper edge of its line at ``y``. Returns its width in px. Clipped to the picture."""
+    patch = _patch(text, pen)
+    left = round(x) - {"left": 0, "right": patch.shape[1], "middle": patch.shape[1] // 2}[pen.align]
+    _put(picture, patch, left, round(y))
     return patch.shape[1]
 
 
-def figures(
-    picture: np.ndarray,
-    text: str,
-    x: float,
-    y: float,
-    size: float,
-    colour: Colour,
-    on: Colour,
-    *,
-    bold: bool = False,
-    align: str = "left",
-) -> int:
-    """As :func:`write`, for what changes in every frame: a few glyphs that are kept. Digits are equally wide."""
-    widths = [advance(letter, size) for letter in text]
-    total = sum(widths)
-    at = x - {"left": 0.0, "right": total, "middle": total / 2}[align]
+def figures(picture: np.ndarray, text: str, x: float, y: float, pen: Pen) -> None:
+    """As :func:`write`, for a text that changes in every frame: its glyphs are cached. Digits are equally wide."""
+    widths = [advance(letter, pen.size) for letter in text]
+    at = x - {"left": 0.0, "right": sum(widths), "middle": sum(widths) / 2}[pen.align]
     for letter, width in zip(text, widths, strict=True):
-        put(picture, _patch(letter, size, bold, colour, on), round(at), round(y))
+        _put(picture, _patch(letter, pen), round(at), round(y))
         at += width
-    return round(total)
 
 
 @lru_cache(maxsize=256)
 def advance(letter: str, size: float) -> float:
-    """How far a glyph moves the pen."""
     return _own(size).getlength(letter)
 
 
-def put(picture: np.ndarray, patch: np.ndarray, left: int, top: int) -> None:
-    """Copy ``patch`` into the picture, as far as it lies in it."""
+def _put(picture: np.ndarray, patch: np.ndarray, left: int, top: int) -> None:
     height, width = picture.shape[:2]
     x0, y0 = max(left, 0), max(top, 0)
     x1, y1 = min(left + patch.shape[1], width), min(top + patch.shape[0], height)

@@ -1,6 +1,4 @@
-"""From sim-traces to where every car is in every frame, and where the picture's middle is."""
-
-from __future__ import annotations
+"""The place of every car and of the picture's middle in every frame, from sim-traces."""
 
 import csv
 import io
@@ -15,26 +13,25 @@ from scipy.ndimage import gaussian_filter1d
 
 from paddock.simulator.physics import PADDOCK_CAR
 from paddock.simulator.trace import CRASHED, IMMOBILIZED, OFF_TRACK, PAUSE, REVERSED
-from tracks.drawing.trajectories import JUMP_M, TOP_SPEED_MPS
+from tracks.drawing import JUMP_M, TOP_SPEED_MPS
 
 FAULTS = (CRASHED, OFF_TRACK, IMMOBILIZED, REVERSED)
 _NUMBERS = ("X", "Y", "yaw", "steer", "throttle", "tstamp")
-_FAR_M = 1e5  # nothing of a track lies so far away; farther, a float no longer tells a millimetre
+_FAR_M = 1e5  # no point of a track lies so far away
 _LATE_MS = 1e8
 _LONGEST_FIELD = 1000
 
-_AHEAD_S = 0.35  # the picture's middle is where the car will be so much later ...
-_SMOOTH_S = 0.42  # ... its way smoothed by this much, in seconds of standard deviation
-_BESIDE = (0.27, 0.2)  # of the picture's width and height; the car is hardly farther from the middle
-_GLIDE_M = 1.6  # over a reset that is no longer than this the picture glides; the car never does
+_AHEAD_S = 0.35  # the picture's middle is the car's place so much later,
+_SMOOTH_S = 0.42  # smoothed by so many seconds of standard deviation
+_BESIDE = (0.27, 0.2)  # greatest distance of the car from the middle, as a share of the picture's width and height
+_GLIDE_M = 1.6  # the longest reset over which the picture glides
 
 
 @dataclass(frozen=True)
 class Steps:
-    """The readable rows of a trace, one array a column: ``t`` in ms from the first row, ``x``, ``y`` of the car's
-    middle (m), ``yaw`` (rad, running on), ``steer`` (rad), ``speed`` (m/s), ``done`` (laps driven, with a share),
-    ``status``, ``wait`` (s that a pause still lasts), and ``piece``: a number that changes where the car was put
-    elsewhere."""
+    """The readable rows of a trace: ``t`` in ms from the first row, ``x``, ``y`` of the car's middle (m), ``yaw`` (rad,
+    unwrapped), ``steer`` (rad), ``speed`` (m/s), ``done`` (laps driven), ``wait`` (s until a pause ends), and
+    ``piece``: a number that changes with every reset."""
 
     t: np.ndarray
     x: np.ndarray
@@ -52,13 +49,12 @@ class Steps:
 
 
 def fault_times(steps: Steps) -> np.ndarray:
-    """When the car was at fault, in ms: it is then put back, unless no reset is left to it."""
+    """The times of the car's faults, ms."""
     return steps.t[np.isin(steps.status, FAULTS)]
 
 
 def read_steps(trace: bytes) -> Steps:
-    """The steps of a sim-trace. Rows that cannot be read, that lie nowhere on Earth's tracks or that go back in time
-    are left out; a file that is not a trace has none."""
+    """The steps of a sim-trace, without rows that cannot be read, lie too far away or go back in time."""
     rows: list[tuple[float, ...]] = []
     words: list[str] = []
     first = None
@@ -76,7 +72,7 @@ def read_steps(trace: bytes) -> Steps:
         words.append(str(row.get("episode_status")))
     x, y, degrees, steer, _, t, progress, episode, wait = np.array(rows, np.float64).reshape(-1, 9).T
     yaw = np.unwrap(np.radians(np.fmod(degrees, 360.0)))
-    # The trace has the nose, a shell is drawn around the car's middle.
+    # X and Y are the nose, a shell is drawn around the car's middle.
     x, y = x - PADDOCK_CAR.nose_x * np.cos(yaw), y - PADDOCK_CAR.nose_x * np.sin(yaw)
     status = np.array(words, dtype=str)
     piece = np.zeros(len(t), np.int64)
@@ -90,7 +86,6 @@ def read_steps(trace: bytes) -> Steps:
 
 
 def _rows(trace: bytes) -> Iterator[dict[str, str]]:
-    """The rows of the file as dicts, as far as it is CSV."""
     lines = io.StringIO(trace.decode(errors="replace").replace("\0", ""))
     reader = csv.DictReader((line[: 20 * _LONGEST_FIELD] for line in lines), restkey="rest")
     while True:
@@ -110,7 +105,7 @@ def _number(text: object) -> float:
 
 
 def _speeds(t: np.ndarray, apart: np.ndarray, cut: np.ndarray) -> np.ndarray:
-    """Metres a second as driven, (n,), from the ways before and after each row."""
+    """Speed (m/s), (n,), from the ways before and after each row."""
     if len(t) < 2:
         return np.zeros(len(t))
     ways = np.where(cut, 0.0, apart) / np.maximum(np.diff(t), 1.0) * 1000.0
@@ -120,7 +115,8 @@ def _speeds(t: np.ndarray, apart: np.ndarray, cut: np.ndarray) -> np.ndarray:
 
 @dataclass(frozen=True)
 class Motion:
-    """A car in every frame: arrays with a value each. ``gone``: it is done; ``fault``: why it stands, or ""."""
+    """A car in every frame. ``gone``: its run is over; ``fault``: the status for which it stands, or ""; ``row``: of
+    the trace."""
 
     x: np.ndarray
     y: np.ndarray
@@ -132,11 +128,11 @@ class Motion:
     standing: np.ndarray
     gone: np.ndarray
     fault: np.ndarray
-    row: np.ndarray  # of the trace
+    row: np.ndarray
 
 
 def drive_of(steps: Steps, times: np.ndarray) -> Motion:
-    """The car at the moments ``times`` (ms, ascending): smooth between rows, never between two pieces of its way."""
+    """The car at the moments ``times`` (ms, ascending), interpolated between rows of one piece."""
     row = np.clip(np.searchsorted(steps.t, times, side="right") - 1, 0, len(steps) - 1)
     columns = {name: np.empty(len(times)) for name in ("x", "y", "yaw", "steer", "speed")}
     for piece, frames in _runs(steps.piece[row]):
@@ -146,17 +142,15 @@ def drive_of(steps: Steps, times: np.ndarray) -> Motion:
             column[frames] = _between(steps.t[rows], getattr(steps, name)[rows], at, smooth=name in ("x", "y", "yaw"))
     standing = steps.status[row] == PAUSE
     wait = np.where(standing, np.maximum(steps.wait[row] - (times - steps.t[row]) / 1000.0, 0.0), 0.0)
-    columns["speed"][standing] = 0.0
-    columns["steer"][standing] = 0.0
     gone = times > steps.t[-1]
-    columns["speed"][gone] = 0.0
-    columns["steer"][gone] = 0.0
+    for name in ("speed", "steer"):
+        columns[name][standing | gone] = 0.0
     done = np.interp(times, steps.t, steps.done)
     return Motion(**columns, done=done, wait=wait, standing=standing, gone=gone, fault=_faults(steps)[row], row=row)
 
 
 def _runs(numbers: np.ndarray) -> Iterator[tuple[int, slice]]:
-    """(number, where it stands) for every number of an ascending array."""
+    """(number, its slice) for every number of an ascending array."""
     starts = np.concatenate(([0], np.flatnonzero(np.diff(numbers)) + 1, [len(numbers)])).tolist()
     for start, end in pairwise(starts):
         yield int(numbers[start]), slice(start, end)
@@ -169,7 +163,7 @@ def _between(t: np.ndarray, values: np.ndarray, at: np.ndarray, *, smooth: bool)
 
 
 def _faults(steps: Steps) -> np.ndarray:
-    """For each row the fault after which the car stands there, or ""."""
+    """For each row the fault for which the car stands, or ""."""
     faults = np.full(len(steps), "", dtype=f"<U{max(map(len, FAULTS))}")
     last = ""
     for index, status in enumerate(steps.status.tolist()):
@@ -182,8 +176,7 @@ def _faults(steps: Steps) -> np.ndarray:
 
 
 def poses_at(steps: Steps, times: np.ndarray, places: Sequence[Sequence[float]]) -> np.ndarray:
-    """(n, 3) x, y, yaw of a bot at the moments; ``places`` has a pose for each row of ``steps``. Empty without any that
-    can be read."""
+    """(n, 3) x, y, yaw of a bot at the moments; ``places`` has a pose for each row of ``steps``, or is empty."""
     table = np.array([place[:3] for place in places if len(place) >= 3], np.float64).reshape(-1, 3)[: len(steps)]
     fine = np.isfinite(table).all(axis=1) & (np.abs(table[:, :2]) < _FAR_M).all(axis=1)
     t, table = steps.t[: len(table)][fine], table[fine]
@@ -195,7 +188,7 @@ def poses_at(steps: Steps, times: np.ndarray, places: Sequence[Sequence[float]])
 
 @dataclass(frozen=True)
 class Eye:
-    """Where the middle of the picture is in every frame (m), and how near it looks (1: usual)."""
+    """The middle of the picture in every frame (m), and its zoom (1: usual)."""
 
     x: np.ndarray
     y: np.ndarray
@@ -203,9 +196,8 @@ class Eye:
 
 
 def follow(steps: Steps, times: np.ndarray, fps: float, view_m: tuple[float, float]) -> Eye:
-    """The picture's way: the car's own, a little ahead and smoothed. Nothing in it lags, for the way is known to its
-    end. Over a short reset it glides, over a long one it is cut. ``view_m``: width and height of what is seen, of which
-    the car is kept away from the edges."""
+    """The picture's way: the car's, a little ahead and smoothed. It glides over a short reset and is cut at a long one.
+    ``view_m``: width and height of the visible ground."""
     frame_ms = 1000.0 / fps
     path = np.arange(times[0] - 3000.0, times[-1] + 3000.0, frame_ms)
     drive = drive_of(steps, path)
@@ -224,7 +216,7 @@ def follow(steps: Steps, times: np.ndarray, fps: float, view_m: tuple[float, flo
         ):
             out[part] = gaussian_filter1d(column, width, mode="nearest")
         for out, column, most in ((x, drive.x, _BESIDE[0] * view_m[0]), (y, drive.y, _BESIDE[1] * view_m[1])):
-            # Where the car itself is put elsewhere the picture still glides: what it is away from is smoothed too.
+            # The picture glides over resets too: the distance to the car is smoothed.
             near = gaussian_filter1d(column[part], 0.25 * sigma, mode="nearest")
             out[part] = near + most * np.tanh((out[part] - near) / most)
     at = np.clip(np.round((times - path[0]) / frame_ms).astype(int), 0, len(path) - 1)

@@ -1,20 +1,18 @@
-"""What stands beside the picture of the road: the bar above, where no browser's controls lie over it, and below the bar
-title, order and the small map."""
-
-from __future__ import annotations
+"""The panels beside the road: the bar above, and below it title, order and small map."""
 
 import math
+from collections.abc import Sequence
 
 import cv2
 import numpy as np
 
 from . import palette, shapes
 from .brush import Sticker, disc, fill, fixed, rounded, stroke
-from .lettering import figures, shortened, write
+from .lettering import Pen, figures, shortened, write
 from .motion import fault_times
 from .palette import Colour, mixed
 from .scene import BAR, Words
-from .take import Take
+from .timeline import FrameTimeline
 from .timing import SECTORS, Clock, TimedLap, Timing, standings, written
 
 MARGIN = 20
@@ -29,7 +27,7 @@ _ORDER_EVERY_MS = 200.0  # gaps that change in every frame cannot be read
 class Panel:
     """Paints everything that is not road onto a frame."""
 
-    def __init__(self, take: Take) -> None:
+    def __init__(self, take: FrameTimeline) -> None:
         self._take = take
         self._unit = unit = take.form.height / 720.0
         self._words = take.words
@@ -44,7 +42,6 @@ class Panel:
         self._faults = fault_times(take.hero.steps)
 
     def paint(self, picture: np.ndarray, frame: int) -> None:
-        """Paint onto the whole of ``picture``."""
         take, unit = self._take, self._unit
         margin = round(MARGIN * unit)
         moment = float(take.times[frame])
@@ -76,23 +73,18 @@ class Panel:
         car_picture(bar, side, take.hero.colour, left, (self.height - high) / 2 + 2 * unit, high / 56)
         x = left + high / 56 * 120 + 16 * unit
         name = shortened(take.hero.car.name, 22 * unit, True, round(self._x(392) - x))
-        write(bar, name, x, 17 * unit, 22 * unit, palette.TEXT, palette.SURFACE, bold=True)
+        write(bar, name, x, 17 * unit, Pen(22 * unit, palette.TEXT, bold=True))
         self._name_x = x
         words = self._words
-        for label, place in (
-            (words.last, 700),
-            (words.best, 700),
-            (words.speed, 912),
-            (words.steering, 1092),
-        ):
-            y = {words.last: 15, words.best: 49}.get(label, 15)
-            write(bar, label.upper(), self._x(place), y * unit, 13 * unit, palette.MUTED, palette.SURFACE, bold=True)
+        labels = ((words.last, 700, 15), (words.best, 700, 49), (words.speed, 912, 15), (words.steering, 1092, 15))
+        for label, place, y in labels:
+            write(bar, label.upper(), self._x(place), y * unit, Pen(13 * unit, palette.MUTED, bold=True))
         for place in (672, 884):
             x = round(self._x(place))
             bar[round(20 * unit) : round(72 * unit), x : x + max(1, round(unit))] = palette.LINE
 
     def _field(self, name: str, value: object, x: float, y: float, width: float, height: float) -> bool:
-        """Whether a field of the bar shows something else than it should; then it is wiped."""
+        """Whether the value of a field of the bar has changed; then the field is wiped."""
         if name in self._before and self._before[name] == value:
             return False
         self._before[name] = value
@@ -100,7 +92,7 @@ class Panel:
         return True
 
     def _resets(self, moment: float) -> int:
-        """How often the followed car has been put back, in the run or in the only lap that is shown."""
+        """The resets of the followed car so far, in the run or in the only lap that is shown."""
         take = self._take
         laps = [lap for lap in take.hero.timing.laps if take.scene.lap in (None, lap.number)]
         begun = laps[0].start_ms if laps else 0.0
@@ -108,43 +100,35 @@ class Panel:
         return min(faults, sum(lap.resets for lap in laps))  # the fault that ends a run is no reset
 
     def _update(self, clock: Clock, resets: int, speed: float, degrees: float) -> None:
-        """Bring the bar up to date, writing only what changed."""
+        """Bring the bar up to date, writing changed fields only."""
         unit, words, bar = self._unit, self._words, self._bar
-        on = palette.SURFACE
         lap = f"{words.lap} {clock.lap} / {clock.laps}" if clock.laps else f"{words.lap} {clock.lap}"
         if self._field("lap", lap, self._name_x, 48 * unit, self._x(392) - 116 * unit - self._name_x, 28 * unit):
-            write(bar, lap, self._name_x, 50 * unit, 17 * unit, palette.SOFT, on)
+            write(bar, lap, self._name_x, 50 * unit, Pen(17 * unit, palette.SOFT))
         time = written(clock.lap_ms)
         middle = self._x(532)
         if self._field("resets", resets, self._x(392) - 116 * unit, 48 * unit, 116 * unit, 28 * unit):
             colour = palette.SOFT if resets else palette.MUTED
-            write(bar, f"{words.resets} {resets}", self._x(392), 50 * unit, 17 * unit, colour, on, align="right")
+            write(bar, f"{words.resets} {resets}", self._x(392), 50 * unit, Pen(17 * unit, colour, align="right"))
         if self._field("clock", time, middle - 130 * unit, 8 * unit, 260 * unit, 56 * unit):
-            figures(bar, time, middle, 6 * unit, 44 * unit, palette.TEXT, on, bold=True, align="middle")
+            figures(bar, time, middle, 6 * unit, Pen(44 * unit, palette.TEXT, bold=True, align="middle"))
         if self._field("sectors", (clock.sectors, clock.lap), middle - 110 * unit, 70 * unit, 220 * unit, 10 * unit):
-            self._sectors(bar, clock.sectors, middle - 102 * unit, 71 * unit, 204 * unit)
+            width = (204 * unit - (SECTORS - 1) * 5 * unit) / SECTORS
+            sector_bars(bar, clock.sectors, middle - 102 * unit, 71 * unit, width, 6 * unit, 5 * unit)
         for name, value, y, colour in (
             ("last", clock.last_ms, 10, palette.TEXT),
             ("best", clock.best_ms, 44, palette.SECTORS["green"]),
         ):
             if self._field(name, value, self._x(752), y * unit, self._x(124), 32 * unit):
                 colour = colour if value is not None else palette.MUTED
-                figures(bar, written(value), self._x(868), y * unit, 20 * unit, colour, on, bold=True, align="right")
+                figures(bar, written(value), self._x(868), y * unit, Pen(20 * unit, colour, bold=True, align="right"))
         text = f"{speed:.1f} m/s"
         if self._field("speed", text, self._x(912), 34 * unit, self._x(150), 30 * unit):
-            figures(bar, text, self._x(912), 33 * unit, 20 * unit, palette.TEXT, on, bold=True)
+            figures(bar, text, self._x(912), 33 * unit, Pen(20 * unit, palette.TEXT, bold=True))
         text = f"{degrees:+.0f}°".replace("+0", "0").replace("-0", "0") if round(degrees) == 0 else f"{degrees:+.0f}°"
         if self._field("steering", text, self._x(1092), 34 * unit, self._x(164), 30 * unit):
-            figures(bar, text.replace("°", ""), self._x(1092), 33 * unit, 20 * unit, palette.TEXT, on, bold=True)
+            figures(bar, text.replace("°", ""), self._x(1092), 33 * unit, Pen(20 * unit, palette.TEXT, bold=True))
         self._gauges(speed, degrees)
-
-    def _sectors(self, bar: np.ndarray, colours: tuple[str, ...], x: float, y: float, width: float) -> None:
-        gap = 5 * self._unit
-        each = (width - (SECTORS - 1) * gap) / SECTORS
-        for number in range(SECTORS):
-            colour = palette.SECTORS.get(colours[number]) if number < len(colours) else None
-            outline = rounded(each, 6 * self._unit, 3 * self._unit, x + number * (each + gap), y)
-            fill(bar, [outline], colour or palette.LINE)
 
     def _gauges(self, speed: float, degrees: float) -> None:
         bar, unit = self._bar, self._unit
@@ -167,13 +151,12 @@ class Panel:
         hand = middle - min(max(degrees / _STEER_DEG, -1.0), 1.0) * (width / 2 - 3 * unit)
         low, top = sorted((middle, hand))
         fill(bar, [np.array([(low, y), (top, y), (top, y + high), (low, y + high)])], palette.BOT)
-        stroke(
-            bar, [np.array([(middle, y - 4 * unit), (middle, y + high + 3 * unit)])], palette.MUTED, unit, closed=False
-        )
+        tick = np.array([(middle, y - 4 * unit), (middle, y + high + 3 * unit)])
+        stroke(bar, [tick], palette.MUTED, unit, closed=False)
         disc(bar, hand, y + high / 2, 6 * unit, palette.TEXT)
 
     def _progress(self, picture: np.ndarray, below: int, share: float) -> None:
-        """Along the bar's lower edge: how much of the lap is driven."""
+        """Paint the driven share of the lap along the bar's lower edge."""
         thick = max(2, round(3 * self._unit))
         picture[below - thick : below, : round(min(max(share, 0.0), 1.0) * self._take.form.width)] = palette.ACCENT
 
@@ -188,8 +171,8 @@ class Panel:
         high = (64 if several or subtitle else 42) * unit
         high += (12 + len(take.actors) * _ROW_H) * unit if several else 0
         card = Sticker.card(round(_TITLE_W * unit), round(high), 10 * unit, palette.SURFACE, palette.LINE)
-        used = write(card.pixels, title, pad, 9 * unit, 20 * unit, palette.TEXT, palette.SURFACE, bold=True)
-        used = max(used, write(card.pixels, subtitle, pad, 36 * unit, 14 * unit, palette.MUTED, palette.SURFACE))
+        used = write(card.pixels, title, pad, 9 * unit, Pen(20 * unit, palette.TEXT, bold=True))
+        used = max(used, write(card.pixels, subtitle, pad, 36 * unit, Pen(14 * unit, palette.MUTED)))
         if several:
             card.pixels[round(66 * unit) : round(66 * unit) + max(1, round(unit)), 1:-1] = palette.LINE
             return card
@@ -199,34 +182,31 @@ class Panel:
         return narrow
 
     def _rows(self, moment: float) -> None:
-        """All cars in the order of their progress."""
         unit, take = self._unit, self._take
         if not 0.0 <= moment - self._order[0] < _ORDER_EVERY_MS:
             self._order = (moment, standings([actor.steps for actor in take.actors], moment))
         elif self._before.get("order") is self._order:
             return
         self._before["order"] = self._order
-        on = palette.SURFACE
         pixels = self._title.pixels
         for number, (index, behind) in enumerate(self._order[1]):
             actor = take.actors[index]
             y = (70 + number * _ROW_H) * unit
             row = pixels[round(y) : round(y + _ROW_H * unit), 2:-2]
-            row[:] = on
+            row[:] = palette.SURFACE
             x = 16 * unit
             faded = actor.drive is None or moment > actor.steps.t[-1]
             colour = palette.MUTED if faded else palette.TEXT
-            figures(pixels, str(number + 1), x, y + 4 * unit, 16 * unit, palette.MUTED, on, bold=True)
+            figures(pixels, str(number + 1), x, y + 4 * unit, Pen(16 * unit, palette.MUTED, bold=True))
             disc(pixels, x + 30 * unit, y + _ROW_H * unit / 2, 6 * unit, actor.colour)
             name = shortened(actor.car.name, 16 * unit, actor is take.hero, round(220 * unit))
-            write(pixels, name, x + 46 * unit, y + 4 * unit, 16 * unit, colour, on, bold=actor is take.hero)
+            write(pixels, name, x + 46 * unit, y + 4 * unit, Pen(16 * unit, colour, bold=actor is take.hero))
             gap = f"+{behind:.1f}" if number else ""
-            figures(pixels, gap, pixels.shape[1] - x, y + 4 * unit, 16 * unit, palette.SOFT, on, align="right")
+            figures(pixels, gap, pixels.shape[1] - x, y + 4 * unit, Pen(16 * unit, palette.SOFT, align="right"))
 
     def _flash(self, picture: np.ndarray, clock: Clock, below: int) -> None:
-        """The time of the lap that was just completed, for a moment."""
         lap, unit, timing = clock.flash, self._unit, self._take.hero.timing
-        assert lap is not None, "asked only while one is shown"
+        assert lap is not None, "there is one to show"
         key = ("flash", lap.number)
         if self._before.get("flash") != key:
             self._before["flash"] = key
@@ -240,27 +220,33 @@ class Panel:
 
 
 def flash_card(words: Words, lap: TimedLap, timing: Timing, unit: float) -> Sticker:
-    """A completed lap: its number, its time, the gap to the best one before and its sectors."""
+    """A completed lap: its number, time, gap to the best lap before and sectors."""
     before = timing.was_best(lap)
     better = before is None or lap.time_ms <= before
     card = Sticker.card(round(470 * unit), round(76 * unit), 10 * unit, palette.SURFACE, palette.LINE)
-    pixels, on = card.pixels, palette.SURFACE
-    write(pixels, f"{words.lap} {lap.number}", 20 * unit, 22 * unit, 18 * unit, palette.SOFT, on, bold=True)
+    pixels = card.pixels
+    write(pixels, f"{words.lap} {lap.number}", 20 * unit, 22 * unit, Pen(18 * unit, palette.SOFT, bold=True))
     colour = palette.SECTORS["green" if better else "yellow"]
-    figures(pixels, written(lap.time_ms), 235 * unit, 8 * unit, 38 * unit, colour, on, bold=True, align="middle")
+    figures(pixels, written(lap.time_ms), 235 * unit, 8 * unit, Pen(38 * unit, colour, bold=True, align="middle"))
     if before is not None:
         gap = (lap.time_ms - before) / 1000.0
         text = f"{gap:+.3f}"
-        figures(pixels, text, 450 * unit, 22 * unit, 18 * unit, colour, on, bold=True, align="right")
-    colours = timing.live(lap)
-    for number in range(SECTORS):
-        paint = palette.SECTORS.get(colours[number], palette.LINE) if number < len(colours) else palette.LINE
-        fill(pixels, [rounded(66 * unit, 5 * unit, 2.5 * unit, (133 + number * 70) * unit, 60 * unit)], paint)
+        figures(pixels, text, 450 * unit, 22 * unit, Pen(18 * unit, colour, bold=True, align="right"))
+    sector_bars(pixels, timing.live(lap), 133 * unit, 60 * unit, 66 * unit, 5 * unit, 4 * unit)
     return card
 
 
+def sector_bars(
+    picture: np.ndarray, colours: Sequence[str], x: float, y: float, width: float, height: float, gap: float
+) -> None:
+    """A bar for each sector of a lap; ``width``: of one bar; ``colours``: of the sectors driven."""
+    for number in range(SECTORS):
+        colour = palette.SECTORS.get(colours[number], palette.LINE) if number < len(colours) else palette.LINE
+        fill(picture, [rounded(width, height, height / 2, x + number * (width + gap), y)], colour)
+
+
 def car_picture(picture: np.ndarray, side: shapes.Side, colour: Colour, left: float, top: float, scale: float) -> None:
-    """A shell from the side, as the site's pages show a car; ``scale``: px a unit."""
+    """A shell from the side; ``scale``: px a unit."""
 
     def outlines(parts: list[np.ndarray]) -> list[np.ndarray]:
         return [part * scale + (left, top) for part in parts]
@@ -279,7 +265,7 @@ def car_picture(picture: np.ndarray, side: shapes.Side, colour: Colour, left: fl
 class SmallMap:
     """The whole track in a corner, with a dot for every car."""
 
-    def __init__(self, take: Take, width: int, height: int) -> None:
+    def __init__(self, take: FrameTimeline, width: int, height: int) -> None:
         self._take = take
         self._unit = take.form.height / 720.0
         track = take.scene.track
@@ -315,7 +301,6 @@ class SmallMap:
         return (points - self._middle) * (self._scale, -self._scale) + (self.width / 2, self.height / 2)
 
     def paint(self, picture: np.ndarray, left: int, top: int, frame: int) -> None:
-        """Lay the map onto the picture."""
         self._card.put(picture, left, top)
         take, unit = self._take, self._unit
         at = np.array((left, top))

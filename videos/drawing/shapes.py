@@ -1,6 +1,4 @@
-"""Shells from above and from the side as polygons, from the SVG paths of :mod:`evaluation.shells`."""
-
-from __future__ import annotations
+"""Shells from above and from the side as polygons, from the SVG paths of :mod:`evaluation.appearance.shells`."""
 
 import re
 from functools import cache
@@ -8,13 +6,13 @@ from typing import NamedTuple
 
 import numpy as np
 
-from evaluation.looks import Shell
-from evaluation.shells import FROM_ABOVE, FROM_THE_SIDE, GROUND
+from evaluation.appearance.looks import Shell
+from evaluation.appearance.shells import FROM_ABOVE, FROM_THE_SIDE, GROUND
 
 UNIT_M = 0.33 / 120  # a unit of a shell from above
 _TOKEN = re.compile(r"[MLHVQTZ]|-?(?:\d+\.?\d*|\.\d+)")
 _CURVE = np.linspace(0.0, 1.0, 9)[1:, None]
-_AXLE = 14.0  # a wheel is no wider than this; what is, is both wheels of an axle in one
+_AXLE = 14.0  # the greatest width of a wheel; a wider shape is both wheels of an axle
 
 Polygon = np.ndarray
 
@@ -64,7 +62,7 @@ def _curve(start: np.ndarray, bend: np.ndarray, end: np.ndarray) -> np.ndarray:
 
 class Above(NamedTuple):
     """A shell from above in metres around the middle of the car, x to the front, y to the left. ``steered``: the front
-    wheels, each with the place about which it turns."""
+    wheels, each with its hub."""
 
     body: list[Polygon]
     glass: list[Polygon]
@@ -75,7 +73,7 @@ class Above(NamedTuple):
 
 @cache
 def above(shell: str) -> Above:
-    """The shell from above; Paddock's own for a word that is not a shell."""
+    """The shell from above; Paddock's for an unknown word."""
     drawing = FROM_ABOVE.get(shell, FROM_ABOVE[Shell.PADDOCK])
     body, glass, dark, under = (
         [outline * (UNIT_M, -UNIT_M) for outline in polygons(path)]
@@ -94,7 +92,7 @@ def above(shell: str) -> Above:
 
 
 def _wheels(part: Polygon) -> list[Polygon]:
-    """A wheel as it is; two wheels that are drawn as one piece, under the body, each for itself."""
+    """The wheels of a shape: itself, or the two of an axle that is drawn in one piece."""
     if np.ptp(part[:, 1]) <= 2 * _AXLE * UNIT_M:
         return [part]
     (x0, y0), (x1, y1) = part.min(axis=0), part.max(axis=0)
@@ -115,7 +113,7 @@ class Side(NamedTuple):
 
 @cache
 def side(shell: str) -> Side:
-    """The shell from the side; Paddock's own for a word that is not a shell."""
+    """The shell from the side; Paddock's for an unknown word."""
     drawing = FROM_THE_SIDE.get(shell, FROM_THE_SIDE[Shell.PADDOCK])
     rear, front, radius = drawing.wheels
     wheels = [(x, GROUND - radius, radius) for x in (rear, front)]

@@ -1,18 +1,18 @@
-"""What a timing screen says at a moment of the run: lap, clock, sectors with their colours, last and best."""
-
-from __future__ import annotations
+"""The timing screen at a moment of a run: lap, clock, sectors with their colours, last and best lap."""
 
 import math
-from collections.abc import Mapping, Sequence
-from typing import Any, NamedTuple
+from collections.abc import Sequence
+from typing import NamedTuple
 
 import numpy as np
+
+from paddock.simulator.results import LapDocument
 
 from .motion import Steps
 
 SECTORS = 3
 PURPLE, GREEN, YELLOW = "purple", "green", "yellow"
-FLASH_MS = 2600  # so long a lap time is shown when the line was crossed
+FLASH_MS = 2600  # a lap time is shown so long after the line was crossed
 
 
 class TimedLap(NamedTuple):
@@ -29,13 +29,12 @@ class TimedLap(NamedTuple):
 
     @property
     def end_ms(self) -> int:
-        """When it ended."""
         return self.start_ms + self.time_ms
 
 
 class Clock(NamedTuple):
-    """The screen at a moment. ``sectors``: the colour of each one driven of the lap that runs; ``flash``: the lap that
-    was completed just now."""
+    """The screen at a moment. ``sectors``: the colours of the running lap's sectors driven so far; ``flash``: the lap
+    that was just completed."""
 
     lap: int
     laps: int
@@ -47,14 +46,13 @@ class Clock(NamedTuple):
     flash_age_ms: int = 0
 
 
-def laps_of(dicts: Sequence[Mapping[str, Any]]) -> list[TimedLap]:
-    """Laps from their dicts, those without figures left out."""
+def laps_of(documents: Sequence[LapDocument]) -> list[TimedLap]:
     laps = []
-    for one in dicts:
+    for one in documents:
         try:
             sectors = tuple(int(time) for time in one.get("sector_ms") or () if time is not None)[:SECTORS]
-            number, start_ms, time_ms = (int(one[name]) for name in ("number", "start_ms", "time_ms"))
-            counts = [int(one.get(name) or 0) for name in ("off_tracks", "crashes", "resets")]
+            number, start_ms, time_ms = int(one["number"]), int(one["start_ms"]), int(one["time_ms"])
+            counts = [one.get("off_tracks") or 0, one.get("crashes") or 0, one.get("resets") or 0]
             laps.append(TimedLap(number, start_ms, time_ms, bool(one["complete"]), sectors, *counts))
         except (KeyError, TypeError, ValueError):
             continue
@@ -62,43 +60,38 @@ def laps_of(dicts: Sequence[Mapping[str, Any]]) -> list[TimedLap]:
 
 
 def colour_of(time: int, own: int | None, fastest: int | None) -> str:
-    """Purple: as fast as anybody in the race; green: as fast as the run's own best; yellow: slower."""
+    """Purple: as fast as the race's best; green: as fast as the run's best; yellow: slower."""
     if fastest is not None and time <= fastest:
         return PURPLE
     return GREEN if own is None or time <= own else YELLOW
 
 
 class Timing:
-    """All that can be said about one car's laps."""
+    """The statistics of one car's laps."""
 
     def __init__(self, laps: Sequence[TimedLap], fastest_ms: Sequence[int | None] = ()) -> None:
         self.laps = list(laps)
         self._fastest = (*fastest_ms, *(None,) * SECTORS)[:SECTORS]
-        self._colours = [self._live(index) for index in range(len(self.laps))]
+        self._colours = [self._compared(lap, self.laps[:index]) for index, lap in enumerate(self.laps)]
 
-    def _live(self, index: int) -> tuple[str, ...]:
-        """Colours of a lap's sectors as they were when it was driven: held against the complete laps before it."""
-        before = [lap for lap in self.laps[:index] if lap.complete and len(lap.sector_ms) == SECTORS]
-        own = [min((lap.sector_ms[k] for lap in before), default=None) for k in range(SECTORS)]
-        lap = self.laps[index]
+    def _compared(self, lap: TimedLap, others: Sequence[TimedLap]) -> tuple[str, ...]:
+        """Colours of a lap's sectors against the complete laps among ``others``."""
+        timed = [one for one in others if one.complete and len(one.sector_ms) == SECTORS]
+        own = [min((one.sector_ms[k] for one in timed), default=None) for k in range(SECTORS)]
         return tuple(colour_of(time, own[k], self._fastest[k]) for k, time in enumerate(lap.sector_ms))
 
     def live(self, lap: TimedLap) -> tuple[str, ...]:
-        """Colours of a lap's sectors as they were when it was driven."""
+        """Colours of a lap's sectors against the laps before it."""
         return self._colours[self.laps.index(lap)]
 
     def final(self, lap: TimedLap) -> tuple[str, ...]:
-        """Colours of a lap's sectors among all laps of the run, as the run's page shows them; none for a lap that was
-        not finished."""
-        timed = [one for one in self.laps if one.complete and len(one.sector_ms) == SECTORS]
-        if lap not in timed:
+        """Colours of a lap's sectors among all laps of the run; none for a lap that was not finished."""
+        if lap not in self.laps or not lap.complete or len(lap.sector_ms) != SECTORS:
             return ("",) * len(lap.sector_ms)
-        own = [min(one.sector_ms[k] for one in timed) for k in range(SECTORS)]
-        return tuple(colour_of(time, own[k], self._fastest[k]) for k, time in enumerate(lap.sector_ms))
+        return self._compared(lap, self.laps)
 
     def at(self, moment: float, within: int | None = None) -> Clock:
-        """The screen ``moment`` ms after the start of the run. ``within``: the number of the only lap that is shown,
-        which still stands there at its very end, when the next one begins."""
+        """The screen ``moment`` ms after the start of the run. ``within``: the number of the only lap that is shown."""
         if not self.laps:
             return Clock(1, 0, max(round(moment), 0), None, None, ())
         begun = (
@@ -131,8 +124,7 @@ class Timing:
 
 
 def standings(steps: Sequence[Steps], moment: float) -> list[tuple[int, float]]:
-    """(index of the car, seconds behind the leader) in the order of progress. Cars that have driven equally far stand
-    in the order in which they got there."""
+    """(index of the car, seconds behind the leader) in the order of progress; of equals the first to get there."""
     rows = []
     for index, car in enumerate(steps):
         now = min(moment, float(car.t[-1])) if len(car) else 0.0

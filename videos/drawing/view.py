@@ -1,6 +1,4 @@
-"""The main picture: the road from above, and all that stands or drives on it, around the car that is followed."""
-
-from __future__ import annotations
+"""The main picture: the road from above with boxes, bots and cars, around the followed car."""
 
 import math
 from functools import lru_cache
@@ -9,24 +7,24 @@ from itertools import pairwise
 import cv2
 import numpy as np
 
-from evaluation.looks import Shell
+from evaluation.appearance.looks import Shell
 from paddock.simulator.solids import box as box_solid
 
 from . import palette, shapes
 from .brush import Sticker, dim, disc, fill, fixed, stroke
 from .ground import Ground
 from .lettering import mask, shortened
-from .motion import CRASHED, IMMOBILIZED, OFF_TRACK, REVERSED, Motion
+from .motion import CRASHED, IMMOBILIZED, OFF_TRACK, REVERSED
 from .palette import Colour, mixed
 from .scene import PX_PER_M
-from .take import Actor, Take
+from .timeline import Actor, FrameTimeline
 
 TAIL_S = 1.6
 _TAIL_HALF_M = 0.016
 _TAIL_STEP = 5  # frames of one colour
 _SHADOW = np.array((0.014, -0.018))  # m
 _RING_M = 0.27
-_GONE = 0.65  # how much of the road shows through a car that is done
+_GONE = 0.65  # transparency of a car whose run is over
 _GRID_M = 1.0
 _CHEVRON = np.array([(0.055, 0.0), (-0.04, 0.04), (-0.018, 0.0), (-0.04, -0.04)])
 _HULL = shapes.above(Shell.COUPE)
@@ -35,7 +33,7 @@ _HULL = shapes.above(Shell.COUPE)
 class View:
     """Paints the picture below the bar. ``height``: of that part, px."""
 
-    def __init__(self, take: Take, width: int, height: int) -> None:
+    def __init__(self, take: FrameTimeline, width: int, height: int) -> None:
         self._take = take
         self._unit = take.form.height / 720.0
         self._size = (width, height)
@@ -65,14 +63,14 @@ class View:
         actors = [actor for actor in self._take.actors if actor.drive is not None]
         actors.sort(key=lambda actor: actor is self._take.hero)
         for actor in actors:
-            self._tail(picture, actor.way, frame)
+            self._tail(picture, actor, frame)
         for actor in actors:
             self._car(picture, actor, frame)
         for actor in actors:
             self._tags(picture, actor, frame)
 
     def place(self, points: np.ndarray) -> np.ndarray:
-        """Where places (n, 2) in metres are in the picture, px."""
+        """Places (n, 2) in metres as px of the picture."""
         return (points - self._at) * (self._scale, -self._scale) + self._middle
 
     def _seen(self, x: float, y: float, reach_m: float = 0.6) -> bool:
@@ -80,7 +78,7 @@ class View:
         return -far < px < self._size[0] + far and -far < py < self._size[1] + far
 
     def _grid(self, picture: np.ndarray) -> None:
-        """A metre grid on the field, so that motion is seen where there is no road."""
+        """A grid of metres on the field, which shows motion beside the road."""
         reach = self._middle / self._scale
         lines = []
         for axis in (0, 1):
@@ -93,7 +91,7 @@ class View:
         stroke(picture, lines, palette.GRID, self._unit, closed=False)
 
     def _stand(self, x: float, y: float, yaw: float) -> tuple[np.ndarray, np.ndarray]:
-        """(turn, middle): ``outline @ turn + middle`` is where an outline in metres around a thing's middle is, px."""
+        """(turn, middle): ``outline @ turn + middle`` maps an outline in metres around a thing's middle to px."""
         cos, sin = math.cos(yaw) * self._scale, math.sin(yaw) * self._scale
         return np.array(((cos, -sin), (-sin, -cos))), self.place(np.array((x, y)))
 
@@ -119,28 +117,18 @@ class View:
 
     def _bot(self, picture: np.ndarray, pose: np.ndarray) -> None:
         x, y, yaw = pose.tolist()
-        if not self._seen(x, y):
-            return
-        self._shell(picture, _HULL, x, y, yaw, 0.0, palette.BOT_BODY, palette.BOT, plain=True)
-        fill(picture, [self._turned(_CHEVRON, x, y, yaw)], palette.BOT)
+        if self._seen(x, y):
+            self._shell(picture, _HULL, (x, y, yaw, 0.0), palette.BOT_BODY, palette.BOT, plain=True)
+            fill(picture, [self._turned(_CHEVRON, x, y, yaw)], palette.BOT)
 
     def _car(self, picture: np.ndarray, actor: Actor, frame: int) -> None:
         drive = actor.way
-        x, y, yaw = (float(column[frame]) for column in (drive.x, drive.y, drive.yaw))
+        x, y, yaw, steer = (float(column[frame]) for column in (drive.x, drive.y, drive.yaw, drive.steer))
         if not self._seen(x, y):
             return
-        standing = bool(drive.standing[frame])
-        self._shell(
-            picture,
-            shapes.above(actor.car.shell),
-            x,
-            y,
-            yaw,
-            float(drive.steer[frame]),
-            actor.colour,
-            palette.ACCENT if standing else palette.TEXT,
-            faded=_GONE if drive.gone[frame] else 0.0,
-        )
+        standing, faded = bool(drive.standing[frame]), _GONE if drive.gone[frame] else 0.0
+        shell, edge = shapes.above(actor.car.shell), palette.ACCENT if standing else palette.TEXT
+        self._shell(picture, shell, (x, y, yaw, steer), actor.colour, edge, faded=faded)
         if standing:
             self._ring(picture, x, y, actor, frame)
 
@@ -148,16 +136,16 @@ class View:
         self,
         picture: np.ndarray,
         shell: shapes.Above,
-        x: float,
-        y: float,
-        yaw: float,
-        steer: float,
+        place: tuple[float, float, float, float],
         colour: Colour,
         edge: Colour,
         *,
         plain: bool = False,
         faded: float = 0.0,
     ) -> None:
+        """``place``: x, y (m), yaw and angle of the front wheels (rad)."""
+        x, y, yaw, steer = place
+
         def shown(paint: Colour) -> Colour:
             return mixed(paint, palette.ROAD, faded) if faded else paint
 
@@ -184,13 +172,14 @@ class View:
             stroke(picture, glass, shown(palette.TYRE), self._unit)
         stroke(picture, body, shown(edge), (3 if edge == palette.ACCENT else 1.6) * self._unit)
 
-    def _tail(self, picture: np.ndarray, drive: Motion, frame: int) -> None:
-        """The way of the last moments, in the map's colours of speed, thinner and paler the longer it is ago."""
+    def _tail(self, picture: np.ndarray, actor: Actor, frame: int) -> None:
+        """The way of the last moments in the colours of speed, thinner and paler with age."""
+        drive = actor.way
         if drive.gone[frame]:
             return
         fps = self._take.form.fps
         first = max(0, frame - round(TAIL_S * fps))
-        pieces = self._pieces(drive)[first : frame + 1]
+        pieces = actor.steps.piece[drive.row][first : frame + 1]
         first += int(np.flatnonzero(pieces != pieces[-1])[-1]) + 1 if (pieces != pieces[-1]).any() else 0
         if frame - first < 2:
             return
@@ -212,14 +201,8 @@ class View:
             colour = mixed(palette.SPEEDS[palette.speed_class(speed)], palette.ROAD, 0.15 + 0.75 * float(age[start]))
             fill(picture, [np.concatenate((left[part], right[part][::-1]))], colour)
 
-    def _pieces(self, drive: Motion) -> np.ndarray:
-        for actor in self._take.actors:
-            if actor.drive is drive:
-                return actor.steps.piece[drive.row]
-        raise KeyError("a drive of no actor")
-
     def _ring(self, picture: np.ndarray, x: float, y: float, actor: Actor, frame: int) -> None:
-        """Around a car that stands after a reset: a ring that closes as its time runs out."""
+        """A ring around a car that stands after a reset; it closes as the time runs out."""
         drive, steps = actor.way, actor.steps
         px, py = self.place(np.array((x, y))).tolist()
         radius = _RING_M * self._scale
@@ -238,7 +221,7 @@ class View:
             stroke(picture, cross, palette.ACCENT, 3 * self._unit, closed=False)
 
     def _tags(self, picture: np.ndarray, actor: Actor, frame: int) -> None:
-        """The name of a car where there are several, and why it stands."""
+        """The name of a car among several, and the fault for which it stands."""
         drive = actor.way
         x, y = float(drive.x[frame]), float(drive.y[frame])
         if not self._seen(x, y, 0.0):
@@ -266,7 +249,6 @@ class View:
 
 @lru_cache(maxsize=256)
 def tag(text: str, swatch: Colour | None, colour: Colour, unit: float) -> Sticker:
-    """A small label on a dark ground."""
     size = 14 * unit
     cover = mask(shortened(text, size, True, round(220 * unit)), size, True)
     room = round(16 * unit) if swatch is not None else 0

@@ -1,24 +1,22 @@
-"""From a scene to a file: frame after frame is drawn and encoded."""
+"""The writer of video files: each frame is drawn and encoded in turn."""
 
 from __future__ import annotations
 
 import secrets
-import shutil
-import tempfile
 import time
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
-from typing import TYPE_CHECKING, BinaryIO
+from typing import TYPE_CHECKING
 
-from .scene import FULL, Form, Stopped, VideoFacts, VideoScene
+from .scene import FULL, DrawingStopped, Form, VideoFacts, VideoScene
 
 if TYPE_CHECKING:
     import numpy as np
 
-    from .take import Take
+    from .timeline import FrameTimeline
 
-_TELL_EVERY_S = 0.2
+_REPORT_EVERY_S = 0.2
 _DIM = 0.42  # of the last picture under the card
 _CARD_IN_S = 0.3
 _JPEG_QUALITY = 88
@@ -26,40 +24,14 @@ _JPEG_QUALITY = 88
 
 def write_video(
     scene: VideoScene,
-    out: BinaryIO | Path,
+    path: Path,
     *,
     on_progress: Callable[[float], None] = lambda share: None,
     is_stopped: Callable[[], bool] = lambda: False,
     form: Form = FULL,
 ) -> VideoFacts:
-    """Draw and encode the scene: MP4 with H.264 (yuv420p, no sound, the index first), a key frame each two seconds.
-
-    ``out``: a path, which is written beside itself and then put in place whole, or a binary file that can be written.
-    ``on_progress`` gets a share from 0 to 1 about five times a second; before each frame ``is_stopped`` is asked. What
-    either raises goes through. The same scene makes the same bytes on the same library versions.
-
-    Starts no thread. Raises :class:`~videos.drawing.Stopped`, and UserFault: ``video_no_steps`` for a trace of the
-    followed car without two readable rows, ``video_too_long`` (``MAX_SECONDS``). OSError where ``out`` cannot be
-    written. After any of them nothing is left at the path but what was there before.
-    """
-    from .take import prepare
-
-    take = prepare(scene, form)
-    if not isinstance(out, Path):
-        with tempfile.TemporaryDirectory(prefix="video-") as folder:
-            whole = Path(folder) / "video.mp4"
-            facts = _write_frames([take], whole, on_progress, is_stopped)
-            with whole.open("rb") as file:
-                shutil.copyfileobj(file, out)
-        return facts
-    unfinished = out.with_name(f".{secrets.token_hex(8)}.mp4")
-    try:
-        unfinished.touch(exist_ok=False)
-        facts = _write_frames([take], unfinished, on_progress, is_stopped)
-        unfinished.replace(out)
-    finally:
-        unfinished.unlink(missing_ok=True)
-    return facts
+    """Draw one scene into a file, see :func:`write_reel`."""
+    return write_reel([scene], path, on_progress=on_progress, is_stopped=is_stopped, form=form)
 
 
 def write_reel(
@@ -70,9 +42,17 @@ def write_reel(
     is_stopped: Callable[[], bool] = lambda: False,
     form: Form = FULL,
 ) -> VideoFacts:
-    """Draw several scenes into one file, one after the other, each with its caption. As :func:`write_video`, but that
-    ``path`` is always a path."""
-    from .take import prepare
+    """Draw scenes into one file, one after the other: MP4 with H.264 (yuv420p, no sound, the index first), a key frame
+    each two seconds.
+
+    The file is written beside ``path`` and then put in place whole. ``on_progress`` gets a share from 0 to 1 about five
+    times a second; ``is_stopped`` is called before each frame. The same scenes make the same bytes on the same library
+    versions. Starts no thread.
+
+    Raises ``DrawingStopped``, OSError, and UserFault: ``video_no_steps`` for a trace of the followed car without two
+    readable rows, ``video_too_long`` (``MAX_SECONDS``). After any of them ``path`` is as it was before.
+    """
+    from .timeline import prepare
 
     takes = [prepare(scene, form) for scene in scenes]
     unfinished = path.with_name(f".{secrets.token_hex(8)}.mp4")
@@ -86,11 +66,10 @@ def write_reel(
 
 
 def poster(scene: VideoScene, *, form: Form = FULL) -> bytes:
-    """A JPEG of the picture in the middle of the video, or of the next one to it in which the car drives on the road.
-    Raises as :func:`write_video`."""
+    """A JPEG of the frame that :func:`telling` chooses. Raises as :func:`write_video`."""
     import cv2
 
-    from .take import prepare
+    from .timeline import prepare
 
     take = prepare(scene, form)
     with _one_thread():
@@ -102,7 +81,7 @@ def poster(scene: VideoScene, *, form: Form = FULL) -> bytes:
     return data.tobytes()
 
 
-def telling(take: Take) -> int:
+def telling(take: FrameTimeline) -> int:
     """The frame nearest to the middle in which the followed car drives on the road, else in which it drives."""
     drive, track, middle = take.hero.way, take.scene.track, take.driven // 2
     driving = [k for k in range(take.driven) if not drive.standing[k] and not drive.gone[k]]
@@ -112,9 +91,7 @@ def telling(take: Take) -> int:
 
 
 class Painter:
-    """Paints the frames of a take, in any order."""
-
-    def __init__(self, take: Take) -> None:
+    def __init__(self, take: FrameTimeline) -> None:
         import numpy as np
 
         from .card import caption, result_card
@@ -149,7 +126,7 @@ class Painter:
             self._caption.put(self._picture, margin, self._take.form.height - height - margin, 1.0)
 
     def _end(self, number: int) -> None:
-        """The card comes in over the last picture, which darkens."""
+        """Fade the card in over the last picture, which darkens."""
         import numpy as np
 
         if self._last is None:
@@ -158,7 +135,7 @@ class Painter:
         whole = max(1, round(_CARD_IN_S * self._take.form.fps))
         number = min(number, whole - 1)
         if number == self._ended:
-            return  # it stands; the picture is as it was
+            return
         self._ended = number
         share = (number + 1) / whole
         share = share * share * (3.0 - 2.0 * share)
@@ -169,19 +146,19 @@ class Painter:
 
 
 def _write_frames(
-    takes: Sequence[Take], path: Path, on_progress: Callable[[float], None], is_stopped: Callable[[], bool]
+    takes: Sequence[FrameTimeline], path: Path, on_progress: Callable[[float], None], is_stopped: Callable[[], bool]
 ) -> VideoFacts:
     from .encode import Encoder
 
     drawing = encoding = 0.0
-    told = time.monotonic()
+    reported = time.monotonic()
     written, frames = 0, sum(take.frames for take in takes)
     with _one_thread(), Encoder(path, takes[0].form) as encoder:
         for take in takes:
             painter = Painter(take)
             for number in range(take.frames):
                 if is_stopped():
-                    raise Stopped
+                    raise DrawingStopped
                 began = time.process_time()
                 picture = painter.frame(number)
                 drawn = time.process_time()
@@ -189,9 +166,9 @@ def _write_frames(
                 written += 1
                 drawing += drawn - began
                 encoding += time.process_time() - drawn
-                if time.monotonic() - told >= _TELL_EVERY_S:
+                if time.monotonic() - reported >= _REPORT_EVERY_S:
                     on_progress(written / frames)
-                    told = time.monotonic()
+                    reported = time.monotonic()
     on_progress(1.0)
     width, height, fps = takes[0].form
     return VideoFacts(
@@ -207,8 +184,7 @@ def _write_frames(
 
 @contextmanager
 def _one_thread() -> Iterator[None]:
-    """OpenCV starts no threads of its own within the block: smoothing a few polygons with them costs more than it
-    brings."""
+    """OpenCV uses one thread within the block: more cost more than they bring for a few polygons."""
     import cv2
 
     before = cv2.getNumThreads()

@@ -1,17 +1,15 @@
 """``manage.py backup``: the whole site in one file, while it runs."""
 
-from __future__ import annotations
-
-import json
 import os
 from argparse import ArgumentParser
+from json import dumps
 from pathlib import Path
 from typing import Any
 
 from django.utils import timezone
 
-from config.backup.making import back_up
-from config.management import JsonCommand, Refusal, Ticker, ended_in_good_order
+from config.operations.backup.making import back_up
+from core.management.base import JsonCommand, Refusal, Ticker, ended_in_good_order
 from paddock.errors import PaddockError
 
 LOST = 1  # also what is damaged
@@ -35,8 +33,8 @@ class Command(JsonCommand):
         except PaddockError as fault:
             raise Refusal(fault) from fault
         if json:
-            told = {"file": str(made.path), "bytes": made.size, "files": made.files}
-            self.stdout.write(_dumps(told | {"lost": made.lost, "damaged": made.damaged}))
+            document = {"file": str(made.path), "bytes": made.size, "files": made.files}
+            self.stdout.write(dumps(document | {"lost": made.lost, "damaged": made.damaged}, indent=2))
         else:
             self.stdout.write(f"{made.path}: {made.size >> 20} MB, the database and {made.files} files")
         for how, names in (("Lost", made.lost), ("Damaged", made.damaged)):
@@ -46,7 +44,3 @@ class Command(JsonCommand):
                 self.stderr.write(f"... and {len(names) - NAMED} more")
         if made.lost or made.damaged:
             raise SystemExit(LOST)
-
-
-def _dumps(document: dict[str, Any]) -> str:
-    return json.dumps(document, indent=2)

@@ -1,24 +1,20 @@
 """``manage.py restore``: an empty place becomes the site that a backup holds."""
 
-from __future__ import annotations
-
-import json
 import os
 from argparse import ArgumentParser
+from json import dumps
 from pathlib import Path
 from typing import Any
 
 from django.conf import settings
 
-from config.backup.restoring import restore
-from config.management import JsonCommand, Refusal, Ticker, ended_in_good_order
-from config.management.data_lock import hold_data
+from config.operations.backup.restoring import restore
+from config.operations.data_lock import hold_data
+from core.management.base import JsonCommand, Refusal, Ticker, ended_in_good_order
 from paddock.errors import PaddockError
 
 
 class Command(JsonCommand):
-    """All of it or, where it is refused, nothing."""
-
     help = "Restore a file that manage.py backup wrote into an empty database and an empty storage."
     requires_system_checks = []
 
@@ -35,14 +31,11 @@ class Command(JsonCommand):
         except PaddockError as fault:
             raise Refusal(fault) from fault
         if json:
-            self.stdout.write(_dumps({"made_at": restored.made_at, "files": restored.files, "lost": restored.lost}))
+            document = {"made_at": restored.made_at, "files": restored.files, "lost": restored.lost}
+            self.stdout.write(dumps(document, indent=2))
         else:
             self.stdout.write(
                 f"Restored what was there at {restored.made_at}: the database and {restored.files} files."
             )
         if restored.lost:
             self.stderr.write(f"{len(restored.lost)} files had been lost before the backup was made.")
-
-
-def _dumps(document: dict[str, Any]) -> str:
-    return json.dumps(document, indent=2)

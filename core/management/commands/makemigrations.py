@@ -1,8 +1,8 @@
-"""``makemigrations`` without migrations for texts, see :mod:`core.migration_detector`."""
+"""``makemigrations`` without migrations for texts, see :mod:`core.database.migration_detector`."""
 
 from django.core.management.commands.makemigrations import Command as DjangoCommand
 
-from core.migration_detector import TextBlindAutodetector
+from core.database.migration_detector import TextBlindAutodetector
 
 
 class Command(DjangoCommand):

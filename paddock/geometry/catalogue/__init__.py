@@ -1,32 +1,48 @@
-"""The tracks that come with Paddock: those of the old console under their names, and an oval of our own. No Django.
+"""The tracks that Paddock includes: those of the old console by their names, and an oval."""
 
-``data/catalogue.csv`` lists them in the order of pages: the league's six, the oval, then the others by name. ``data/``
-holds their files as the official simulator has them (the NOTICE beside says whose they are).
-"""
-
-from __future__ import annotations
+# ``data/catalogue.csv`` lists them in the order of pages: the league's six, the oval, then the others by name.
+# ``data/`` holds their files as the official simulator has them; the NOTICE beside them names the owner.
 
 import csv
 from dataclasses import dataclass
 from functools import cache
 from importlib.resources import files
 
-from ..npy import read_npy
+from paddock.errors.reasons import gettext_noop as _
+
+from ..files import read_npy
 from ..track import TrackGeometry
-from .descriptions import DESCRIPTIONS
 
 _DATA = files(__package__) / "data"
+DESCRIPTIONS: dict[str, str] = {
+    "baja-turnpike": _(
+        "Short and angular: one long full-throttle straight into a sharp hairpin, then tight "
+        "90-degree turns to the finish."
+    ),
+    "baja-highway": _(
+        "The turnpike extended: a second massive straight, another hairpin, a turn of increasing radius "
+        "and tight cutbacks."
+    ),
+    "kuei-raceway": _(
+        "Fast: two straights between two hairpins, then a chicane into a cutback hairpin and a sweeping run home."
+    ),
+    "kuei-super-raceway": _(
+        "The raceway extended: after the hairpins a long straight and a technical section of four double apexes."
+    ),
+    "cosmic-loop": _("One sprint straight, several 90-degree turns and two hairpins."),
+    "cosmic-circuit": _("Several 90-degree turns joined by bends, without a true straight."),
+    "straight-track": _("The only open track: straight from start to finish. Each lap begins at the start."),
+    "oval": _("Two straights and two wide bends, for a first lap."),
+}
 
 
 @dataclass(frozen=True)
 class CatalogueTrack:
-    """One track of the catalogue, with what its file would tell, so that nobody need read it to list it.
+    """One track of the catalogue.
 
-    ``file``: what the official simulator calls it, and its file here without ``.npy``; ``fingerprint``, ``length_m``,
-    ``width_m`` (median), ``direction``: of its geometry; ``corners`` and ``difficulty``: see
-    :func:`paddock.geometry.character.character_of`; ``is_open``: driven from start to end; ``description``: English,
-    marked for translation, empty where name and shape say all; ``also``: further files and names of the same road in
-    the official simulator.
+    ``file``: its name in the official simulator, and of its file here without ``.npy``; ``width_m``: the median;
+    ``corners``, ``difficulty``: see :func:`paddock.geometry.character.character_of`; ``description``: English, marked
+    for translation, or empty; ``also``: further files and names of the same road in the official simulator.
     """
 
     slug: str
@@ -44,16 +60,15 @@ class CatalogueTrack:
 
     @property
     def names(self) -> tuple[str, ...]:
-        """Every name of the track, see :mod:`.names`; the address first."""
+        """All names of the track, the address first."""
         return (self.slug, self.name, self.file, *self.also)
 
     @property
     def npy(self) -> bytes:
-        """The file itself, see :mod:`paddock.geometry.npy`."""
         return (_DATA / f"{self.file}.npy").read_bytes()
 
     def geometry(self, direction: str | None = None) -> TrackGeometry:
-        """The track driven ``"ccw"`` or ``"cw"``; without a direction the way its file runs. Always the same object."""
+        """The track driven ``"ccw"`` or ``"cw"``, by default as in its file; always the same object."""
         return _geometry(self.slug, direction or self.direction)
 
 

@@ -1,10 +1,7 @@
-"""Every name of the catalogue's tracks, and the closest matches of an unknown name. No Django.
+"""Every name of the catalogue's tracks, and the closest matches of an unknown name."""
 
-A track is known by its address (``po-chun-speedway``), its name in the old console (``Po-Chun Speedway``) and its
-files in the official simulator (``penbay_open``, and ``penbay_open_cw`` for the clockwise variant).
-"""
-
-from __future__ import annotations
+# Names are the address (``po-chun-speedway``), the name in the old console (``Po-Chun Speedway``) and the files in the
+# official simulator (``penbay_open``, and ``penbay_open_cw`` for the clockwise variant).
 
 import re
 from collections.abc import Iterable
@@ -21,7 +18,7 @@ _VARIANT = re.compile(r"(.+)[ _-](c?cw)", re.IGNORECASE)
 
 
 class NamedTrack(NamedTuple):
-    """A track of the catalogue, and the direction that its name asks for; None where the name asks for none."""
+    """A track of the catalogue, and the direction in its name, if any."""
 
     track: CatalogueTrack
     direction: str | None = None
@@ -38,7 +35,7 @@ def find(name: str) -> NamedTrack | None:
 
 
 def direction_in(name: str) -> str | None:
-    """The direction that the name of a variant asks for, as ``penbay_open_cw`` does; None for other names."""
+    """The direction in the name of a variant such as ``penbay_open_cw``, or None."""
     found = find(name)
     return found.direction if found else None
 
@@ -57,10 +54,8 @@ def nearest(name: str, others: Iterable[str] = ()) -> list[str]:
 
 
 def closest(name: str, others: Iterable[str] = (), catalogue: Iterable[CatalogueTrack] = CATALOGUE) -> dict[str, str]:
-    """The closest names by address, of at most three tracks: an address, or another name with the address.
-
-    ``others``: addresses of tracks outside the catalogue; ``catalogue``: the tracks that count.
-    """
+    """The closest names by address, of at most three tracks: an address, or another name with the address. ``others``:
+    addresses of tracks outside the catalogue."""
     spelling = {key(one): (one, track.slug) for track in catalogue for one in reversed(track.names)}
     spelling = {key(one): (one, one) for one in others} | spelling
     close = get_close_matches(key(name[:_LONGEST]), spelling, n=4 * NEAREST, cutoff=0)
@@ -71,7 +66,7 @@ def closest(name: str, others: Iterable[str] = (), catalogue: Iterable[Catalogue
 
 
 def key(name: str) -> str:
-    """``name`` as it is compared."""
+    """The key by which a name is compared."""
     return _SEPARATOR.sub("", name.casefold())
 
 

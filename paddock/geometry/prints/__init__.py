@@ -1,9 +1,7 @@
-"""Tracks at their true size, for a floor: as drawings, as pages to print, as metres of tape. No Django."""
+"""Tracks at true size for a floor: drawings, pages to print and metres of tape."""
 
-from .drawing import Drawing, drawing_of
-from .dxf import write_dxf
+from .drawing import Drawing, drawing_of, write_dxf, write_svg
 from .pdf import PAPERS, write_pdf, write_tiles
-from .svg import write_svg
 from .tape import Line, bill_of_tape
 
 __all__ = [

@@ -1,10 +1,7 @@
-"""A track as a PDF: one sheet in its true size, or pages to be printed and laid side by side.
+"""Writes a track as a PDF: one sheet at true size, or pages to print and lay side by side."""
 
-Written object by object: filled shapes and a few words need no library. Format: ISO 32000-1. The drawing is in the file
-once, and each page shows its part of it, so that a thousand pages are hardly larger than one.
-"""
-
-from __future__ import annotations
+# Format: ISO 32000-1. The file holds the drawing once, as a form that each page shows a part of, and a large page has a
+# larger unit; fpdf2 writes neither.
 
 import math
 import zlib
@@ -17,7 +14,7 @@ from .drawing import COLOURS, Drawing
 POINTS = 72 / 25.4  # of a millimetre
 # width and height of a page, millimetres
 PAPERS = {"a0": (841, 1189), "a1": (594, 841), "a2": (420, 594), "a3": (297, 420), "a4": (210, 297)}
-MARGIN_MM, OVERLAP_MM = 8.0, 10.0  # that printers leave white; that neighbours share
+MARGIN_MM, OVERLAP_MM = 8.0, 10.0  # white on every side; shared by neighbours
 _LONGEST = 14_400.0  # units that a page may be long
 _CROSS_MM = 4.0
 
@@ -32,8 +29,7 @@ class Tile:
 
 
 def write_pdf(drawing: Drawing) -> bytes:
-    """One page of the drawing's own size. A page longer than five metres says in how large units it is measured
-    (UserUnit, PDF 1.6)."""
+    """One page of the size of the drawing; longer than five metres with a larger unit (UserUnit, PDF 1.6)."""
     unit = max(1, math.ceil(max(drawing.width, drawing.height) * POINTS / _LONGEST))
     file = _File()
     shape = file.add_stream(_shapes(drawing), _form(drawing))
@@ -47,8 +43,7 @@ def write_pdf(drawing: Drawing) -> bytes:
 def write_tiles(drawing: Drawing, paper: str) -> bytes:
     """Pages of a paper of :data:`PAPERS`, row by row from the upper left, after one that shows where each belongs.
 
-    Neighbours share :data:`OVERLAP_MM`: cut one of them along its crosses and lay it on the other's. Pages without a
-    piece of road are left out.
+    Neighbours share :data:`OVERLAP_MM`. Pages without a piece of road are left out.
     """
     width, height = PAPERS[paper]
     tiles, (inner_width, inner_height) = tiles_of(drawing, paper)
@@ -56,7 +51,7 @@ def write_tiles(drawing: Drawing, paper: str) -> bytes:
     shape = file.add_stream(_shapes(drawing), _form(drawing))
     file.add_page(width * POINTS, height * POINTS, _overview(drawing, paper, tiles), shape)
     for tile in tiles:
-        said = [
+        operators = [
             "q",
             f"{POINTS:.8f} 0 0 {POINTS:.8f} 0 0 cm",
             "q",
@@ -67,12 +62,12 @@ def write_tiles(drawing: Drawing, paper: str) -> bytes:
             "Q",
             _words(MARGIN_MM, 2.5, 8, f"{drawing.name}   {tile.name}   1:1   {paper.upper()}"),
         ]
-        file.add_page(width * POINTS, height * POINTS, "\n".join(said), shape)
+        file.add_page(width * POINTS, height * POINTS, "\n".join(operators), shape)
     return file.bytes()
 
 
 def tiles_of(drawing: Drawing, paper: str) -> tuple[list[Tile], tuple[float, float]]:
-    """The pages that show a piece of road, with the width and height of what each shows, millimetres."""
+    """The pages that show a piece of road, and the width and height of their drawing, millimetres."""
     width, height = PAPERS[paper]
     inner = width - 2 * MARGIN_MM, height - 2 * MARGIN_MM
     step = inner[0] - OVERLAP_MM, inner[1] - OVERLAP_MM
@@ -80,45 +75,48 @@ def tiles_of(drawing: Drawing, paper: str) -> tuple[list[Tile], tuple[float, flo
         max(1, math.ceil((size - OVERLAP_MM) / one))
         for size, one in ((drawing.width, step[0]), (drawing.height, step[1]))
     )
-    tiles = []
-    for row in range(rows):
-        for column in range(columns):
-            x, y = column * step[0], drawing.height - row * step[1] - inner[1]
-            if _has_road(drawing, x, y, inner):
-                tiles.append(Tile(f"{row + 1}-{column + 1}", x, y))
-    return tiles, inner
+    x = np.arange(columns) * step[0]
+    y = drawing.height - np.arange(rows) * step[1] - inner[1]
+    shown = np.argwhere(_with_road(drawing, x, y, inner)).tolist()
+    return [Tile(f"{row + 1}-{column + 1}", float(x[column]), float(y[row])) for row, column in shown], inner
 
 
-def _has_road(drawing: Drawing, x: float, y: float, size: tuple[float, float]) -> bool:
-    """Whether a rectangle shows a piece of what is painted: an edge in it, or the middle of it on the road."""
+def _with_road(drawing: Drawing, x: np.ndarray, y: np.ndarray, size: tuple[float, float]) -> np.ndarray:
+    """Which of the rectangles with these lower left corners, by row and column, show a piece of road: an edge in it, or
+    its middle on the road. ``x`` grows and ``y`` falls, and neighbours overlap."""
     rings = drawing.layers["road"][0]
-    middle, crossings = (x + size[0] / 2, y + size[1] / 2), 0
-    for ring in rings:
-        ends = np.roll(ring, -1, axis=0)
-        low, high = np.minimum(ring, ends), np.maximum(ring, ends)
-        if ((high[:, 0] >= x) & (low[:, 0] <= x + size[0]) & (high[:, 1] >= y) & (low[:, 1] <= y + size[1])).any():
-            return True
-        spans = (ring[:, 1] > middle[1]) != (ends[:, 1] > middle[1])
-        start, end = ring[spans], ends[spans]
-        at = start[:, 0] + (middle[1] - start[:, 1]) * (end[:, 0] - start[:, 0]) / (end[:, 1] - start[:, 1])
-        crossings += int((at > middle[0]).sum())
-    return crossings % 2 == 1
-
-
-# --- what is on a page
+    start = np.concatenate(rings)
+    end = np.concatenate([np.roll(ring, -1, axis=0) for ring in rings])
+    low, high = np.minimum(start, end), np.maximum(start, end)
+    y = y[::-1]
+    # each edge touches a block of rectangles: count blocks by their corners, then add up
+    columns = np.searchsorted(x + size[0], low[:, 0]), np.searchsorted(x, high[:, 0], side="right")
+    rows = np.searchsorted(y + size[1], low[:, 1]), np.searchsorted(y, high[:, 1], side="right")
+    corners = np.zeros((len(y) + 1, len(x) + 1), dtype=np.int64)
+    for row in (0, 1):
+        for column in (0, 1):
+            np.add.at(corners, (rows[row], columns[column]), 1 if row == column else -1)
+    found = corners.cumsum(axis=0).cumsum(axis=1)[:-1, :-1] > 0
+    middles = x + size[0] / 2
+    for row, middle in enumerate(y + size[1] / 2):
+        spans = (start[:, 1] > middle) != (end[:, 1] > middle)
+        one, other = start[spans], end[spans]
+        at = one[:, 0] + (middle - one[:, 1]) * (other[:, 0] - one[:, 0]) / (other[:, 1] - one[:, 1])
+        found[row] |= (len(at) - np.searchsorted(np.sort(at), middles, side="right")) % 2 == 1
+    return found[::-1]
 
 
 def _shapes(drawing: Drawing) -> str:
-    said, last = [], ""
+    operators, last = [], ""
     for layer, shape in drawing.shapes():
         if layer != last:
-            said.append(" ".join(f"{part / 255:.4f}" for part in COLOURS[layer]) + " rg")
+            operators.append(" ".join(f"{part / 255:.4f}" for part in COLOURS[layer]) + " rg")
             last = layer
         for ring in shape:
             first, *others = (f"{x:.3f} {y:.3f}" for x, y in ring.tolist())
-            said.append(f"{first} m " + " ".join(f"{point} l" for point in others) + " h")
-        said.append("f*")
-    return "\n".join(said)
+            operators.append(f"{first} m " + " ".join(f"{point} l" for point in others) + " h")
+        operators.append("f*")
+    return "\n".join(operators)
 
 
 def _form(drawing: Drawing) -> str:
@@ -127,13 +125,13 @@ def _form(drawing: Drawing) -> str:
 
 def _crosses(width: float, height: float) -> str:
     """Thin crosses where the parts of neighbouring pages end: an overlap in from each corner."""
-    said = ["0.1 w 0.5 G"]
+    operators = ["0.1 w 0.5 G"]
     for x in (MARGIN_MM + OVERLAP_MM, MARGIN_MM + width - OVERLAP_MM):
         for y in (MARGIN_MM + OVERLAP_MM, MARGIN_MM + height - OVERLAP_MM):
-            said.append(f"{x - _CROSS_MM:.3f} {y:.3f} m {x + _CROSS_MM:.3f} {y:.3f} l S")
-            said.append(f"{x:.3f} {y - _CROSS_MM:.3f} m {x:.3f} {y + _CROSS_MM:.3f} l S")
-    said.append(f"{MARGIN_MM} {MARGIN_MM} {width} {height} re S")
-    return "\n".join(said)
+            operators.append(f"{x - _CROSS_MM:.3f} {y:.3f} m {x + _CROSS_MM:.3f} {y:.3f} l S")
+            operators.append(f"{x:.3f} {y - _CROSS_MM:.3f} m {x:.3f} {y + _CROSS_MM:.3f} l S")
+    operators.append(f"{MARGIN_MM} {MARGIN_MM} {width} {height} re S")
+    return "\n".join(operators)
 
 
 def _overview(drawing: Drawing, paper: str, tiles: list[Tile]) -> str:
@@ -144,7 +142,7 @@ def _overview(drawing: Drawing, paper: str, tiles: list[Tile]) -> str:
     left, right = 0.0, max([drawing.width, *(tile.x + inner[0] for tile in tiles)])
     low, high = min([0.0, *(tile.y for tile in tiles)]), drawing.height
     scale = min(inner[0] / (right - left), (inner[1] - 16) / (high - low))
-    said = [
+    operators = [
         "q",
         f"{POINTS:.8f} 0 0 {POINTS:.8f} 0 0 cm",
         f"{scale:.8f} 0 0 {scale:.8f} {MARGIN_MM:.3f} {MARGIN_MM - low * scale:.3f} cm /D Do",
@@ -155,12 +153,12 @@ def _overview(drawing: Drawing, paper: str, tiles: list[Tile]) -> str:
     letters = min(14.0, inner[0] * scale * POINTS / 4)
     for tile in tiles:
         x, y = (tile.x + inner[0] * 0.08) * scale, (tile.y - low + inner[1] * 0.06) * scale
-        said.append(_words(MARGIN_MM + x, MARGIN_MM + y, letters, tile.name, "0.8 0.1 0.2"))
+        operators.append(_words(MARGIN_MM + x, MARGIN_MM + y, letters, tile.name, "0.8 0.1 0.2"))
     size = f"{drawing.width / 1000:.2f} x {drawing.height / 1000:.2f} m"
     title = f"{drawing.name}: {size}, {len(tiles)} pages {paper.upper()}"
     how = f"Print at 100 %. Neighbours share {OVERLAP_MM:g} mm: cut along the crosses of one and lay it on the other's."
-    said += [_words(MARGIN_MM, height - 14, 11, title), _words(MARGIN_MM, height - 20, 7, how)]
-    return "\n".join(said)
+    operators += [_words(MARGIN_MM, height - 14, 11, title), _words(MARGIN_MM, height - 20, 7, how)]
+    return "\n".join(operators)
 
 
 def _words(x: float, y: float, size: float, words: str, colour: str = "0 0 0") -> str:
@@ -168,9 +166,6 @@ def _words(x: float, y: float, size: float, words: str, colour: str = "0 0 0") -
     safe = words.encode("latin-1", "replace").decode("latin-1")
     safe = safe.replace("\\", r"\\").replace("(", r"\(").replace(")", r"\)")
     return f"BT {colour} rg /F {size:.2f} Tf {x * POINTS:.3f} {y * POINTS:.3f} Td ({safe}) Tj ET"
-
-
-# --- the file
 
 
 class _File:
@@ -184,23 +179,21 @@ class _File:
         self._objects.append(content)
         return len(self._objects)
 
-    def add_stream(self, said: str, about: str = "") -> int:
-        """Add a stream of drawing operators; its number."""
-        packed = zlib.compress(said.encode("latin-1"))
+    def add_stream(self, operators: str, about: str = "") -> int:
+        """Add drawing operators; the number of the object."""
+        packed = zlib.compress(operators.encode("latin-1"))
         head = f"<< {about} /Filter /FlateDecode /Length {len(packed)} >>\nstream\n".encode()
         return self._add(head + packed + b"\nendstream")
 
-    def add_page(self, width: float, height: float, said: str, shape: int, unit: int = 1) -> None:
+    def add_page(self, width: float, height: float, operators: str, shape: int, unit: int = 1) -> None:
         """Add a page of this size in units, which shows the shape as ``/D``."""
-        content = self.add_stream(said)
+        content = self.add_stream(operators)
         about = f"/MediaBox [0 0 {width:.3f} {height:.3f}]" + (f" /UserUnit {unit}" if unit > 1 else "")
         uses = f"/Resources << /XObject << /D {shape} 0 R >> /Font << /F 3 0 R >> >> /Contents {content} 0 R"
         self._pages.append(self._add(f"<< /Type /Page /Parent 2 0 R {about} {uses} >>".encode()))
 
     def bytes(self) -> bytes:
-        """The finished file."""
         kids = " ".join(f"{page} 0 R" for page in self._pages)
-        # readers that scale pages to the paper are asked not to
         self._objects[0] = b"<< /Type /Catalog /Pages 2 0 R /ViewerPreferences << /PrintScaling /None >> >>"
         self._objects[1] = f"<< /Type /Pages /Kids [{kids}] /Count {len(self._pages)} >>".encode()
         written = bytearray(b"%PDF-1.6\n%\xe2\xe3\xcf\xd3\n")

@@ -1,6 +1,4 @@
-"""How much tape a track takes."""
-
-from __future__ import annotations
+"""Computes how much tape a track needs."""
 
 from dataclasses import dataclass
 
@@ -14,7 +12,7 @@ OUTER, INNER, BORDER, ACROSS, DASHED = "outer", "inner", "border", "across", "da
 
 @dataclass(frozen=True)
 class Line:
-    """Tape of one line: ``metres`` in all, in ``pieces``, of this width. ``kind``: a word of this module."""
+    """The tape of one line. ``metres``: of all pieces; ``kind``: a word of this module."""
 
     kind: str
     metres: float
@@ -23,8 +21,7 @@ class Line:
 
 
 def bill_of_tape(marks: Markings) -> list[Line]:
-    """Every line of a track, measured along the middle of its tape. A loop has an outer and an inner border, an open
-    road one border all around."""
+    """Every line of a track, measured along the middle of its tape; the border of an open road is one line."""
     style = marks.style
     kinds = (BORDER,) if len(marks.tapes) == 1 else (OUTER, INNER)
     tapes = sorted((_length(tape) for tape in marks.tapes), reverse=True)

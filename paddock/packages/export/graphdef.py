@@ -1,11 +1,8 @@
-"""A plain network as a frozen TensorFlow GraphDef, written byte by byte, without TensorFlow.
+"""Writes a plain network as a frozen TensorFlow GraphDef, without TensorFlow."""
 
-TensorFlow's layers want pictures with the channels last: each value is kept in the layout that it was made in, and
-turned only where an operation needs the other one. Message layouts: tensorflow/core/framework/{graph,node_def,
-attr_value,tensor,tensor_shape,types}.proto. All operations are older than TensorFlow 2, and TFLite has each of them.
-"""
-
-from __future__ import annotations
+# TensorFlow's layers expect pictures with the channels last: each value keeps the layout in which it was computed, and
+# is transposed only where an operation needs the other one. Message layouts: tensorflow/core/framework/{graph,node_def,
+# attr_value,tensor,tensor_shape,types}.proto. All operations are older than TensorFlow 2, and TFLite has each of them.
 
 import struct
 from collections.abc import Iterator, Sequence
@@ -14,7 +11,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from paddock.errors import UserFault
-from paddock.network.fields import BYTES, key, message, number, text, varint
+from paddock.network.written import BYTES, key, message, number, text, varint
 
 from .plain import BINARY, COMPARING, REDUCING, UNARY, Const, Operand, Plain, PlainOperation, Step, Value
 from .policy import Head
@@ -60,7 +57,7 @@ class _Layouts:
 
 
 def write_graph(plain: Plain, head: Head) -> Written:
-    """The graph without its last node, :func:`policy_node`, which carries what is to be said of the others.
+    """The graph without its last node, :func:`policy_node`, which carries the attributes that describe the others.
 
     Raises UserFault ``export_operator``.
     """
@@ -68,10 +65,10 @@ def write_graph(plain: Plain, head: Head) -> Written:
 
 
 def policy_node(written: Written, head: Head, mark: bytes) -> bytes:
-    """The policy's own node, and the graph's version. ``mark``: kept in it, read by nobody but us."""
+    """The policy's node and the graph's version. ``mark``: data for :mod:`paddock.packages.tensorflow.ours`."""
     op, source = written.last
-    said = _node(head.name, op, [source], {"T": _type(np.dtype("<f4")), MARK: message(2, mark)})
-    return said + message(4, number(1, _PRODUCER))
+    node = _node(head.name, op, [source], {"T": _type(np.dtype("<f4")), MARK: message(2, mark)})
+    return node + message(4, number(1, _PRODUCER))
 
 
 class _GraphOf:
@@ -88,19 +85,19 @@ class _GraphOf:
             picture = len(value.shape) == 4
             shape = [-1, *(value.shape[axis] for axis in (_TO_LAST[1:] if picture else range(1, len(value.shape))))]
             name = self._head.input_name(sensor)
-            said = {"dtype": _type(value.dtype), "shape": message(7, _shape(shape))}
-            self._result.parts.append(_node(name, "Placeholder", [], said))
+            placeholder = {"dtype": _type(value.dtype), "shape": message(7, _shape(shape))}
+            self._result.parts.append(_node(name, "Placeholder", [], placeholder))
             stored = _Layouts(last=name) if picture else _Layouts(first=name)
             stored.scope = f"{self._head.scope}/{sensor}"
             self._stored[value.name] = stored
-        output = self._plain.output
+        output, operations = self._plain.output, self._plain.operations
         assert output is not None
-        last = self._plain.made_by(output)
-        soft = last if last is not None and last.kind == "softmax" and last is self._plain.operations[-1] else None
-        for operation in self._plain.operations[: -1 if soft else None]:
+        last = operations[-1] if operations and operations[-1].output is output else None
+        is_soft = last is not None and last.kind == "softmax"
+        for operation in operations[: -1 if is_soft else None]:
             self._write(operation)
-        if soft:
-            self._result.last = ("Softmax", self._operand_of(self._head.scope, soft.inputs[0]))
+        if last is not None and is_soft:
+            self._result.last = ("Softmax", self._operand_of(self._head.scope, last.inputs[0]))
         else:
             self._result.last = ("Identity", self.name_of(output))
         return self._result
@@ -128,8 +125,8 @@ class _GraphOf:
             sizes = (height, width, channels) if last else (channels, height, width)
             return self._reshaped(scope, source, value.dtype, (1, *sizes))
         order = self._constant(scope, Const(np.array(_TO_LAST if last else _TO_FIRST, np.int32)), "perm")
-        said = {"T": _type(value.dtype), "Tperm": _type(np.dtype("<i4"))}
-        return self._node(scope, "Transpose", [source, order], said)
+        types = {"T": _type(value.dtype), "Tperm": _type(np.dtype("<i4"))}
+        return self._node(scope, "Transpose", [source, order], types)
 
     def _reshaped(self, scope: str, source: str, dtype: np.dtype, shape: Sequence[int]) -> str:
         # the first of the axes is the batch: any number of frames goes through
@@ -138,7 +135,6 @@ class _GraphOf:
         return self._node(scope, "Reshape", [source, to], {"T": _type(dtype), "Tshape": _type(np.dtype("<i4"))})
 
     def _has_last(self, *values: Operand) -> bool:
-        """Whether one of the values is there with its channels last already."""
         return any(isinstance(one, Value) and self._stored[one.name].last is not None for one in values)
 
     def _operand(self, scope: str, one: Operand, last: bool) -> str:
@@ -200,29 +196,29 @@ class _GraphOf:
         pictures = all(len(one.shape) == 4 for one in inputs if isinstance(one, Value))
         last = pictures and len(output.shape) == 4 and self._has_last(*inputs)
         names = [self._operand(scope, one, last) for one in inputs]
-        said = {} if kind in _UNTYPED else {"T": _type(inputs[-1].dtype)}
+        types = {} if kind in _UNTYPED else {"T": _type(inputs[-1].dtype)}
         if kind == "cast":
-            said = {"SrcT": _type(inputs[0].dtype), "DstT": _type(output.dtype)}
-        return self._node(scope, _NAMES[kind], names, said), last
+            types = {"SrcT": _type(inputs[0].dtype), "DstT": _type(output.dtype)}
+        return self._node(scope, _NAMES[kind], names, types), last
 
     def _windowed(self, scope: str, operation: PlainOperation) -> str:
-        source, said = operation.inputs[0], operation.attributes
+        source, options = operation.inputs[0], operation.attributes
         assert isinstance(source, Value)
         name = self.name_of(source, last=True)
-        strides = _integers([1, *said["strides"], 1])
+        strides = _integers([1, *options["strides"], 1])
         common = {"T": _type(source.dtype), "strides": strides, "padding": message(2, b"VALID")}
         common["data_format"] = message(2, b"NHWC")
         if operation.kind != "conv":
-            common["ksize"] = _integers([1, *said["kernel"], 1])
+            common["ksize"] = _integers([1, *options["kernel"], 1])
             return self._node(scope, _NAMES[operation.kind], [name], common)
         kernel = operation.inputs[1]
         assert isinstance(kernel, Const)
-        common["dilations"] = _integers([1, *said["dilations"], 1])
-        groups = said["groups"]
+        common["dilations"] = _integers([1, *options["dilations"], 1])
+        groups = options["groups"]
         if groups == 1:
             weight = self._constant(scope, kernel.transposed((2, 3, 1, 0)), "kernel")
             return self._node(scope, "Conv2D", [name, weight], common)
-        even = len(set(said["strides"])) == 1 and set(said["dilations"]) == {1}
+        even = len(set(options["strides"])) == 1 and set(options["dilations"]) == {1}
         if groups == source.shape[1] and even:
             rows = kernel.reshaped((groups, -1, *kernel.shape[2:])).transposed((2, 3, 0, 1))
             weight = self._constant(scope, rows, "depthwise_kernel")
@@ -230,7 +226,7 @@ class _GraphOf:
         return self._grouped(scope, name, kernel, groups, common)
 
     def _grouped(self, scope: str, source: str, kernel: Const, groups: int, common: dict[str, bytes]) -> str:
-        """Each group by itself, and all of them beside each other."""
+        """Convolve each group separately and concatenate the results."""
         if groups > _MOST_GROUPS:
             raise UserFault("export_operator", operator="Conv", where=f"group={groups}")
         axis = self._constant(scope, Const(np.array(3, np.int32)), "axis")
@@ -246,8 +242,8 @@ class _GraphOf:
 
     def _concatenated(self, scope: str, names: Sequence[str], axis: int, dtype: np.dtype) -> str:
         at = self._constant(scope, Const(np.array(axis, np.int32)), "axis")
-        said = {"T": _type(dtype), "N": number(3, len(names)), "Tidx": _type(np.dtype("<i4"))}
-        return self._node(scope, "ConcatV2", [*names, at], said)
+        types = {"T": _type(dtype), "N": number(3, len(names)), "Tidx": _type(np.dtype("<i4"))}
+        return self._node(scope, "ConcatV2", [*names, at], types)
 
     def _rearranged(self, scope: str, operation: PlainOperation) -> tuple[str, bool]:
         (source,), output = operation.inputs, operation.output
@@ -265,36 +261,36 @@ class _GraphOf:
         if operation.kind == "reshape":
             return self._reshaped(scope, name, source.dtype, after), False
         perm = self._constant(scope, Const(np.array(order, np.int32)), "perm")
-        said = {"T": _type(source.dtype), "Tperm": _type(np.dtype("<i4"))}
-        return self._node(scope, "Transpose", [name, perm], said), False
+        types = {"T": _type(source.dtype), "Tperm": _type(np.dtype("<i4"))}
+        return self._node(scope, "Transpose", [name, perm], types), False
 
     def _along(self, scope: str, operation: PlainOperation) -> tuple[str, bool]:
-        """What works along axes: in the layout that is there."""
-        kind, inputs, said, output = operation.kind, operation.inputs, operation.attributes, operation.output
+        """Operations along axes, in the layout of their input."""
+        kind, inputs, options, output = operation.kind, operation.inputs, operation.attributes, operation.output
         source = inputs[0]
         last = len(source.shape) == len(output.shape) == 4 and self._has_last(*inputs)
         place = _LAST_OF if last else {axis: axis for axis in range(len(source.shape))}
         whole = _type(np.dtype("<i4"))
         if kind == "concat":
             names = [self._operand(scope, one, last) for one in inputs]
-            return self._concatenated(scope, names, place[said["axis"]], output.dtype), last
+            return self._concatenated(scope, names, place[options["axis"]], output.dtype), last
         name = self._operand(scope, source, last)
         typed = {"T": _type(source.dtype)}
         if kind == "take":
             lines = self._operand(scope, inputs[1], False)
-            axis = self._constant(scope, Const(np.array(place[said["axis"]], np.int32)), "axis")
+            axis = self._constant(scope, Const(np.array(place[options["axis"]], np.int32)), "axis")
             typed = {"Tparams": typed["T"], "Tindices": whole, "Taxis": whole}
             return self._node(scope, "GatherV2", [name, lines, axis], typed), last
         if kind == "pad":
             edges = np.zeros((len(source.shape), 2), np.int32)
-            for number_of_axis, sides in enumerate(zip(said["before"], said["after"], strict=True)):
+            for number_of_axis, sides in enumerate(zip(options["before"], options["after"], strict=True)):
                 edges[place[number_of_axis]] = sides
             width = self._constant(scope, Const(edges), "paddings")
-            fill = self._constant(scope, Const(np.array(said["number"], source.dtype)), "const")
+            fill = self._constant(scope, Const(np.array(options["number"], source.dtype)), "const")
             return self._node(scope, "PadV2", [name, width, fill], {**typed, "Tpaddings": whole}), last
-        axes = Const(np.array(sorted(place[axis] for axis in said["axes"]), np.int32))
+        axes = Const(np.array(sorted(place[axis] for axis in options["axes"]), np.int32))
         over = self._constant(scope, axes, "reduction_indices")
-        typed |= {"Tidx": whole, "keep_dims": number(5, int(said["keep"]))}
+        typed |= {"Tidx": whole, "keep_dims": number(5, int(options["keep"]))}
         return self._node(scope, _NAMES[kind], [name, over], typed), last
 
     def _plainly(self, scope: str, operation: PlainOperation) -> str:
@@ -319,8 +315,8 @@ class _GraphOf:
 
 
 def _node(name: str, op: str, inputs: Sequence[str], attributes: dict[str, bytes]) -> bytes:
-    said = text(1, name) + text(2, op) + b"".join(text(3, source) for source in inputs)
-    return message(1, said + b"".join(_attribute(name, attributes[name]) for name in sorted(attributes)))
+    head = text(1, name) + text(2, op) + b"".join(text(3, source) for source in inputs)
+    return message(1, head + b"".join(_attribute(name, attributes[name]) for name in sorted(attributes)))
 
 
 def _attribute(name: str, value: bytes) -> bytes:
@@ -328,7 +324,7 @@ def _attribute(name: str, value: bytes) -> bytes:
 
 
 def _const_node(name: str, array: np.ndarray) -> Iterator[Part]:
-    """A node of numbers, the numbers themselves without a copy where they lie in order."""
+    """A node of numbers, which are not copied where they are contiguous."""
     raw = np.ascontiguousarray(array).reshape(-1).view(np.uint8).data
     head = number(1, _NUMBERS[array.dtype.str]) + message(2, _shape(array.shape))
     if array.size == 1:  # as TensorFlow writes single numbers: some readers look for them there only

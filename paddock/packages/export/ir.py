@@ -1,12 +1,9 @@
-"""A plain network as OpenVINO's intermediate representation: a description in XML and the numbers beside it.
+"""Writes a plain network as OpenVINO's intermediate representation, without OpenVINO."""
 
-Written here, without OpenVINO: its package has 180 MB, and what it would have to convert is some forty operations, each
-of which the representation has under another name. Version 10 with operations of the sets 1 to 5: the cars' own
-OpenVINO of 2021 reads it, and every later one. Pictures come channels first, as the cars' converter makes it.
-Format: docs.openvino.ai, "Operation Sets" and "Intermediate Representation".
-"""
-
-from __future__ import annotations
+# The format is a description in XML and the numbers beside it. OpenVINO's package has 180 MB, and would convert only
+# some forty operations, each of which the format has under another name. Version 10 with operations of the sets 1 to 5:
+# the cars' own OpenVINO of 2021 reads it, and every later one. Pictures have the channels first, as the cars' converter
+# writes them. Format: docs.openvino.ai, "Operation Sets" and "Intermediate Representation".
 
 from collections.abc import Sequence
 from xml.sax.saxutils import quoteattr
@@ -67,8 +64,8 @@ class _Description:
 
     def written(self) -> tuple[bytes, bytes]:
         for sensor, value in self._plain.inputs.items():
-            said = {"element_type": _TYPES[value.dtype.str][0], "shape": _commas(value.shape)}
-            layer = _Layer(self._head.input_name(sensor), "Parameter", 1, said, value.dtype, value.shape)
+            options = {"element_type": _TYPES[value.dtype.str][0], "shape": _commas(value.shape)}
+            layer = _Layer(self._head.input_name(sensor), "Parameter", 1, options, value.dtype, value.shape)
             self._at[value.name] = self._append(layer)
         for operation in self._plain.operations:
             self._write(operation)
@@ -95,10 +92,10 @@ class _Description:
         if found not in self._known:
             self._kept.append(array)
             raw = np.ascontiguousarray(array).reshape(-1).view(np.uint8).data
-            said = {"element_type": _TYPES[array.dtype.str][0], "shape": _commas(array.shape)}
-            said |= {"offset": str(self._size), "size": str(len(raw))}
+            options = {"element_type": _TYPES[array.dtype.str][0], "shape": _commas(array.shape)}
+            options |= {"offset": str(self._size), "size": str(len(raw))}
             self._known[found] = self._append(
-                _Layer(f"const_{len(self._known)}", "Const", 1, said, array.dtype, array.shape)
+                _Layer(f"const_{len(self._known)}", "Const", 1, options, array.dtype, array.shape)
             )
             padding = -len(raw) % 64  # where processors like their numbers to begin
             self._numbers += [raw, memoryview(bytes(padding))]
@@ -106,35 +103,35 @@ class _Description:
         return self._known[found]
 
     def _write(self, operation: PlainOperation) -> None:
-        kind, said, output = operation.kind, operation.attributes, operation.output
+        kind, options, output = operation.kind, operation.attributes, operation.output
         name, version, attributes = _LAYERS[kind]
         inputs = [self._operand(one) for one in operation.inputs]
         attributes = dict(attributes)
         if kind == "conv":
-            attributes |= _EDGELESS | {name: _commas(said[name]) for name in ("strides", "dilations")}
-            if said["groups"] > 1:
+            attributes |= _EDGELESS | {name: _commas(options[name]) for name in ("strides", "dilations")}
+            if options["groups"] > 1:
                 name = "GroupConvolution"
                 kernel = operation.inputs[1]
                 assert isinstance(kernel, Const)
-                groups = kernel.array.reshape((said["groups"], -1, *kernel.shape[1:]))
+                groups = kernel.array.reshape((options["groups"], -1, *kernel.shape[1:]))
                 inputs[1] = self._const(groups)
         elif kind in ("max_pool", "mean_pool"):
-            attributes |= _EDGELESS | {name: _commas(said[name]) for name in ("strides", "kernel")}
+            attributes |= _EDGELESS | {name: _commas(options[name]) for name in ("strides", "kernel")}
             attributes["rounding_type"] = "floor"
         elif kind == "reshape" or kind == "broadcast":
             inputs.append(self._whole(*output.shape))
         elif kind == "transpose":
-            inputs.append(self._whole(*said["order"]))
+            inputs.append(self._whole(*options["order"]))
         elif kind == "take":
-            inputs.append(self._const(np.array(said["axis"], np.int64)))
+            inputs.append(self._const(np.array(options["axis"], np.int64)))
         elif kind == "pad":
-            fill = self._const(np.array(said["number"], output.dtype))
-            inputs += [self._whole(*said["before"]), self._whole(*said["after"]), fill]
-        elif "keep" in said:
-            attributes["keep_dims"] = "true" if said["keep"] else "false"
-            inputs.append(self._whole(*said["axes"]))
+            fill = self._const(np.array(options["number"], output.dtype))
+            inputs += [self._whole(*options["before"]), self._whole(*options["after"]), fill]
+        elif "keep" in options:
+            attributes["keep_dims"] = "true" if options["keep"] else "false"
+            inputs.append(self._whole(*options["axes"]))
         elif kind == "concat":
-            attributes["axis"] = str(said["axis"])
+            attributes["axis"] = str(options["axis"])
         elif kind == "softmax":
             attributes["axis"] = str(len(output.shape) - 1)
         elif kind == "cast":
@@ -169,7 +166,7 @@ class _Description:
 
 
 def write_ir(plain: Plain, head: Head) -> tuple[bytes, bytes]:
-    """The description and its numbers: what belongs into ``model.xml`` and ``model.bin``."""
+    """The content of ``model.xml`` and ``model.bin``."""
     return _Description(plain, head).written()
 
 

@@ -1,10 +1,7 @@
-"""From a canonical network to plain operations: what each ONNX operator is made of.
+"""Lowers a canonical network to plain operations."""
 
-What hangs on no sensor is computed here, by the engine's own reference. Pictures come in as the field's graphs take
-them, float32 from 0 to 255, whatever the network declared.
-"""
-
-from __future__ import annotations
+# Values that depend on no sensor are computed here by the engine's own reference. Pictures arrive as the field's graphs
+# take them, float32 from 0 to 255, whatever the network declared.
 
 from collections.abc import Callable
 
@@ -24,18 +21,17 @@ from .plain import FLOAT, Const, Operand, Plain, Value
 
 
 class Unsayable(Exception):
-    """A node that has no like in plain operations."""
+    """A node without an equivalent in plain operations."""
 
 
 class Lowering:
-    """What a converter of one operator gets: the plain network, and numbers out of inputs."""
+    """The plain network under construction, for the converters of operators."""
 
     def __init__(self, opset: int) -> None:
         self.opset = opset
         self.plain = Plain()
 
     def number(self, value: float) -> Const:
-        """A single float32."""
         return Const(np.array(value, FLOAT))
 
     def binary(self, kind: str, left: Operand | float, right: Operand | float) -> Value:
@@ -44,34 +40,38 @@ class Lowering:
         return self.plain.binary(kind, *sides)
 
     def known(self, operand: Operand | None) -> np.ndarray:
-        """The array of an input that must hang on no sensor. Raises :class:`Unsayable`."""
+        """The array of an input that must not depend on a sensor. Raises :class:`Unsayable`."""
         if not isinstance(operand, Const):
             raise Unsayable
         return operand.array
 
-    def value(self, operand: Operand | None) -> Value:
-        """An input that depends on the sensors. Raises :class:`Unsayable`."""
-        if not isinstance(operand, Value):
-            raise Unsayable
-        return operand
+    def arrays(self, *operands: Operand | None) -> list[np.ndarray | None]:
+        return [None if operand is None else self.known(operand) for operand in operands]
 
 
-Inputs = list[Operand | None]
+OperandOrNone = Operand | None
+Inputs = list[OperandOrNone]
 Lowered = Operand | tuple[Operand, ...]
-Converter = Callable[[Lowering, Node, Inputs], Lowered]
+Converter = Callable[..., Lowered]
 CONVERTERS: dict[str, Converter] = {}
-# what moves bytes as well as floats, without a look at them
+# operators that move bytes like floats
 _MOVING = {
     *("Identity", "Concat", "Flatten", "Reshape", "Squeeze", "Unsqueeze", "Transpose", "Slice", "Split", "Gather"),
     *("DepthToSpace", "SpaceToDepth", "Shape"),
 }
 
 
-def lowers(*ops: str) -> Callable[[Converter], Converter]:
-    """Register the converter of ONNX operators."""
+def lowers(*ops: str, value_first: bool = True) -> Callable[[Converter], Converter]:
+    """Register the converter of ONNX operators, which takes the inputs one by one. With ``value_first`` the first input
+    is always a :class:`Value`."""
 
     def register(function: Converter) -> Converter:
-        CONVERTERS.update(dict.fromkeys(ops, function))
+        def of_value(to: Lowering, node: Node, x: OperandOrNone, *inputs: OperandOrNone) -> Lowered:
+            if not isinstance(x, Value):
+                raise Unsayable
+            return function(to, node, x, *inputs)
+
+        CONVERTERS.update(dict.fromkeys(ops, of_value if value_first else function))
         return function
 
     return register
@@ -80,7 +80,7 @@ def lowers(*ops: str) -> Callable[[Converter], Converter]:
 def lower(network: CanonicalNetwork, specs: dict[str, InputSpec]) -> Plain:
     """The network in plain operations. ``specs``: of its inputs, by sensor.
 
-    Raises UserFault ``export_operator`` for one that cannot be said so.
+    Raises UserFault ``export_operator`` for an operator without an equivalent.
     """
     lowering = Lowering(network.opset)
     values: dict[str, Operand] = {name: Const(array, name) for name, array in network.weights.items()}
@@ -95,7 +95,7 @@ def lower(network: CanonicalNetwork, specs: dict[str, InputSpec]) -> Plain:
         reads_bytes = any(name in bytes_ for name in node.inputs)
         try:
             made = _lowered(lowering, node, inputs, reads_bytes)
-        except (Unsayable, IndexError, ValueError, KeyError, TypeError) as error:
+        except (Unsayable, LookupError, ValueError, TypeError, AttributeError) as error:
             raise _fault(node) from error
         results = made if isinstance(made, tuple) else (made,)
         for name, result in zip(node.outputs, results, strict=False):
@@ -115,7 +115,7 @@ def _fault(node: Node) -> UserFault:
 
 
 def _read(plain: Plain, spec: InputSpec, declared: tuple[int, ...]) -> Operand:
-    """A sensor as the network wants it: pictures channels first or last."""
+    """A sensor in the network's layout: pictures channels first or last."""
     value = plain.input(spec.sensor, spec.channels_first)
     if spec.is_picture and declared != spec.channels_first:
         return plain.transpose(value, (0, 2, 3, 1))
@@ -123,13 +123,13 @@ def _read(plain: Plain, spec: InputSpec, declared: tuple[int, ...]) -> Operand:
 
 
 def _lowered(lowering: Lowering, node: Node, inputs: Inputs, reads_bytes: bool) -> Lowered:
+    given = [one for one in inputs if one is not None]
     if node.op == "Cast" and reads_bytes:
         if DTYPES[node.whole("to")] != FLOAT:
             raise Unsayable
-        return lowering.value(inputs[0])
+        return given[0]
     if reads_bytes and node.op not in _MOVING:
         raise Unsayable
-    given = [one for one in inputs if one is not None]
     if node.op == "Shape":
         return Const(np.asarray(ARRANGEMENT["Shape"](node, np.broadcast_to(np.zeros((), "?"), given[0].shape))))
     if all(isinstance(one, Const) for one in given):
@@ -139,11 +139,11 @@ def _lowered(lowering: Lowering, node: Node, inputs: Inputs, reads_bytes: bool) 
     converter = CONVERTERS.get(node.op)
     if converter is None:
         raise Unsayable
-    return converter(lowering, node, inputs)
+    return converter(lowering, node, *inputs)
 
 
 def _computed(node: Node, inputs: Inputs) -> Lowered:
-    """What hangs on no sensor."""
+    """The result of a node that depends on no sensor."""
     function = LAYERS.get(node.op) or ARRANGEMENT.get(node.op) or ARITHMETIC.get(node.op)
     if node.op == "Resize":
         function = resize

@@ -1,13 +1,13 @@
-"""Layers with weights, windows and norms in plain operations. Meaning: onnx/docs/Operators.md."""
+"""Lowers layers with weights, windows and norms to plain operations."""
 
-from __future__ import annotations
+# Meaning: onnx/docs/Operators.md.
 
 import numpy as np
 
 from paddock.network.layers import Windows
 from paddock.network.model import Node
 
-from .lower import Inputs, Lowered, Lowering, Unsayable, lowers
+from .lower import Lowered, Lowering, OperandOrNone, Unsayable, lowers
 from .lower_math import floats
 from .plain import Const, Operand, Value
 
@@ -24,20 +24,19 @@ def _in_two_dimensions(to: Lowering, x: Value) -> Value:
 
 
 def _as_was(to: Lowering, result: Value, x: Value) -> Value:
-    """Back to as many axes as ``x`` has."""
+    """Reshape to the number of axes of ``x``."""
     return result if len(x.shape) == 4 else to.plain.reshape(result, (*result.shape[:2], result.shape[3]))
 
 
 def _edged(to: Lowering, picture: Value, windows: Windows, number: float) -> Value:
-    """With the edges that the windows reach over."""
+    """Pad with the edges of the windows."""
     lead = 4 - len(windows.before)
     after = [high + more for high, more in zip(windows.after, windows.beyond, strict=True)]
     return to.plain.pad(picture, [0] * lead + windows.before, [0] * lead + after, number)
 
 
 @lowers("Conv")
-def _conv(to: Lowering, node: Node, inputs: Inputs) -> Lowered:
-    x, kernel = to.value(inputs[0]), inputs[1]
+def _conv(to: Lowering, node: Node, x: Value, kernel: OperandOrNone, bias: OperandOrNone = None) -> Lowered:
     if not isinstance(kernel, Const):
         raise Unsayable
     windows = Windows(node, x.shape[2:], list(kernel.shape[2:]))
@@ -47,12 +46,12 @@ def _conv(to: Lowering, node: Node, inputs: Inputs) -> Lowered:
     ones = [1] * (4 - len(x.shape))
     strides, dilations = [*ones, *windows.strides], [*ones, *windows.dilations]
     result = to.plain.conv(picture, kernel, strides, dilations, node.whole("group", 1))
-    if len(inputs) > 2 and inputs[2] is not None:
-        result = to.plain.binary("add", result, _channels(inputs[2], 4))
+    if bias is not None:
+        result = to.plain.binary("add", result, _channels(bias, 4))
     return _as_was(to, result, x)
 
 
-def _channels(values: Operand | None, rank: int) -> Const:
+def _channels(values: OperandOrNone, rank: int) -> Const:
     """One number for each channel of ``[N, C, ...]``."""
     if not isinstance(values, Const):
         raise Unsayable
@@ -60,8 +59,7 @@ def _channels(values: Operand | None, rank: int) -> Const:
 
 
 @lowers("MaxPool", "AveragePool")
-def _pool(to: Lowering, node: Node, inputs: Inputs) -> Lowered:
-    x = to.value(inputs[0])
+def _pool(to: Lowering, node: Node, x: Value) -> Lowered:
     kernel = node.wholes("kernel_shape") or []
     windows = Windows(node, x.shape[2:], kernel)
     if any(dilation != 1 for dilation in windows.dilations) or any(node.outputs[1:]):
@@ -83,36 +81,29 @@ def _pool(to: Lowering, node: Node, inputs: Inputs) -> Lowered:
 
 
 @lowers("GlobalAveragePool", "GlobalMaxPool")
-def _over_space(to: Lowering, node: Node, inputs: Inputs) -> Lowered:
-    x = to.value(inputs[0])
+def _over_space(to: Lowering, node: Node, x: Value) -> Lowered:
     return to.plain.reduce("most" if node.op == "GlobalMaxPool" else "mean", x, range(2, len(x.shape)), True)
 
 
-@lowers("Gemm")
-def _gemm(to: Lowering, node: Node, inputs: Inputs) -> Lowered:
-    left, right = (_turned(to, inputs[at], bool(node.whole(f"trans{'AB'[at]}", 0))) for at in (0, 1))
-    result = to.plain.matmul(left, right)
+@lowers("Gemm", value_first=False)
+def _gemm(to: Lowering, node: Node, a: Operand, b: Operand, c: OperandOrNone = None) -> Lowered:
+    result = to.plain.matmul(_turned(to, a, node.whole("transA", 0)), _turned(to, b, node.whole("transB", 0)))
     alpha, beta = node.real("alpha", 1.0), node.real("beta", 1.0)
     if alpha != 1.0:
         result = to.binary("mul", result, alpha)
-    if len(inputs) > 2 and inputs[2] is not None:
-        result = to.plain.binary("add", result, inputs[2] if beta == 1.0 else to.binary("mul", inputs[2], beta))
+    if c is not None:
+        result = to.plain.binary("add", result, c if beta == 1.0 else to.binary("mul", c, beta))
     return result
 
 
-def _turned(to: Lowering, x: Operand | None, turn: bool) -> Operand:
-    if x is None:
-        raise Unsayable
+def _turned(to: Lowering, x: Operand, turn: int) -> Operand:
     if not turn:
         return x
     return x.transposed((1, 0)) if isinstance(x, Const) else to.plain.transpose(x, (1, 0))
 
 
-@lowers("MatMul")
-def _matmul(to: Lowering, node: Node, inputs: Inputs) -> Lowered:
-    left, right = inputs[0], inputs[1]
-    if left is None or right is None:
-        raise Unsayable
+@lowers("MatMul", value_first=False)
+def _matmul(to: Lowering, node: Node, left: Operand, right: Operand) -> Lowered:
     final = list(np.matmul(*(np.broadcast_to(np.zeros((), "f4"), one.shape) for one in (left, right))).shape)
     if len(left.shape) == 1:
         left = _shaped(to, left, (1, *left.shape))
@@ -129,9 +120,8 @@ def _shaped(to: Lowering, x: Operand, shape: tuple[int, ...]) -> Operand:
 
 
 @lowers("BatchNormalization")
-def _batch_norm(to: Lowering, node: Node, inputs: Inputs) -> Lowered:
-    x = to.value(inputs[0])
-    scale, bias, mean, variance = (to.known(one).astype(np.float64) for one in inputs[1:5])
+def _batch_norm(to: Lowering, node: Node, x: Value, *statistics: Operand) -> Lowered:
+    scale, bias, mean, variance = (to.known(one).astype(np.float64) for one in statistics)
     factor = scale / np.sqrt(variance + node.real("epsilon", 1e-5))
     shape = (1, factor.size, *[1] * (len(x.shape) - 2))
     product = to.plain.binary("mul", x, floats(factor.reshape(shape)))
@@ -145,32 +135,30 @@ def _normal(to: Lowering, x: Value, axes: list[int], epsilon: float) -> Value:
 
 
 @lowers("InstanceNormalization")
-def _instance_norm(to: Lowering, node: Node, inputs: Inputs) -> Lowered:
-    x = to.value(inputs[0])
+def _instance_norm(to: Lowering, node: Node, x: Value, scale: Operand, bias: Operand) -> Lowered:
     rank = len(x.shape)
     normal = _normal(to, x, list(range(2, rank)), node.real("epsilon", 1e-5))
-    scaled = to.plain.binary("mul", normal, _channels(inputs[1], rank))
-    return to.plain.binary("add", scaled, _channels(inputs[2], rank))
+    scaled = to.plain.binary("mul", normal, _channels(scale, rank))
+    return to.plain.binary("add", scaled, _channels(bias, rank))
 
 
 @lowers("LayerNormalization")
-def _layer_norm(to: Lowering, node: Node, inputs: Inputs) -> Lowered:
-    x, scale = to.value(inputs[0]), inputs[1]
-    if scale is None or any(node.outputs[1:]):
+def _layer_norm(to: Lowering, node: Node, x: Value, scale: Operand, bias: OperandOrNone = None) -> Lowered:
+    if any(node.outputs[1:]):
         raise Unsayable
     axis = node.whole("axis", -1) % len(x.shape)
     normal = _normal(to, x, list(range(axis, len(x.shape))), node.real("epsilon", 1e-5))
     result = to.plain.binary("mul", normal, scale)
-    return to.plain.binary("add", result, inputs[2]) if len(inputs) > 2 and inputs[2] is not None else result
+    return result if bias is None else to.plain.binary("add", result, bias)
 
 
 @lowers("GroupNormalization")
-def _group_norm(to: Lowering, node: Node, inputs: Inputs) -> Lowered:
-    x, groups = to.value(inputs[0]), node.whole("num_groups")
+def _group_norm(to: Lowering, node: Node, x: Value, scales: Operand, biases: Operand) -> Lowered:
+    groups = node.whole("num_groups")
     grouped = to.plain.reshape(x, (x.shape[0], groups, int(np.prod(x.shape[1:])) // groups))
     normal = to.plain.reshape(_normal(to, grouped, [2], node.real("epsilon", 1e-5)), x.shape)
     # one for each group until version 21, one for each channel since
-    scale, bias = (np.repeat(v, x.shape[1] // v.size) for v in (to.known(inputs[1]), to.known(inputs[2])))
+    scale, bias = (np.repeat(v, x.shape[1] // v.size) for v in (to.known(scales), to.known(biases)))
     shape = (1, -1, *[1] * (len(x.shape) - 2))
     scaled = to.plain.binary("mul", normal, floats(scale.reshape(shape)))
     return to.plain.binary("add", scaled, floats(bias.reshape(shape)))

@@ -1,6 +1,6 @@
-"""Arithmetic, activations and reductions in plain operations. Meaning: onnx/docs/Operators.md."""
+"""Lowers arithmetic, activations and reductions to plain operations."""
 
-from __future__ import annotations
+# Meaning: onnx/docs/Operators.md.
 
 import math
 from collections.abc import Callable
@@ -9,7 +9,7 @@ import numpy as np
 
 from paddock.network.model import DTYPES, Node
 
-from .lower import Inputs, Lowered, Lowering, Unsayable, lowers
+from .lower import Lowered, Lowering, OperandOrNone, Unsayable, lowers
 from .plain import FLOAT, Const, Operand, Value
 
 _SAME = {
@@ -25,53 +25,46 @@ _MANY = {"Min": "min", "Max": "max", "Sum": "add"}
 
 
 @lowers(*_SAME)
-def _unary(to: Lowering, node: Node, inputs: Inputs) -> Lowered:
-    return to.plain.unary(_SAME[node.op], to.value(inputs[0]))
+def _unary(to: Lowering, node: Node, x: Value) -> Lowered:
+    return to.plain.unary(_SAME[node.op], x)
 
 
-@lowers(*_TWO)
-def _binary(to: Lowering, node: Node, inputs: Inputs) -> Lowered:
-    left, right = _both(inputs)
+@lowers(*_TWO, value_first=False)
+def _binary(to: Lowering, node: Node, left: Operand, right: Operand) -> Lowered:
     return to.plain.binary(_TWO[node.op], left, right)
 
 
-@lowers("Pow")
-def _pow(to: Lowering, node: Node, inputs: Inputs) -> Lowered:
-    base, exponent = _both(inputs)
+@lowers("Pow", value_first=False)
+def _pow(to: Lowering, node: Node, base: Operand, exponent: Operand) -> Lowered:
     if exponent.dtype != base.dtype:
         exponent = Const(to.known(exponent).astype(base.dtype))
     return to.plain.binary("pow", base, exponent)
 
 
-@lowers(*_MANY, "Mean")
-def _many(to: Lowering, node: Node, inputs: Inputs) -> Lowered:
-    parts = [one for one in inputs if one is not None]
+@lowers(*_MANY, "Mean", value_first=False)
+def _many(to: Lowering, node: Node, *parts: Operand) -> Lowered:
     result = parts[0]
     for part in parts[1:]:
         result = to.plain.binary(_MANY.get(node.op, "add"), result, part)
     return result if node.op != "Mean" else to.binary("div", result, float(len(parts)))
 
 
-@lowers("Where")
-def _where(to: Lowering, node: Node, inputs: Inputs) -> Lowered:
-    condition, one, other = (_given(value) for value in inputs)
+@lowers("Where", value_first=False)
+def _where(to: Lowering, node: Node, condition: Operand, one: Operand, other: Operand) -> Lowered:
     return to.plain.where(condition, one, other)
 
 
-@lowers("Clip")
-def _clip(to: Lowering, node: Node, inputs: Inputs) -> Lowered:
-    result = _given(inputs[0])
-    for bound, kind in zip(inputs[1:], ("max", "min"), strict=False):
-        result = result if bound is None else to.plain.binary(kind, result, bound)
-    return result
+@lowers("Clip", value_first=False)
+def _clip(to: Lowering, node: Node, x: Operand, low: OperandOrNone = None, high: OperandOrNone = None) -> Lowered:
+    x = x if low is None else to.plain.binary("max", x, low)
+    return x if high is None else to.plain.binary("min", x, high)
 
 
 @lowers("Cast")
-def _cast(to: Lowering, node: Node, inputs: Inputs) -> Lowered:
+def _cast(to: Lowering, node: Node, x: Value) -> Lowered:
     wanted = DTYPES[node.whole("to")]
     if wanted == np.float16:
         raise Unsayable  # half precision rounds elsewhere in every runtime
-    x = to.value(inputs[0])
     return x if x.dtype == wanted else to.plain.cast(x, wanted)
 
 
@@ -128,13 +121,12 @@ _SHAPES: dict[str, Shape] = {
 
 
 @lowers(*_SHAPES)
-def _activation(to: Lowering, node: Node, inputs: Inputs) -> Lowered:
-    return _SHAPES[node.op](to, node, to.value(inputs[0]))
+def _activation(to: Lowering, node: Node, x: Value) -> Lowered:
+    return _SHAPES[node.op](to, node, x)
 
 
 @lowers("PRelu")
-def _prelu(to: Lowering, node: Node, inputs: Inputs) -> Lowered:
-    x, slope = to.value(inputs[0]), _given(inputs[1])
+def _prelu(to: Lowering, node: Node, x: Value, slope: Operand) -> Lowered:
     return to.plain.where(to.binary("less", x, 0.0), to.plain.binary("mul", slope, x), x)
 
 
@@ -142,8 +134,7 @@ def _prelu(to: Lowering, node: Node, inputs: Inputs) -> Lowered:
 
 
 @lowers("Softmax", "LogSoftmax")
-def _softmax(to: Lowering, node: Node, inputs: Inputs) -> Lowered:
-    x = to.value(inputs[0])
+def _softmax(to: Lowering, node: Node, x: Value) -> Lowered:
     rank = len(x.shape)
     if to.opset < 13:  # all behind the axis, as one row
         axis = node.whole("axis", 1) % rank
@@ -176,10 +167,8 @@ _REDUCE = {"ReduceMean": "mean", "ReduceSum": "sum", "ReduceMax": "most", "Reduc
 
 
 @lowers(*_REDUCE, *(f"Reduce{kind}" for kind in ("L1", "L2", "SumSquare", "LogSum", "LogSumExp")))
-def _reduce(to: Lowering, node: Node, inputs: Inputs) -> Lowered:
-    x = to.value(inputs[0])
-    given = to.known(inputs[1]).reshape(-1).tolist() if len(inputs) > 1 and inputs[1] is not None else None
-    axes = node.wholes("axes") if given is None else given
+def _reduce(to: Lowering, node: Node, x: Value, given: OperandOrNone = None) -> Lowered:
+    axes = node.wholes("axes") if given is None else to.known(given).reshape(-1).tolist()
     if not axes:
         if node.whole("noop_with_empty_axes", 0):
             return x
@@ -198,17 +187,5 @@ def _reduce(to: Lowering, node: Node, inputs: Inputs) -> Lowered:
     return total if last is None else to.plain.unary(last, total)
 
 
-def _given(operand: Operand | None) -> Operand:
-    if operand is None:
-        raise Unsayable
-    return operand
-
-
-def _both(inputs: Inputs) -> tuple[Operand, Operand]:
-    left, right = (_given(one) for one in inputs)
-    return left, right
-
-
 def floats(array: np.ndarray) -> Const:
-    """Float64 that was computed, as float32."""
     return Const(np.ascontiguousarray(array, FLOAT))

@@ -1,6 +1,6 @@
-"""Operators that only put numbers elsewhere, in plain operations. Meaning: onnx/docs/Operators.md."""
+"""Lowers operators that only rearrange numbers to plain operations."""
 
-from __future__ import annotations
+# Meaning: onnx/docs/Operators.md.
 
 import math
 
@@ -10,91 +10,78 @@ from paddock.network.arrangement import ARRANGEMENT
 from paddock.network.model import Node
 from paddock.network.resize import matrices
 
-from .lower import Inputs, Lowered, Lowering, Unsayable, lowers
+from .lower import Lowered, Lowering, OperandOrNone, Unsayable, lowers
 from .lower_math import floats
-from .plain import Value
+from .plain import Operand, Value
 
 
 def _shape_of(node: Node, x: Value, *given: np.ndarray | None) -> tuple[int, ...]:
-    """The shape that an operator gives its result, seen on an array that takes no memory."""
+    """The shape of an operator's result, computed on an array without memory."""
     return np.asarray(ARRANGEMENT[node.op](node, np.broadcast_to(np.zeros((), "?"), x.shape), *given)).shape
 
 
 @lowers("Identity")
-def _identity(to: Lowering, node: Node, inputs: Inputs) -> Lowered:
-    return to.value(inputs[0])
+def _identity(to: Lowering, node: Node, x: Value) -> Lowered:
+    return x
 
 
 @lowers("Reshape", "Flatten", "Squeeze", "Unsqueeze")
-def _reshape(to: Lowering, node: Node, inputs: Inputs) -> Lowered:
-    x = to.value(inputs[0])
-    given = [None if one is None else to.known(one) for one in inputs[1:]]
-    return to.plain.reshape(x, _shape_of(node, x, *given))
+def _reshape(to: Lowering, node: Node, x: Value, *given: OperandOrNone) -> Lowered:
+    return to.plain.reshape(x, _shape_of(node, x, *to.arrays(*given)))
 
 
 @lowers("Transpose")
-def _transpose(to: Lowering, node: Node, inputs: Inputs) -> Lowered:
-    x = to.value(inputs[0])
+def _transpose(to: Lowering, node: Node, x: Value) -> Lowered:
     return to.plain.transpose(x, node.wholes("perm") or range(len(x.shape))[::-1])
 
 
-@lowers("Concat")
-def _concat(to: Lowering, node: Node, inputs: Inputs) -> Lowered:
-    parts = [one for one in inputs if one is not None]
+@lowers("Concat", value_first=False)
+def _concat(to: Lowering, node: Node, *parts: Operand) -> Lowered:
     return to.plain.concat(parts, node.whole("axis") % len(parts[0].shape))
 
 
 @lowers("Slice")
-def _slice(to: Lowering, node: Node, inputs: Inputs) -> Lowered:
-    x = to.value(inputs[0])
-    given = [None if one is None else to.known(one) for one in inputs[1:]]
-    starts = given[0]
-    if starts is None:
-        raise Unsayable
-    axes = range(starts.size) if len(given) < 3 or given[2] is None else given[2].tolist()
+def _slice(to: Lowering, node: Node, x: Value, starts: Operand, *more: OperandOrNone) -> Lowered:
+    given = to.arrays(starts, *more)
+    axes = range(to.known(starts).size) if len(given) < 3 or given[2] is None else given[2].tolist()
     for axis in {int(axis) % len(x.shape) for axis in axes}:
         x = to.plain.take(x, axis, _lines(node, x, axis, *given))
     return x
 
 
 def _lines(node: Node, x: Value, axis: int, *given: np.ndarray | None) -> np.ndarray:
-    """Which lines of one axis an operator keeps, in which order."""
+    """The kept lines of one axis, in their order."""
     numbers = np.arange(x.shape[axis]).reshape([-1 if at == axis else 1 for at in range(len(x.shape))])
     moved = np.asarray(ARRANGEMENT[node.op](node, np.broadcast_to(numbers, x.shape), *given))
     return moved[tuple(slice(None) if at == axis else 0 for at in range(moved.ndim))]
 
 
 @lowers("Split")
-def _split(to: Lowering, node: Node, inputs: Inputs) -> Lowered:
-    x = to.value(inputs[0])
-    axis = node.whole("axis", 0) % len(x.shape)
-    sizes = to.known(inputs[1]) if len(inputs) > 1 and inputs[1] is not None else None
+def _split(to: Lowering, node: Node, x: Value, given: OperandOrNone = None) -> Lowered:
+    axis, (sizes,) = node.whole("axis", 0) % len(x.shape), to.arrays(given)
     numbers = np.arange(x.shape[axis]).reshape([-1 if at == axis else 1 for at in range(len(x.shape))])
     parts = ARRANGEMENT["Split"](node, numbers, sizes)
     return tuple(to.plain.take(x, axis, part.reshape(-1)) for part in parts)
 
 
 @lowers("Gather")
-def _gather(to: Lowering, node: Node, inputs: Inputs) -> Lowered:
-    x, places = to.value(inputs[0]), to.known(inputs[1])
-    axis = node.whole("axis", 0) % len(x.shape)
+def _gather(to: Lowering, node: Node, x: Value, given: Operand) -> Lowered:
+    axis, places = node.whole("axis", 0) % len(x.shape), to.known(given)
     lines = np.where(places < 0, places + x.shape[axis], places)
     found = to.plain.take(x, axis, lines)
     return to.plain.reshape(found, (*x.shape[:axis], *places.shape, *x.shape[axis + 1 :]))
 
 
 @lowers("Expand")
-def _expand(to: Lowering, node: Node, inputs: Inputs) -> Lowered:
-    x = to.value(inputs[0])
-    return to.plain.broadcast(x, np.broadcast_shapes(x.shape, tuple(to.known(inputs[1]).tolist())))
+def _expand(to: Lowering, node: Node, x: Value, shape: Operand) -> Lowered:
+    return to.plain.broadcast(x, np.broadcast_shapes(x.shape, tuple(to.known(shape).tolist())))
 
 
 @lowers("Pad")
-def _pad(to: Lowering, node: Node, inputs: Inputs) -> Lowered:
-    x = to.value(inputs[0])
-    pads, number, axes = (*(None if one is None else to.known(one) for one in inputs[1:]), None, None)[:3]
-    if pads is None:
-        raise Unsayable
+def _pad(
+    to: Lowering, node: Node, x: Value, sides: Operand, fills: OperandOrNone = None, along: OperandOrNone = None
+) -> Lowered:
+    pads, (number, axes) = to.known(sides), to.arrays(fills, along)
     rank = len(x.shape)
     wanted = list(range(rank)) if axes is None else [int(axis) % rank for axis in axes.tolist()]
     before, after = [0] * rank, [0] * rank
@@ -114,8 +101,7 @@ def _pad(to: Lowering, node: Node, inputs: Inputs) -> Lowered:
 
 
 @lowers("DepthToSpace", "SpaceToDepth")
-def _blocks(to: Lowering, node: Node, inputs: Inputs) -> Lowered:
-    x = to.value(inputs[0])
+def _blocks(to: Lowering, node: Node, x: Value) -> Lowered:
     block, (count, depth, height, width) = node.whole("blocksize"), x.shape
     if node.op == "SpaceToDepth":
         parts = (count, depth, height // block, block, width // block, block)
@@ -131,11 +117,9 @@ def _blocks(to: Lowering, node: Node, inputs: Inputs) -> Lowered:
 
 
 @lowers("Resize")
-def _resize(to: Lowering, node: Node, inputs: Inputs) -> Lowered:
-    """Along each axis a product with a matrix, which says how much of each old line is in each new one."""
-    x = to.value(inputs[0])
-    given = [None if one is None else to.known(one) for one in inputs[1:]]
-    found = matrices(node, x.shape, *given)
+def _resize(to: Lowering, node: Node, x: Value, *given: OperandOrNone) -> Lowered:
+    """Along each axis a product with a matrix, which has the share of each old line in each new one."""
+    found = matrices(node, x.shape, *to.arrays(*given))
     if found is None:
         raise Unsayable
     for axis, matrix in found.items():

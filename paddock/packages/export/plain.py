@@ -1,11 +1,8 @@
-"""A network as few plain operations of fixed sizes, from which a graph of any format is written.
+"""A network of few plain operations with fixed sizes, from which every export format is written."""
 
-ONNX has a hundred operators, and formats of other makers say half of them otherwise. What is written here are some
-forty: each exists in TensorFlow and in OpenVINO with the same meaning, and of whatever else :mod:`.lower` makes a few
-of them. Pictures are ``[1, channels, height, width]`` throughout.
-"""
-
-from __future__ import annotations
+# ONNX has a hundred operators, and other formats define half of them differently. There are about forty plain
+# operations: each exists in TensorFlow and in OpenVINO with the same meaning, and :mod:`.lower` expresses every other
+# operator with them. Pictures are ``[1, channels, height, width]`` throughout.
 
 import math
 from collections.abc import Sequence
@@ -52,13 +49,11 @@ class Const:
     def dtype(self) -> np.dtype:
         return self.array.dtype
 
-    def transposed(self, order: Sequence[int]) -> Const:
-        """With its axes in another order."""
+    def transposed(self, order: Sequence[int]) -> "Const":
         step = Step("transpose", tuple(int(axis) for axis in order))
         return Const(self.array.transpose(step.numbers), self.origin, (*self.steps, step))
 
-    def reshaped(self, shape: Sequence[int]) -> Const:
-        """The same numbers in another shape."""
+    def reshaped(self, shape: Sequence[int]) -> "Const":
         step = Step("reshape", tuple(int(size) for size in shape))
         return Const(self.array.reshape(step.numbers), self.origin, (*self.steps, step))
 
@@ -95,16 +90,15 @@ class Plain:
         self.output: Value | None = None
 
     def input(self, sensor: str, shape: tuple[int, ...]) -> Value:
-        """What a sensor reads, as float32; pictures 0 to 255, channels first."""
+        """A sensor's reading as float32; pictures 0 to 255, channels first."""
         self.inputs[sensor] = Value(sensor, shape)
         return self.inputs[sensor]
 
     def made_by(self, value: Operand) -> PlainOperation | None:
-        """The operation that makes a value; None for what a sensor reads, and for numbers."""
+        """The operation that makes a value; None for a sensor's reading and for numbers."""
         return next((one for one in self.operations if one.output is value), None)
 
     def prune(self) -> None:
-        """Drop operations that the output does not need."""
         needed = {id(self.output)}
         kept = []
         for operation in reversed(self.operations):
@@ -125,7 +119,6 @@ class Plain:
         return output
 
     def unary(self, kind: str, x: Operand) -> Value:
-        """Element by element: a word of :data:`UNARY`."""
         assert kind in UNARY
         return self._add(kind, [x], x.shape, x.dtype)
 
@@ -136,27 +129,22 @@ class Plain:
         return self._add(kind, [left, right], shape, BOOL if kind in COMPARING else left.dtype)
 
     def where(self, condition: Operand, one: Operand, other: Operand) -> Value:
-        """``one`` where the condition holds, else ``other``."""
         shape = np.broadcast_shapes(condition.shape, one.shape, other.shape)
         return self._add("where", [condition, one, other], shape, one.dtype)
 
     def cast(self, x: Operand, dtype: np.dtype) -> Value:
-        """As another type; fractions are cut off."""
         return self._add("cast", [x], x.shape, dtype)
 
     def reshape(self, x: Value, shape: Sequence[int]) -> Value:
-        """The same numbers in another shape."""
         return x if tuple(shape) == x.shape else self._add("reshape", [x], shape, x.dtype)
 
     def transpose(self, x: Value, order: Sequence[int]) -> Value:
-        """The axes in another order."""
         wanted = tuple(int(axis) for axis in order)
         if wanted == tuple(range(len(wanted))):
             return x
         return self._add("transpose", [x], [x.shape[axis] for axis in wanted], x.dtype, order=wanted)
 
     def concat(self, parts: Sequence[Operand], axis: int) -> Value:
-        """Beside each other along an axis."""
         shape = list(parts[0].shape)
         shape[axis] = sum(part.shape[axis] for part in parts)
         return self._add("concat", parts, shape, parts[0].dtype, axis=axis)
@@ -172,14 +160,12 @@ class Plain:
         return self._add("take", [x, Const(lines)], shape, x.dtype, axis=axis)
 
     def pad(self, x: Value, before: Sequence[int], after: Sequence[int], number: float = 0.0) -> Value:
-        """With ``number`` around it."""
         if not any(before) and not any(after):
             return x
         shape = [low + size + high for low, size, high in zip(before, x.shape, after, strict=True)]
         return self._add("pad", [x], shape, x.dtype, before=tuple(before), after=tuple(after), number=float(number))
 
     def broadcast(self, x: Operand, shape: Sequence[int]) -> Operand:
-        """Repeated to a shape."""
         return x if tuple(shape) == x.shape else self._add("broadcast", [x], shape, x.dtype)
 
     def conv(self, x: Operand, kernel: Const, strides: Sequence[int], dilations: Sequence[int], groups: int) -> Value:
@@ -210,5 +196,4 @@ class Plain:
         return self._add(kind, [x], shape, x.dtype, axes=tuple(sorted(gone)), keep=keep)
 
     def softmax(self, x: Value) -> Value:
-        """Over the last axis."""
         return self._add("softmax", [x], x.shape)

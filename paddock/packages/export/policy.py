@@ -1,11 +1,8 @@
-"""How a network ends in the field's graphs: what their last node answers, and what it is called.
+"""Writes the end of a network as the field's graphs have it: values and name of the last node."""
 
-Cars and tools of the field expect probabilities of a discrete policy (``ppo_head_0/policy`` is a softmax), two values
-of a continuous one, and of SAC the mean before it is squashed, because the car takes the tanh itself (``heads`` of
-:mod:`paddock.packages.tensorflow`). Names: deepracer.md 1.4.
-"""
-
-from __future__ import annotations
+# Cars and tools of the field expect probabilities of a discrete policy (``ppo_head_0/policy`` is a softmax), two values
+# of a continuous one, and of SAC the mean before the tanh, because the car applies the tanh itself (see
+# :mod:`paddock.packages.tensorflow.convert`).
 
 from dataclasses import dataclass
 
@@ -25,32 +22,27 @@ class Head:
     scores: bool
 
     @classmethod
-    def of(cls, metadata: ModelMetadata) -> Head:
-        """The head that a car's metadata asks for."""
+    def of(cls, metadata: ModelMetadata) -> "Head":
         return cls(metadata.algorithm == "sac", metadata.action_space_type == DISCRETE)
 
     @property
     def inputs(self) -> str:
-        """The scope of what the sensors read."""
         return f"main_level/agent/{'policy' if self.is_sac else 'main'}/online/network_0"
 
     @property
     def scope(self) -> str:
-        """The scope of the layers."""
         return self.inputs if self.is_sac else "main_level/agent/main/online/network_1"
 
     @property
     def name(self) -> str:
-        """The policy's node."""
         return f"{self.scope}/{'sac_policy_head_0' if self.is_sac else 'ppo_head_0'}/policy"
 
     def input_name(self, sensor: str) -> str:
-        """The node of what a sensor reads."""
         return f"{self.inputs}/{sensor}/{sensor}"
 
 
 def finish(plain: Plain, head: Head) -> Plain:
-    """The network with the end that the field expects."""
+    """The network with the last node of the field's graphs."""
     output = plain.output
     assert output is not None
     last = plain.made_by(output)

@@ -1,9 +1,6 @@
-"""The static gate: what an ONNX network may be before any runtime sees it, and its canonical form.
+"""The static gate: checks an ONNX network before any runtime loads it, and returns its canonical form."""
 
-Runs inside the sandboxed admission process, for uploaded and for converted networks alike.
-"""
-
-from __future__ import annotations
+# It runs inside the sandboxed admission process, for uploaded and for converted networks alike.
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -17,10 +14,9 @@ from paddock.network.canonical import CanonicalNetwork, canonicalise, write_mode
 from paddock.network.dense import Read, dense_as_convolutions
 from paddock.network.model import DTYPES, FLOAT, UINT8, Model, Port, read_model
 from paddock.network.wire import printable
-from paddock.packages.identity import identity
 from paddock.packages.inputs import InputSpec
 from paddock.packages.limits import DEFAULT_LIMITS, PackageLimits
-from paddock.packages.metadata import ModelMetadata
+from paddock.packages.metadata import ModelMetadata, identity
 
 from .cost import Cost, measure
 from .operators import check_operator
@@ -55,10 +51,10 @@ def check_onnx(
 ) -> Canonical:
     """Check a serialised ONNX model against the contract and write it anew.
 
-    The contract: one input for each sensor, named as the sensor unless there is one only (pictures uint8 or float32,
-    0-255, NHWC or NCHW); a float32 output, ``[1, n]`` scores over n discrete actions or ``[1, 2]`` in [-1, 1], of which
-    others may stand beside (:mod:`.outputs`). A batch size that is not fixed is fixed to one. ``weights``: the files of
-    weights beside it, by name. Raises UserFault with a code of the gate section.
+    The contract: one input for each sensor, named as the sensor unless it is the only one (pictures uint8 or float32,
+    0-255, NHWC or NCHW); a float32 output, ``[1, n]`` scores over n discrete actions or ``[1, 2]`` in [-1, 1], perhaps
+    beside others (:mod:`.outputs`). A free batch size becomes one. ``weights``: files of weights beside it, by name.
+    Raises UserFault with a code of the gate section.
     """
     if len(data) + sum(map(len, (weights or {}).values())) > limits.model_bytes:
         raise UserFault("model_too_large", limit_mb=limits.model_bytes >> 20)
@@ -87,7 +83,7 @@ def check_onnx(
 def _drawn_from(
     model: Model, metadata: ModelMetadata, limits: PackageLimits, port: Port
 ) -> tuple[CanonicalNetwork, Cost]:
-    """The part of the model that makes this output, checked, and what it costs."""
+    """The part of the model that makes this output, checked, and its cost."""
     network = canonicalise(model, port)
     for node in network.nodes:
         check_operator(node)
@@ -103,7 +99,7 @@ def _drawn_from(
 
 
 def _detached(array: np.ndarray) -> np.ndarray:
-    """A small weight without the file that it was read from, so that the large ones alone keep that."""
+    """A copy of a small weight, so that it does not keep the whole file in memory."""
     return array.copy() if array.nbytes < _SMALL else array
 
 

@@ -1,6 +1,4 @@
-"""What one step of a network costs, counted from its shapes."""
-
-from __future__ import annotations
+"""Computes the cost of one step of a network from its shapes."""
 
 import math
 from dataclasses import dataclass

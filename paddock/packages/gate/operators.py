@@ -1,16 +1,12 @@
-"""The operators a model's network may use, with the attributes each may have.
+"""The operators that a model's network may use, with the permitted attributes of each."""
 
-Left out on purpose: control flow (Loop, If, Scan), anything random, operators that make their output's size out of
-numbers (Tile, Range, OneHot), strings, sequences, and recurrent layers (a policy has no memory between steps here).
-Reasons: platforms.md B.5 and B.6.
-
-Let in although they make much out of little, because layers of torch become them and :mod:`.cost` counts what comes
-out: Resize (nn.Upsample, F.interpolate), Pad (F.pad, nn.ZeroPad2d), Expand and ConstantOfShape (broadcasting,
-F.normalize, the distributions of stable-baselines3), DepthToSpace and SpaceToDepth (nn.PixelShuffle). All of them
-compute the same on every processor, once their sizes are fixed.
-"""
-
-from __future__ import annotations
+# Omitted on purpose: control flow (Loop, If, Scan), random operators, operators that compute the size of their output
+# (Tile, Range, OneHot), strings, sequences, and recurrent layers (a policy has no memory between steps here).
+#
+# Permitted although they enlarge their input, because layers of torch become them and :mod:`.cost` counts the output:
+# Resize (nn.Upsample, F.interpolate), Pad (F.pad, nn.ZeroPad2d), Expand and ConstantOfShape (broadcasting, F.normalize,
+# the distributions of stable-baselines3), DepthToSpace and SpaceToDepth (nn.PixelShuffle). All of them compute the same
+# on every processor, once their sizes are fixed.
 
 import numpy as np
 
@@ -19,86 +15,76 @@ from paddock.network.model import DTYPES, Attribute, Node
 from paddock.network.wire import printable
 
 Kind = type | str
-_I, _F, _S, _IS, _FS, _T = int, float, str, "ints", "floats", np.ndarray
-_POOL: dict[str, Kind] = {
-    "auto_pad": _S,
-    "ceil_mode": _I,
-    "dilations": _IS,
-    "kernel_shape": _IS,
-    "pads": _IS,
-    "strides": _IS,
+_KINDS: dict[str, Kind] = {
+    name: kind
+    for kind, names in (
+        (int, "to saturate value_int axis keepdims noop_with_empty_axes allowzero num_outputs start end blocksize"),
+        (int, "antialias exclude_outside group transA transB ceil_mode storage_order count_include_pad training_mode"),
+        (int, "stash_type num_groups seed"),
+        (float, "alpha beta gamma value_float cubic_coeff_a extrapolation_value epsilon momentum ratio"),
+        (str, "approximate mode auto_pad coordinate_transformation_mode keep_aspect_ratio_policy nearest_mode"),
+        ("ints", "value_ints axes perm split dilations kernel_shape pads strides"),
+        ("floats", "value_floats"),
+        (np.ndarray, "value"),
+    )
+    for name in names.split()
 }
-_REDUCE: dict[str, Kind] = {"axes": _IS, "keepdims": _I, "noop_with_empty_axes": _I}
-
-OPERATORS: dict[str, dict[str, Kind]] = {
+_WINDOW = "auto_pad dilations kernel_shape pads strides"
+# operators, with the names of the attributes that each may have
+_ATTRIBUTES = {
     # element by element
-    **{op: {} for op in ("Abs", "Neg", "Sqrt", "Reciprocal", "Exp", "Log", "Erf", "Floor", "Ceil", "Round", "Sign")},
-    **{op: {} for op in ("Sigmoid", "Tanh", "Relu", "Softplus", "Softsign", "HardSwish", "Mish", "PRelu", "Clip")},
-    **{op: {} for op in ("Add", "Sub", "Mul", "Div", "Pow", "Min", "Max", "Sum", "Mean")},
-    **{op: {} for op in ("Where", "Equal", "Less", "Greater", "LessOrEqual", "GreaterOrEqual", "And", "Or", "Not")},
-    **{op: {"alpha": _F} for op in ("LeakyRelu", "Elu", "Celu", "ThresholdedRelu")},
-    "Selu": {"alpha": _F, "gamma": _F},
-    "HardSigmoid": {"alpha": _F, "beta": _F},
-    "Gelu": {"approximate": _S},
-    "Cast": {"to": _I, "saturate": _I},
+    "Abs Neg Sqrt Reciprocal Exp Log Erf Floor Ceil Round Sign": "",
+    "Sigmoid Tanh Relu Softplus Softsign HardSwish Mish PRelu Clip": "",
+    "Add Sub Mul Div Pow Min Max Sum Mean": "",
+    "Where Equal Less Greater LessOrEqual GreaterOrEqual And Or Not": "",
+    "LeakyRelu Elu Celu ThresholdedRelu": "alpha",
+    "Selu": "alpha gamma",
+    "HardSigmoid": "alpha beta",
+    "Gelu": "approximate",
+    "Cast": "to saturate",
     # arrangement
-    "Identity": {},
-    "Constant": {"value": _T, "value_float": _F, "value_int": _I, "value_floats": _FS, "value_ints": _IS},
-    "Concat": {"axis": _I},
-    "Flatten": {"axis": _I},
-    "Reshape": {"allowzero": _I},
-    "Squeeze": {"axes": _IS},
-    "Unsqueeze": {"axes": _IS},
-    "Transpose": {"perm": _IS},
-    "Slice": {},
-    "Split": {"axis": _I, "split": _IS, "num_outputs": _I},
-    "Gather": {"axis": _I},
-    "Shape": {"start": _I, "end": _I},
-    "Expand": {},
-    "ConstantOfShape": {"value": _T},
-    "Pad": {"mode": _S},
-    "DepthToSpace": {"blocksize": _I, "mode": _S},
-    "SpaceToDepth": {"blocksize": _I},
-    "Resize": {
-        "antialias": _I,
-        "axes": _IS,
-        "coordinate_transformation_mode": _S,
-        "cubic_coeff_a": _F,
-        "exclude_outside": _I,
-        "extrapolation_value": _F,
-        "keep_aspect_ratio_policy": _S,
-        "mode": _S,
-        "nearest_mode": _S,
-    },
+    "Identity Slice Expand": "",
+    "Constant": "value value_float value_int value_floats value_ints",
+    "Concat Flatten Gather": "axis",
+    "Reshape": "allowzero",
+    "Squeeze Unsqueeze": "axes",
+    "Transpose": "perm",
+    "Split": "axis split num_outputs",
+    "Shape": "start end",
+    "ConstantOfShape": "value",
+    "Pad": "mode",
+    "DepthToSpace": "blocksize mode",
+    "SpaceToDepth": "blocksize",
+    "Resize": (
+        "antialias axes coordinate_transformation_mode cubic_coeff_a exclude_outside extrapolation_value "
+        "keep_aspect_ratio_policy mode nearest_mode"
+    ),
     # layers
-    "Conv": {"auto_pad": _S, "dilations": _IS, "group": _I, "kernel_shape": _IS, "pads": _IS, "strides": _IS},
-    "Gemm": {"alpha": _F, "beta": _F, "transA": _I, "transB": _I},
-    "MatMul": {},
-    "MaxPool": {**_POOL, "storage_order": _I},
-    "AveragePool": {**_POOL, "count_include_pad": _I},
-    "GlobalAveragePool": {},
-    "GlobalMaxPool": {},
-    "BatchNormalization": {"epsilon": _F, "momentum": _F, "training_mode": _I},
-    "InstanceNormalization": {"epsilon": _F},
-    "LayerNormalization": {"axis": _I, "epsilon": _F, "stash_type": _I},
-    "GroupNormalization": {"epsilon": _F, "num_groups": _I, "stash_type": _I},
-    "Dropout": {"ratio": _F, "seed": _I},
-    "Softmax": {"axis": _I},
-    "LogSoftmax": {"axis": _I},
-    **{op: _REDUCE for op in ("ReduceMean", "ReduceSum", "ReduceMax", "ReduceMin", "ReduceL1", "ReduceL2")},
-    **{op: _REDUCE for op in ("ReduceSumSquare", "ReduceLogSum", "ReduceLogSumExp")},
+    "Conv": f"{_WINDOW} group",
+    "Gemm": "alpha beta transA transB",
+    "MatMul GlobalAveragePool GlobalMaxPool": "",
+    "MaxPool": f"{_WINDOW} ceil_mode storage_order",
+    "AveragePool": f"{_WINDOW} ceil_mode count_include_pad",
+    "BatchNormalization": "epsilon momentum training_mode",
+    "InstanceNormalization": "epsilon",
+    "LayerNormalization": "axis epsilon stash_type",
+    "GroupNormalization": "epsilon num_groups stash_type",
+    "Dropout": "ratio seed",
+    "Softmax LogSoftmax": "axis",
+    "ReduceMean ReduceSum ReduceMax ReduceMin ReduceL1 ReduceL2": "axes keepdims noop_with_empty_axes",
+    "ReduceSumSquare ReduceLogSum ReduceLogSumExp": "axes keepdims noop_with_empty_axes",
 }
+OPERATORS = {op: names.split() for ops, names in _ATTRIBUTES.items() for op in ops.split()}
 FLOAT_ONLY = {"Div", "Pow", "Sqrt", "Reciprocal", "Exp", "Log"}  # whole numbers divide by zero with a crash
-# what a user of torch knows such an operator by
+# the layers of torch that become an operator
+_MEMORY, _LOOP = "a car has no memory between steps", "a loop or if in forward(); export by tracing, without them"
+_SAMPLE = "a sample; export with deterministic=True, or the logits"
+_QUANTISED = "a quantised network; export it in float32"
 LAYERS = {
-    "LSTM": "nn.LSTM: a car has no memory between steps",
-    "GRU": "nn.GRU: a car has no memory between steps",
-    "RNN": "nn.RNN: a car has no memory between steps",
-    **{
-        op: "a sample; export with deterministic=True, or the logits"
-        for op in ("RandomNormal", "RandomNormalLike", "RandomUniform", "RandomUniformLike", "Multinomial", "Bernoulli")
-    },
-    **{op: "a loop or if in forward(); export by tracing, without them" for op in ("Loop", "If", "Scan")},
+    **{op: f"nn.{op}: {_MEMORY}" for op in ("LSTM", "GRU", "RNN")},
+    **dict.fromkeys(("RandomNormal", "RandomNormalLike", "RandomUniform", "RandomUniformLike"), _SAMPLE),
+    **dict.fromkeys(("Multinomial", "Bernoulli"), _SAMPLE),
+    **dict.fromkeys(("Loop", "If", "Scan"), _LOOP),
     "ArgMax": "torch.argmax inside of the network; return the logits",
     "OneHot": "F.one_hot",
     "Einsum": "torch.einsum; write it with torch.matmul",
@@ -108,9 +94,7 @@ LAYERS = {
     "Tile": "Tensor.repeat; broadcasting needs none",
     "Range": "torch.arange of a size that is not fixed; export with fixed sizes",
     "ScatterND": "an assignment to a part of a tensor",
-    "DynamicQuantizeLinear": "a quantised network; export it in float32",
-    "QuantizeLinear": "a quantised network; export it in float32",
-    "DequantizeLinear": "a quantised network; export it in float32",
+    **dict.fromkeys(("DynamicQuantizeLinear", "QuantizeLinear", "DequantizeLinear"), _QUANTISED),
 }
 _MAX_PORTS = 64
 _MAX_LIST = 64
@@ -121,36 +105,28 @@ def check_operator(node: Node) -> None:
     """Raises UserFault ``onnx_operator``, ``onnx_attribute`` or ``onnx_graph``."""
     allowed = OPERATORS.get(node.op)
     if allowed is None:
-        raise UserFault(
-            "onnx_operator", operator=printable(node.op, 40) or "?", layer=_layer(node), where=printable(node.name, 80)
-        )
+        layer, where = LAYERS.get(node.op, "see the list of operators"), printable(node.name, 80)
+        raise UserFault("onnx_operator", operator=printable(node.op, 40) or "?", layer=layer, where=where)
     for name, value in node.attributes.items():
-        if name not in allowed or not _fits(value, allowed[name]) or _too_large(node.op, value):
+        if name not in allowed or not _fits(value, _KINDS[name]) or _too_large(node.op, value):
             raise _attribute(node, name)
     if not any(node.outputs) or max(len(node.inputs), len(node.outputs)) > _MAX_PORTS:
         raise UserFault("onnx_graph", problem=f"a {node.op} with too few or too many values")
     if node.op == "Cast" and node.attributes.get("to") not in DTYPES:
         raise _attribute(node, "to")
-    if node.attributes.get("training_mode"):
-        raise _attribute(node, "training_mode")
-    if node.attributes.get("antialias"):
-        raise _attribute(node, "antialias")
+    for name in ("training_mode", "antialias"):
+        if node.attributes.get(name):
+            raise _attribute(node, name)
 
 
 def _attribute(node: Node, name: str) -> UserFault:
-    return UserFault(
-        "onnx_attribute", operator=node.op, attribute=printable(name, 40), where=printable(node.name, 80) or "-"
-    )
-
-
-def _layer(node: Node) -> str:
-    """What a user of torch wrote, as far as that is known."""
-    return LAYERS.get(node.op, "see the list of operators")
+    where = printable(node.name, 80) or "-"
+    return UserFault("onnx_attribute", operator=node.op, attribute=printable(name, 40), where=where)
 
 
 def _fits(value: Attribute, kind: Kind) -> bool:
     if isinstance(kind, str):
-        wanted = int if kind == _IS else float
+        wanted = int if kind == "ints" else float
         return isinstance(value, list) and len(value) <= _MAX_LIST and all(isinstance(item, wanted) for item in value)
     return isinstance(value, kind)
 

@@ -1,12 +1,9 @@
-"""Which output of a network drives the car.
+"""Finds the output of a network that drives the car."""
 
-An exported policy may answer more than the actions: stable-baselines3's gives actions, values and log_prob, many give
-logits and a value. The one that fits the action space is taken, and what only the others need is left out. A
-discrete policy may also answer the number of its action; then the scores that it chose from are taken, which is the
-same choice.
-"""
-
-from __future__ import annotations
+# An exported policy may have more outputs than the actions: stable-baselines3's has actions, values and log_prob, many
+# have logits and a value. The output that fits the action space is taken, and what only the others need is left out. A
+# discrete policy may also output the number of its action; then the scores before it are taken, which give the same
+# choice.
 
 from collections.abc import Callable
 from typing import TypeVar
@@ -23,7 +20,7 @@ _NAMES = ("actions", "action", "logits", "action_logits", "policy", "pi", "probs
 
 
 def candidates(model: Model, metadata: ModelMetadata) -> list[tuple[Port, str]]:
-    """The outputs that may drive, by what the file says of them, with their names in the file.
+    """The outputs that may drive, by their declarations, with their names in the file.
 
     Raises UserFault ``onnx_output`` or ``onnx_too_big``."""
     if len(model.outputs) > _MOST:
@@ -37,7 +34,7 @@ def candidates(model: Model, metadata: ModelMetadata) -> list[tuple[Port, str]]:
         elif _may_fit(port, metadata):
             found.append((port, port.name))
     if not found:
-        raise UserFault("onnx_output", expected=metadata.output_size, found=described(model.outputs))
+        raise UserFault("onnx_output", expected=metadata.output_size, found=_described(model.outputs))
     return found
 
 
@@ -45,53 +42,39 @@ Result = TypeVar("Result")
 
 
 def select(model: Model, metadata: ModelMetadata, check: Callable[[Port], Result]) -> tuple[Result, str]:
-    """What ``check`` makes of the output that drives, and that output's name where there are several.
+    """The result of ``check`` for the output that drives, and that output's name where there are several.
 
-    ``check`` raises UserFault for an output that cannot drive; with only one candidate, that is the answer. Raises
-    ``onnx_outputs`` where several can, and none has a name that says it.
+    ``check`` raises UserFault for an output that cannot drive. Raises the first of these faults where none can, and
+    ``onnx_outputs`` where several can and none has a conventional name.
     """
-    found = candidates(model, metadata)
-    if len(found) == 1:
-        ((port, name),) = found
-        return check(port), _told(model, name)
     result: Result | None = None
     fits: list[str] = []
-    first_fault: UserFault | None = None
-    for port, name in _by_name(found):
+    faults: list[UserFault] = []
+    for port, name in sorted(candidates(model, metadata), key=_rank):
         try:
             result = check(port)
         except UserFault as fault:
-            first_fault = first_fault or fault
+            faults = faults or [fault]  # each keeps its network in memory
             continue
         fits.append(name)
         if name.lower() in _NAMES:
             break
     if result is None:
-        raise first_fault or UserFault("onnx_output", expected=metadata.output_size, found=described(model.outputs))
+        raise faults[0]
     if len(fits) > 1 and fits[-1].lower() not in _NAMES:
         names = ", ".join(printable(name, 40) for name in fits[:4])
         raise UserFault("onnx_outputs", found=names, expected=metadata.output_size)
-    return result, _told(model, fits[-1])
+    return result, printable(fits[-1], 80) if len(model.outputs) > 1 else ""
 
 
-def described(ports: list[Port]) -> str:
-    """Outputs for a sentence."""
+def _rank(candidate: tuple[Port, str]) -> int:
+    name = candidate[1].lower()
+    return _NAMES.index(name) if name in _NAMES else len(_NAMES)
+
+
+def _described(ports: list[Port]) -> str:
     shown = [f"{printable(port.name, 40)} {DTYPES[port.dtype].name} {port.dims}" for port in ports[:4]]
     return ", ".join(shown) + (", ..." if len(ports) > 4 else "") or "none"
-
-
-def _by_name(found: list[tuple[Port, str]]) -> list[tuple[Port, str]]:
-    """Those of a known name first, as the list orders them."""
-
-    def rank(one: tuple[Port, str]) -> int:
-        name = one[1].lower()
-        return _NAMES.index(name) if name in _NAMES else len(_NAMES)
-
-    return sorted(found, key=rank)
-
-
-def _told(model: Model, name: str) -> str:
-    return printable(name, 80) if len(model.outputs) > 1 else ""
 
 
 def _may_fit(port: Port, metadata: ModelMetadata) -> bool:
@@ -100,7 +83,7 @@ def _may_fit(port: Port, metadata: ModelMetadata) -> bool:
 
 
 def _chosen_from(port: Port, makers: dict[str, Node]) -> str | None:
-    """The scores of which this output is the number of the greatest; None for another output."""
+    """The scores whose greatest has this output as its number; None for another output."""
     node = makers.get(port.name)
     while node is not None and node.op in _SAME_NUMBER and node.inputs:
         node = makers.get(node.inputs[0])

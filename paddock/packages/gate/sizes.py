@@ -1,11 +1,8 @@
-"""The arithmetic of sizes that torch writes in front of Pad, Expand and Resize, done once and for all.
+"""Folds the size arithmetic that torch writes in front of Pad, Expand and Resize."""
 
-``F.pad`` and ``Tensor.expand`` become a dozen operations on a handful of whole numbers; shape inference does not follow
-them all, and a car need not do them in every step. Only networks with one of the operators in :data:`SIZED` are
-touched: none such was accepted before, and all others keep their form to the last byte.
-"""
-
-from __future__ import annotations
+# ``F.pad`` and ``Tensor.expand`` become a dozen operations on a handful of integers. Shape inference does not follow
+# all of them, and a car need not repeat them in every step. Only networks with one of the operators in :data:`SIZED`
+# are changed: no such network was accepted before, and all others keep their canonical bytes.
 
 from collections.abc import Callable
 
@@ -19,8 +16,7 @@ _MOST = 64  # numbers in one value
 
 
 def fold_sizes(network: CanonicalNetwork) -> CanonicalNetwork:
-    """The network with every small value of whole numbers that hangs on no sensor computed; the very same if it has
-    none of :data:`SIZED`."""
+    """The network with its small whole-number constants computed; unchanged without one of :data:`SIZED`."""
     if not any(node.op in SIZED for node in network.nodes):
         return network
     left = []
@@ -46,7 +42,7 @@ def _computed(node: Node, weights: dict[str, np.ndarray]) -> np.ndarray | None:
     try:
         result = np.asarray(function(node, *values))
     except (ValueError, IndexError, TypeError, OverflowError, KeyError):
-        return None  # sizes that do not fit: shape inference says so in its own words
+        return None  # sizes that do not fit: shape inference reports them
     return result if result.size <= _MOST and result.dtype.kind in "ib" else None
 
 

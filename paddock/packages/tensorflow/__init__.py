@@ -1,7 +1,6 @@
-"""Frozen TensorFlow graphs of DeepRacer cars, read and converted to ONNX without TensorFlow.
+"""Reads frozen TensorFlow graphs of DeepRacer cars and converts them to ONNX, without TensorFlow."""
 
-Runs inside the sandboxed admission process only.
-"""
+# It runs inside the sandboxed admission process only.
 
 from .convert import convert
 

@@ -1,9 +1,8 @@
-"""Builds the ONNX graph: nodes, weights and the changes of layout between them."""
-
-from __future__ import annotations
+"""Builds the ONNX graph: its values, nodes, weights and the changes of layout between them."""
 
 import math
 from collections.abc import Sequence
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -13,12 +12,54 @@ from paddock.network.model import Attribute, Node, Port
 from paddock.network.written import NUMBERS, model_bytes
 from paddock.packages.limits import PackageLimits
 
-from .values import Known, Tensor, Value
-
 OPSET = 17
 IR_VERSION = 8
 FLOAT = np.dtype("<f4")
 _TO_PLANAR, _FROM_PLANAR = (0, 3, 1, 2), (0, 2, 3, 1)
+
+
+@dataclass(frozen=True, eq=False)
+class Known:
+    """A value that is known now: a weight, a shape, a constant."""
+
+    array: np.ndarray
+
+    @property
+    def shape(self) -> tuple[int, ...]:
+        return self.array.shape
+
+    @property
+    def dtype(self) -> np.dtype:
+        return self.array.dtype
+
+
+@dataclass(frozen=True, eq=False)
+class Tensor:
+    """A value that depends on the sensors: the ONNX value ``name``.
+
+    ``shape`` is TensorFlow's (pictures NHWC). ``planar`` means that the ONNX value holds it channels first (NCHW).
+    """
+
+    name: str
+    shape: tuple[int, ...]
+    dtype: np.dtype
+    planar: bool = False
+
+    @property
+    def stored_shape(self) -> tuple[int, ...]:
+        if not self.planar:
+            return self.shape
+        batch, height, width, channels = self.shape
+        return (batch, channels, height, width)
+
+
+class Dead:
+    """What comes out of the untaken side of a branch, as in TensorFlow's own executor."""
+
+
+DEAD = Dead()
+Value = Known | Tensor
+Flow = Value | Dead
 
 
 class Emitter:
@@ -36,7 +77,6 @@ class Emitter:
     # --- adding
 
     def input(self, name: str, shape: tuple[int, ...], dtype: np.dtype) -> Tensor:
-        """Declare a graph input."""
         self._inputs.append(Port(name, NUMBERS[dtype.str[1:]], list(shape)))
         return Tensor(name, shape, dtype)
 
@@ -51,7 +91,7 @@ class Emitter:
         extra: tuple = (),
         **attributes: Attribute,
     ) -> Tensor:
-        """Append one node with one output of TensorFlow's ``shape``. ``extra`` is remembered for :meth:`made_by`."""
+        """Append a node with one output of TensorFlow's ``shape``. ``extra``: data for :meth:`made_by`."""
         if math.prod(shape) > self._limits.elements:
             raise UserFault("network_too_wide")
         if len(self._nodes) >= self._limits.graph_nodes:
@@ -63,7 +103,6 @@ class Emitter:
         return result
 
     def weight(self, value: Known | np.ndarray) -> str:
-        """The name of the initializer that holds this array."""
         array = value.array if isinstance(value, Known) else value
         array = np.asarray(array, order="C")  # (ascontiguousarray would give a single number a dimension)
         key = (array.dtype.str, array.shape, array.tobytes() if array.size <= 64 else id(array))
@@ -74,7 +113,7 @@ class Emitter:
         return self._weights[key]
 
     def made_by(self, value: Value) -> tuple[str, tuple[Tensor, ...], tuple]:
-        """The operation that made a tensor, its tensor inputs and what was remembered with it."""
+        """The operation that made a tensor, its tensor inputs and its extra data."""
         if not isinstance(value, Tensor):
             return "", (), ()
         return self._made_by.get(value.name, ("", (), ()))
@@ -82,11 +121,11 @@ class Emitter:
     # --- layout
 
     def interleaved(self, value: Tensor) -> Tensor:
-        """The same tensor with channels last, as TensorFlow means it."""
+        """The same tensor with channels last, as in TensorFlow."""
         return self._relay(value, planar=False) if value.planar else value
 
     def planar(self, value: Tensor) -> Tensor:
-        """The same picture with channels first, as ONNX convolutions want it."""
+        """The same picture with channels first, as for ONNX convolutions."""
         return value if value.planar else self._relay(value, planar=True)
 
     def _relay(self, value: Tensor, *, planar: bool) -> Tensor:

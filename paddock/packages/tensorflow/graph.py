@@ -1,9 +1,6 @@
-"""A frozen TensorFlow GraphDef, read without TensorFlow.
+"""Reads a frozen TensorFlow GraphDef without TensorFlow."""
 
-Message layouts: tensorflow/core/framework/{graph,node_def,attr_value,tensor,tensor_shape,types}.proto.
-"""
-
-from __future__ import annotations
+# Message layouts: tensorflow/core/framework/{graph,node_def,attr_value,tensor,tensor_shape,types}.proto.
 
 import math
 from dataclasses import dataclass, field
@@ -40,13 +37,8 @@ class Attributes:
     budget: Budget
 
     def _find(self, name: str, wanted: int, default: Default) -> int | memoryview | Default:
-        if name not in self.raw:
-            return default
-        found: int | memoryview | Default = default
-        for number, _, value in wire.fields(self.raw[name], self.budget):
-            if number == wanted:
-                found = value
-        return found
+        found = _last(self.raw[name], wanted, self.budget) if name in self.raw else None
+        return default if found is None else found
 
     def integer(self, name: str, default: int = 0) -> int:
         return wire.signed(wire.number(self._find(name, 3, default)))
@@ -71,10 +63,8 @@ class Attributes:
         value = self._find(name, 10, None)
         if value is None:
             raise WireError("a call without a function")
-        for number, _, item in wire.fields(wire.message(value), self.budget):
-            if number == 1:
-                return wire.text(item)
-        raise WireError("a function without a name")
+        function = _last(wire.message(value), 1, self.budget)
+        return "" if function is None else wire.text(function)
 
     def integers(self, name: str, default: list[int] | None = None) -> list[int]:
         value = self._find(name, 1, None)
@@ -137,7 +127,7 @@ class Graph:
 
     @cached_property
     def sinks(self) -> list[TensorflowNode]:
-        """Nodes whose outputs nobody reads, except loose constants."""
+        """Nodes without readers, except loose constants."""
         used = {name for node in self.nodes.values() for name, _ in node.inputs}
         return [node for node in self.nodes.values() if node.name not in used and node.op not in ("Const", "NoOp")]
 
@@ -181,19 +171,24 @@ _OUTPUTS: dict[str, tuple[str, ...]] = {
 }
 
 
+def _last(data: memoryview, wanted: int, budget: Budget) -> int | memoryview | None:
+    """The last value of a field in a message, which is the one that counts; None without one."""
+    found = None
+    for number, _, value in wire.fields(data, budget):
+        if number == wanted:
+            found = value
+    return found
+
+
 def _add_library(graph: Graph, data: memoryview) -> None:
-    """The functions of a FunctionDefLibrary by name, unread."""
     for number, _, value in wire.fields(data, graph.budget):
         if number != 1:  # gradients, which a car does not need
             continue
         definition = wire.message(value)
-        for part, _, signature in wire.fields(definition, graph.budget):
-            if part == 1:
-                name = next(
-                    (wire.text(item) for at, _, item in wire.fields(wire.message(signature), graph.budget) if at == 1),
-                    "",
-                )
-                graph.library[name] = definition
+        signature = _last(definition, 1, graph.budget)
+        name = None if signature is None else _last(wire.message(signature), 1, graph.budget)
+        if name is not None:
+            graph.library[wire.text(name)] = definition
 
 
 def _function(data: memoryview, budget: Budget) -> Function:
@@ -202,26 +197,18 @@ def _function(data: memoryview, budget: Budget) -> Function:
     outputs: list[str] = []
     nodes: dict[str, TensorflowNode] = {}
     returned: dict[str, str] = {}
-    bodies: list[memoryview] = []
     for number, _, value in wire.fields(data, budget):
         if number == 1:
             for part, _, item in wire.fields(wire.message(value), budget):
                 if part in (2, 3):
                     (arguments if part == 2 else outputs).append(_map_entry(wire.message(item), budget)[0])
         elif number == 3:
-            bodies.append(wire.message(value))
+            node = _node(wire.message(value), budget)
+            nodes[node.name] = node
         elif number == 4:
-            key, content = "", ""
-            for part, _, item in wire.fields(wire.message(value), budget):
-                if part == 1:
-                    key = wire.text(item)
-                elif part == 2:
-                    content = wire.text(item)
-            returned[key] = content
-    ops: dict[str, str] = {}
-    for body in bodies:
-        node = _node(body, budget)
-        nodes[node.name], ops[node.name] = node, node.op
+            key, content = _map_entry(wire.message(value), budget)
+            returned[key] = wire.text(content)
+    ops = {name: node.op for name, node in nodes.items()}
     for node in nodes.values():
         node.inputs = [_inner(name, index, ops) for name, index in node.inputs]
     if not all(name in returned for name in outputs):
@@ -268,7 +255,6 @@ def _node(data: memoryview, budget: Budget) -> TensorflowNode:
 
 
 def _reference(text: str) -> tuple[str, int]:
-    """``name`` or ``name:index``."""
     name, colon, index = text.rpartition(":")
     if not colon:
         return text, 0
@@ -293,11 +279,8 @@ def _shape(data: memoryview, budget: Budget) -> list[int] | None:
         if number == 3 and wire.number(value):
             return None
         if number == 2:
-            size = 0
-            for inner, _, item in wire.fields(wire.message(value), budget):
-                if inner == 1:
-                    size = wire.signed(wire.number(item))
-            dims.append(size)
+            size = _last(wire.message(value), 1, budget)
+            dims.append(0 if size is None else wire.signed(wire.number(size)))
             if len(dims) > _MAX_RANK:
                 raise WireError("too many dimensions")
     return dims

@@ -1,6 +1,4 @@
-"""Arithmetic and activations. What is known is computed now, in the graph's own precision."""
-
-from __future__ import annotations
+"""Converts arithmetic and activations, and computes known values in the graph's precision."""
 
 import math
 from collections.abc import Callable
@@ -8,9 +6,9 @@ from functools import reduce
 
 import numpy as np
 
+from .emit import FLOAT, Known, Tensor, Value
 from .graph import TensorflowNode
 from .registry import Context, Unsupported, axes_of, converts, integers, require, tensor
-from .values import Known, Tensor, Value
 
 _BINARY: dict[str, tuple[str, Callable]] = {
     "Add": ("Add", np.add),
@@ -48,22 +46,20 @@ _REDUCTIONS: dict[str, tuple[str, Callable]] = {
     "Min": ("ReduceMin", np.min),
     "Prod": ("", np.prod),  # of known shapes only (tensordot)
 }
-_FLOAT = np.dtype("<f4")
 # Numbers that may be multiplied into weights: none of the weights' digits is lost for their size.
 _LEAST_SCALE, _MOST_SCALE = 2.0**-24, 2.0**24
 _PLANAR_AXES = {0: 0, 1: 2, 2: 3, 3: 1}
 
 
 @converts(*_BINARY)
-def _binary(context: Context, node: TensorflowNode, inputs: list[Value]) -> list[Value]:
-    require(len(inputs) == 2)
-    return [binary(context, node.op, *inputs)]
+def _binary(context: Context, node: TensorflowNode, left: Value, right: Value) -> Value:
+    return binary(context, node.op, left, right)
 
 
 def binary(context: Context, op: str, left: Value, right: Value) -> Value:
     """An element-wise operation with broadcasting. Adding zero and multiplying by one or zero leave no trace."""
     require(left.dtype == right.dtype)
-    shape = _broadcast(left.shape, right.shape)
+    shape = np.broadcast_shapes(left.shape, right.shape)
     onnx_op, compute = _BINARY[op]
     if isinstance(left, Known) and isinstance(right, Known):
         require(math.prod(shape) <= context.limits.tensor_elements)
@@ -71,7 +67,7 @@ def binary(context: Context, op: str, left: Value, right: Value) -> Value:
             raise Unsupported
         with np.errstate(all="ignore"):
             return Known(np.asarray(compute(left.array, right.array)).astype(left.dtype))
-    if left.dtype != _FLOAT:
+    if left.dtype != FLOAT:
         raise Unsupported
     if (shortcut := _shortcut(onnx_op, left, right, shape)) is not None:
         return shortcut
@@ -90,7 +86,7 @@ def binary(context: Context, op: str, left: Value, right: Value) -> Value:
 
 
 def _scale(op: str, left: Value, right: Value) -> float | None:
-    """The one number that a tensor is multiplied by, in double precision; None for anything else."""
+    """The single factor of a multiplication, in double precision; None for anything else."""
     if op == "Mul" and isinstance(left, Known):
         left, right = right, left
     if op not in ("Mul", "Div") or not isinstance(right, Known) or right.array.size != 1:
@@ -102,8 +98,7 @@ def _scale(op: str, left: Value, right: Value) -> float | None:
 
 
 def unscaled(context: Context, value: Tensor) -> tuple[Tensor, float]:
-    """The tensor that ``value`` is a multiple of, and how many times it is that. What multiplies it has no other use
-    where its reader takes the number over, and is then dropped."""
+    """The tensor that ``value`` is a multiple of, and the factor; an unread multiplication is dropped later."""
     factor = 1.0
     while True:
         op, sources, extra = context.emit.made_by(value)
@@ -112,14 +107,6 @@ def unscaled(context: Context, value: Tensor) -> tuple[Tensor, float]:
         if not _LEAST_SCALE <= abs(factor * extra[0]) <= _MOST_SCALE:
             return value, factor
         value, factor = sources[0], factor * extra[0]
-
-
-def _broadcast(left: tuple[int, ...], right: tuple[int, ...]) -> tuple[int, ...]:
-    try:
-        return tuple(np.broadcast_shapes(left, right))
-    except ValueError:
-        require(False)
-        raise
 
 
 def _shortcut(op: str, left: Value, right: Value, shape: tuple[int, ...]) -> Value | None:
@@ -132,7 +119,7 @@ def _shortcut(op: str, left: Value, right: Value, shape: tuple[int, ...]) -> Val
         if same and ((zero and op in ("Add", "Sub")) or (one and op in ("Mul", "Div"))):
             return other
         if zero and op == "Mul":
-            return Known(np.broadcast_to(np.zeros((), _FLOAT), shape))
+            return Known(np.broadcast_to(np.zeros((), FLOAT), shape))
     return None
 
 
@@ -164,33 +151,30 @@ def _planar(context: Context, value: Value) -> Tensor | np.ndarray:
 
 
 @converts("BiasAdd")
-def _bias_add(context: Context, node: TensorflowNode, inputs: list[Value]) -> list[Value]:
-    require(len(inputs) == 2 and len(inputs[1].shape) == 1)
+def _bias_add(context: Context, node: TensorflowNode, value: Value, bias: Value) -> Value:
+    require(len(bias.shape) == 1)
     if node.attributes.text("data_format", "NHWC") != "NHWC":
         raise Unsupported
-    require(bool(inputs[0].shape) and inputs[0].shape[-1] == inputs[1].shape[0])
-    return [binary(context, "Add", *inputs)]
+    require(value.shape[-1:] == bias.shape)
+    return binary(context, "Add", value, bias)
 
 
 @converts("AddN")
-def _add_n(context: Context, node: TensorflowNode, inputs: list[Value]) -> list[Value]:
-    require(bool(inputs))
-    return [reduce(lambda total, value: binary(context, "Add", total, value), inputs)]
+def _add_n(context: Context, node: TensorflowNode, *values: Value) -> Value:
+    return reduce(lambda total, value: binary(context, "Add", total, value), values)
 
 
 @converts(*_UNARY)
-def _unary(context: Context, node: TensorflowNode, inputs: list[Value]) -> list[Value]:
-    require(len(inputs) == 1)
+def _unary(context: Context, node: TensorflowNode, value: Value) -> Value:
     onnx_op, compute = _UNARY[node.op]
     if node.op == "LeakyRelu":
-        source = _floats(inputs[0])
+        source = _floats(value)
         alpha = node.attributes.real("alpha", 0.2)
-        return [context.emit.node(onnx_op, [source], source.shape, planar=source.planar, alpha=alpha)]
-    return [unary(context, onnx_op, compute, inputs[0])]
+        return context.emit.node(onnx_op, [source], source.shape, planar=source.planar, alpha=alpha)
+    return unary(context, onnx_op, compute, value)
 
 
 def unary(context: Context, op: str, compute: Callable | None, value: Value) -> Value:
-    """An element-wise operation of one input."""
     if isinstance(value, Known) and compute is not None:
         with np.errstate(all="ignore"):
             return Known(np.asarray(compute(value.array)).astype(value.dtype))
@@ -200,80 +184,65 @@ def unary(context: Context, op: str, compute: Callable | None, value: Value) -> 
 
 def _floats(value: Value) -> Tensor:
     source = tensor(value)
-    if source.dtype != _FLOAT:
+    if source.dtype != FLOAT:
         raise Unsupported
     return source
 
 
 @converts("Rsqrt")
-def _rsqrt(context: Context, node: TensorflowNode, inputs: list[Value]) -> list[Value]:
-    require(len(inputs) == 1)
-    root = unary(context, "Sqrt", np.sqrt, inputs[0])
-    return [unary(context, "Reciprocal", lambda x: 1 / x, root)]
+def _rsqrt(context: Context, node: TensorflowNode, value: Value) -> Value:
+    return unary(context, "Reciprocal", lambda x: 1 / x, unary(context, "Sqrt", np.sqrt, value))
 
 
 @converts("Square")
-def _square(context: Context, node: TensorflowNode, inputs: list[Value]) -> list[Value]:
-    require(len(inputs) == 1)
-    return [binary(context, "Mul", inputs[0], inputs[0])]
+def _square(context: Context, node: TensorflowNode, value: Value) -> Value:
+    return binary(context, "Mul", value, value)
 
 
 @converts("SquaredDifference")
-def _squared_difference(context: Context, node: TensorflowNode, inputs: list[Value]) -> list[Value]:
-    require(len(inputs) == 2)
-    difference = binary(context, "Sub", *inputs)
-    return [binary(context, "Mul", difference, difference)]
+def _squared_difference(context: Context, node: TensorflowNode, left: Value, right: Value) -> Value:
+    return _square(context, node, binary(context, "Sub", left, right))
 
 
 @converts("Relu6")
-def _relu6(context: Context, node: TensorflowNode, inputs: list[Value]) -> list[Value]:
-    require(len(inputs) == 1)
-    low, high = (Known(np.array(bound, _FLOAT)) for bound in (0, 6))
-    return [_clipped(context, inputs[0], low, high)]
+def _relu6(context: Context, node: TensorflowNode, value: Value) -> Value:
+    return _clip(context, node, value, Known(np.array(0, FLOAT)), Known(np.array(6, FLOAT)))
 
 
 @converts("ClipByValue")
-def _clip(context: Context, node: TensorflowNode, inputs: list[Value]) -> list[Value]:
-    require(len(inputs) == 3)
-    return [_clipped(context, *inputs)]
-
-
-def _clipped(context: Context, value: Value, low: Value, high: Value) -> Value:
+def _clip(context: Context, node: TensorflowNode, value: Value, low: Value, high: Value) -> Value:
     return binary(context, "Maximum", binary(context, "Minimum", value, high), low)
 
 
 @converts("Softmax", "LogSoftmax")
-def _softmax(context: Context, node: TensorflowNode, inputs: list[Value]) -> list[Value]:
-    require(len(inputs) == 1)
-    source = context.emit.interleaved(tensor(inputs[0]))
+def _softmax(context: Context, node: TensorflowNode, value: Value) -> Value:
+    source = context.emit.interleaved(tensor(value))
     require(len(source.shape) >= 1)
-    return [context.emit.node(node.op, [source], source.shape, axis=-1)]
+    return context.emit.node(node.op, [source], source.shape, axis=-1)
 
 
 @converts(*_REDUCTIONS)
-def _reduce(context: Context, node: TensorflowNode, inputs: list[Value]) -> list[Value]:
-    require(len(inputs) == 2)
+def _reduce(context: Context, node: TensorflowNode, value: Value, over: Value) -> Value:
     onnx_op, compute = _REDUCTIONS[node.op]
-    value, keep = inputs[0], node.attributes.flag("keep_dims")
-    axes = axes_of(integers(inputs[1]), len(value.shape))
+    keep = node.attributes.flag("keep_dims")
+    axes = axes_of(integers(over), len(value.shape))
     if isinstance(value, Known):
         require(node.op in ("Sum", "Prod") or value.array.size > 0)
         result = compute(value.array, axis=tuple(axes), keepdims=keep)
-        return [Known(np.asarray(result).astype(value.dtype))]
-    source = tensor(value)
-    if source.dtype != _FLOAT or not onnx_op:
+        return Known(np.asarray(result).astype(value.dtype))
+    source = _floats(value)
+    if not onnx_op:
         raise Unsupported
     if not axes:
-        return [source]
+        return source
     kept = tuple(1 if axis in axes else size for axis, size in enumerate(source.shape))
     stored = sorted(_PLANAR_AXES[axis] if source.planar else axis for axis in axes)
     if onnx_op == "ReduceSum":  # its axes are an input since opset 13
-        reduced = context.emit.node(
-            onnx_op, [source, np.array(stored, np.int64)], kept, planar=source.planar, keepdims=1
-        )  # fmt: skip
+        over_axes = np.array(stored, np.int64)
+        reduced = context.emit.node(onnx_op, [source, over_axes], kept, planar=source.planar, keepdims=1)
     else:
         reduced = context.emit.node(onnx_op, [source], kept, planar=source.planar, axes=stored, keepdims=1)
     if keep:
-        return [reduced]
+        return reduced
     final = tuple(size for axis, size in enumerate(source.shape) if axis not in axes)
-    return [context.emit.reshaped(reduced, final)]
+    return context.emit.reshaped(reduced, final)

@@ -1,15 +1,11 @@
-"""Layers: convolution, pooling, matrix products and batch normalisation."""
-
-from __future__ import annotations
+"""Converts layers: convolution, pooling, matrix products and batch normalisation."""
 
 import numpy as np
 
+from .emit import FLOAT, Known, Tensor, Value
 from .graph import TensorflowNode
 from .ops_math import unscaled
 from .registry import Context, Unsupported, converts, known, require, tensor
-from .values import Known, Tensor, Value
-
-_FLOAT = np.dtype("<f4")
 
 
 def _spatial(node: TensorflowNode, name: str, default: list[int]) -> tuple[int, int]:
@@ -51,77 +47,68 @@ def _window(
     return before + after, (out[0], out[1])
 
 
+def _windows(kernel: tuple[int, int], strides: tuple[int, int], pads: list[int]) -> dict[str, list[int]]:
+    return {"kernel_shape": list(kernel), "strides": list(strides)} | ({"pads": pads} if any(pads) else {})
+
+
 @converts("Conv2D")
-def _conv2d(context: Context, node: TensorflowNode, inputs: list[Value]) -> list[Value]:
-    require(len(inputs) == 2)
-    source, kernel = tensor(inputs[0]), known(inputs[1])
-    require(len(source.shape) == 4 and kernel.ndim == 4 and source.dtype == kernel.dtype == _FLOAT)
+def _conv2d(context: Context, node: TensorflowNode, value: Value, weights: Value) -> Value:
+    source, kernel = tensor(value), known(weights)
+    require(len(source.shape) == 4 and kernel.ndim == 4 and source.dtype == kernel.dtype == FLOAT)
     height, width, depth, filters = kernel.shape
     require(depth == source.shape[3] and min(kernel.shape) > 0)
     strides = _spatial(node, "strides", [])
     dilations = _spatial(node, "dilations", [1, 1, 1, 1])
     pads, out = _window(node, source.shape[1:3], (height, width), strides, dilations)
-    attributes: dict[str, list[int]] = {"kernel_shape": [height, width], "strides": list(strides)}
-    if any(pads):
-        attributes["pads"] = pads
+    attributes = _windows((height, width), strides, pads)
     if dilations != (1, 1):
         attributes["dilations"] = list(dilations)
     # Pictures come as 0 to 255 and are divided first: a division of every pixel for one of every weight, here.
     source, factor = unscaled(context, source)
     if factor != 1.0:
-        kernel = (kernel.astype(np.float64) * factor).astype(_FLOAT)
+        kernel = (kernel.astype(np.float64) * factor).astype(FLOAT)
     weight = np.ascontiguousarray(kernel.transpose(3, 2, 0, 1))
     shape = (source.shape[0], *out, filters)
     picture = context.emit.planar(source)
     extra = (weight, attributes)
-    return [context.emit.node("Conv", [picture, weight], shape, _FLOAT, planar=True, extra=extra, **attributes)]
+    return context.emit.node("Conv", [picture, weight], shape, FLOAT, planar=True, extra=extra, **attributes)
 
 
 @converts("MaxPool", "AvgPool")
-def _pool(context: Context, node: TensorflowNode, inputs: list[Value]) -> list[Value]:
-    """The greatest value under each window, or the mean of the part of the picture under it."""
-    require(len(inputs) == 1)
-    source = tensor(inputs[0])
-    require(len(source.shape) == 4 and source.dtype == _FLOAT)
+def _pool(context: Context, node: TensorflowNode, value: Value) -> Value:
+    source = tensor(value)
+    require(len(source.shape) == 4 and source.dtype == FLOAT)
     kernel, strides = _spatial(node, "ksize", []), _spatial(node, "strides", [])
     pads, out = _window(node, source.shape[1:3], kernel, strides)
-    attributes: dict[str, list[int]] = {"kernel_shape": list(kernel), "strides": list(strides)}
-    if any(pads):
-        attributes["pads"] = pads
     shape = (source.shape[0], *out, source.shape[3])
     picture = context.emit.planar(source)
+    attributes = _windows(kernel, strides, pads)
     op = "MaxPool" if node.op == "MaxPool" else "AveragePool"
-    return [context.emit.node(op, [picture], shape, _FLOAT, planar=True, extra=(), **attributes)]
+    return context.emit.node(op, [picture], shape, FLOAT, planar=True, extra=(), **attributes)
 
 
 @converts("MatMul")
-def _matmul(context: Context, node: TensorflowNode, inputs: list[Value]) -> list[Value]:
-    require(len(inputs) == 2)
-    source, weight = inputs
-    if isinstance(source, Known) and isinstance(weight, Known):
-        raise Unsupported
-    require(len(source.shape) == len(weight.shape) == 2 and source.dtype == weight.dtype == _FLOAT)
+def _matmul(context: Context, node: TensorflowNode, source: Value, weight: Value) -> Value:
+    require(len(source.shape) == len(weight.shape) == 2 and source.dtype == weight.dtype == FLOAT)
     if not isinstance(source, Tensor) or node.attributes.flag("transpose_a"):
         raise Unsupported
-    if not isinstance(weight, Known):
-        raise Unsupported
-    matrix = weight.array.T if node.attributes.flag("transpose_b") else weight.array
+    matrix = known(weight).T if node.attributes.flag("transpose_b") else known(weight)
     require(source.shape[1] == matrix.shape[0])
     matrix = np.ascontiguousarray(matrix)
     shape = (source.shape[0], matrix.shape[1])
-    return [context.emit.node("MatMul", [source, matrix], shape, extra=(matrix,))]
+    return context.emit.node("MatMul", [source, matrix], shape, extra=(matrix,))
 
 
 @converts("FusedBatchNorm", "FusedBatchNormV2", "FusedBatchNormV3")
-def _batch_norm(context: Context, node: TensorflowNode, inputs: list[Value]) -> list[Value]:
+def _batch_norm(context: Context, node: TensorflowNode, value: Value, *parameters: Value) -> list[Value]:
     """Batch normalisation with the stored mean and variance. Its other outputs serve training only."""
-    require(len(inputs) == 5)
-    source = tensor(inputs[0])
+    require(len(parameters) == 4)
+    source = tensor(value)
     if node.attributes.flag("is_training", True) or node.attributes.text("data_format", "NHWC") != "NHWC":
         raise Unsupported
-    statistics = [known(value) for value in inputs[1:]]
-    require(len(source.shape) == 4 and source.dtype == _FLOAT)
-    require(all(array.shape == (source.shape[3],) and array.dtype == _FLOAT for array in statistics))
+    statistics = [known(value) for value in parameters]
+    require(len(source.shape) == 4 and source.dtype == FLOAT)
+    require(all(array.shape == (source.shape[3],) and array.dtype == FLOAT for array in statistics))
     result = context.emit.node(
         "BatchNormalization",
         [context.emit.planar(source), *statistics],

@@ -1,42 +1,37 @@
-"""Operations on shapes and on the arrangement of values. With a batch of one most of them are known at once."""
-
-from __future__ import annotations
+"""Converts operations on shapes and on the arrangement of values."""
 
 import math
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
 
+from .emit import Known, Tensor, Value
 from .graph import TensorflowNode
 from .registry import Context, Contradiction, Unsupported, axes_of, axis_of, converts, integers, known, require, tensor
-from .values import Known, Tensor, Value
 
 _MOST_PARTS = 64
 
 
 @converts("Shape")
-def _shape(context: Context, node: TensorflowNode, inputs: list[Value]) -> list[Value]:
-    require(len(inputs) == 1)
-    return [Known(np.array(inputs[0].shape, node.attributes.dtype("out_type") or np.int32))]
+def _shape(context: Context, node: TensorflowNode, source: Value) -> Value:
+    return Known(np.array(source.shape, node.attributes.dtype("out_type") or np.int32))
 
 
 @converts("Size", "Rank")
-def _size(context: Context, node: TensorflowNode, inputs: list[Value]) -> list[Value]:
-    require(len(inputs) == 1)
-    shape = inputs[0].shape
-    return [Known(np.array(math.prod(shape) if node.op == "Size" else len(shape), np.int32))]
+def _size(context: Context, node: TensorflowNode, source: Value) -> Value:
+    return Known(np.array(math.prod(source.shape) if node.op == "Size" else len(source.shape), np.int32))
 
 
 @converts("Reshape")
-def _reshape(context: Context, node: TensorflowNode, inputs: list[Value]) -> list[Value]:
-    require(len(inputs) == 2)
-    source, wanted = inputs[0], integers(inputs[1])
+def _reshape(context: Context, node: TensorflowNode, source: Value, shape: Value) -> Value:
+    wanted = integers(shape)
     total = math.prod(source.shape)
     if -1 in wanted:
         rest = math.prod(size for size in wanted if size != -1)
         require(wanted.count(-1) == 1 and rest > 0 and total % rest == 0)
         wanted[wanted.index(-1)] = total // rest
-    return [_reshaped(context, source, tuple(wanted))]
+    return _reshaped(context, source, tuple(wanted))
 
 
 def _reshaped(context: Context, value: Value, shape: tuple[int, ...]) -> Value:
@@ -47,53 +42,49 @@ def _reshaped(context: Context, value: Value, shape: tuple[int, ...]) -> Value:
 
 
 @converts("ExpandDims")
-def _expand_dims(context: Context, node: TensorflowNode, inputs: list[Value]) -> list[Value]:
-    require(len(inputs) == 2)
-    shape = inputs[0].shape
-    axis = axis_of(inputs[1], len(shape) + 1)
-    return [_reshaped(context, inputs[0], (*shape[:axis], 1, *shape[axis:]))]
+def _expand_dims(context: Context, node: TensorflowNode, source: Value, place: Value) -> Value:
+    axis = axis_of(place, len(source.shape) + 1)
+    return _reshaped(context, source, (*source.shape[:axis], 1, *source.shape[axis:]))
 
 
 @converts("Squeeze")
-def _squeeze(context: Context, node: TensorflowNode, inputs: list[Value]) -> list[Value]:
-    require(len(inputs) == 1)
-    shape = inputs[0].shape
+def _squeeze(context: Context, node: TensorflowNode, source: Value) -> Value:
+    shape = source.shape
     axes = axes_of(node.attributes.integers("squeeze_dims") or node.attributes.integers("axis"), len(shape))
     axes = axes or [axis for axis, size in enumerate(shape) if size == 1]
     require(all(shape[axis] == 1 for axis in axes))
-    return [_reshaped(context, inputs[0], tuple(size for axis, size in enumerate(shape) if axis not in axes))]
+    return _reshaped(context, source, tuple(size for axis, size in enumerate(shape) if axis not in axes))
 
 
 @converts("Transpose")
-def _transpose(context: Context, node: TensorflowNode, inputs: list[Value]) -> list[Value]:
-    require(len(inputs) == 2)
-    source, order = inputs[0], integers(inputs[1])
+def _transpose(context: Context, node: TensorflowNode, source: Value, perm: Value) -> Value:
+    order = integers(perm)
     require(sorted(order) == list(range(len(source.shape))))
     if order == list(range(len(order))):
-        return [source]
+        return source
     if isinstance(source, Known):
-        return [Known(source.array.transpose(order))]
+        return Known(source.array.transpose(order))
     shape = tuple(source.shape[axis] for axis in order)
-    return [context.emit.node("Transpose", [context.emit.interleaved(source)], shape, source.dtype, perm=order)]
+    return context.emit.node("Transpose", [context.emit.interleaved(source)], shape, source.dtype, perm=order)
 
 
 @converts("Pack")
-def _pack(context: Context, node: TensorflowNode, inputs: list[Value]) -> list[Value]:
+def _pack(context: Context, node: TensorflowNode, *inputs: Value) -> Value:
     require(bool(inputs) and all(value.shape == inputs[0].shape for value in inputs))
     shape = list(inputs[0].shape)
     (axis,) = axes_of([node.attributes.integer("axis")], len(shape) + 1)
     single = (*shape[:axis], 1, *shape[axis:])
-    return [_concatenate(context, [_reshaped(context, value, single) for value in inputs], axis)]
+    return _concatenate(context, [_reshaped(context, value, single) for value in inputs], axis)
 
 
 @converts("Concat", "ConcatV2")
-def _concat(context: Context, node: TensorflowNode, inputs: list[Value]) -> list[Value]:
+def _concat(context: Context, node: TensorflowNode, *inputs: Value) -> Value:
     require(len(inputs) >= 2)
     values, axis = (inputs[:-1], inputs[-1]) if node.op == "ConcatV2" else (inputs[1:], inputs[0])
-    return [_concatenate(context, values, axis_of(axis, len(values[0].shape)))]
+    return _concatenate(context, values, axis_of(axis, len(values[0].shape)))
 
 
-def _concatenate(context: Context, values: list[Value], axis: int) -> Value:
+def _concatenate(context: Context, values: Sequence[Value], axis: int) -> Value:
     first = values[0].shape
     for value in values:
         require(len(value.shape) == len(first) and value.dtype == values[0].dtype)
@@ -111,24 +102,22 @@ def _concatenate(context: Context, values: list[Value], axis: int) -> Value:
 
 
 @converts("StridedSlice")
-def _strided_slice(context: Context, node: TensorflowNode, inputs: list[Value]) -> list[Value]:
-    require(len(inputs) == 4)
-    source = inputs[0]
-    index = _python_index(node, [integers(value) for value in inputs[1:]], len(source.shape))
+def _strided_slice(
+    context: Context, node: TensorflowNode, source: Value, begin: Value, end: Value, strides: Value
+) -> Value:
+    index = _python_index(node, integers(begin), integers(end), integers(strides), len(source.shape))
     try:
         if isinstance(source, Known):
-            return [Known(np.asarray(source.array[tuple(index)]))]
+            return Known(np.asarray(source.array[tuple(index)]))
         # A view without memory has the same shapes as the real thing.
         final = np.broadcast_to(np.zeros((), np.uint8), source.shape)[tuple(index)].shape
     except IndexError as error:
         raise Contradiction from error
-    return [_reshaped(context, _cut(context, source, _without_ellipsis(index, len(source.shape))), final)]
+    return _reshaped(context, _cut(context, source, _without_ellipsis(index, len(source.shape))), final)
 
 
-def _python_index(node: TensorflowNode, vectors: list[list[int]], rank: int) -> list[Any]:
-    """TensorFlow's begin, end, strides and masks as a Python index. Of one position the masks count in TensorFlow's
-    own order: ellipsis, new axis, shrink."""
-    begin, end, strides = vectors
+def _python_index(node: TensorflowNode, begin: list[int], end: list[int], strides: list[int], rank: int) -> list[Any]:
+    """TensorFlow's begin, end, strides and masks as a Python index; masks count in TensorFlow's order."""
     require(len(begin) == len(end) == len(strides) <= 8 and 0 not in strides)
     names = ("begin", "end", "ellipsis", "new_axis", "shrink_axis")
     masks = {name: node.attributes.integer(f"{name}_mask") for name in names}
@@ -179,48 +168,40 @@ def _cut(context: Context, value: Value, index: list[Any]) -> Value:
 
 
 @converts("Slice")
-def _slice(context: Context, node: TensorflowNode, inputs: list[Value]) -> list[Value]:
-    require(len(inputs) == 3)
-    source, begin, sizes = inputs[0], integers(inputs[1]), integers(inputs[2])
-    require(len(begin) == len(sizes) == len(source.shape))
+def _slice(context: Context, node: TensorflowNode, source: Value, begin: Value, sizes: Value) -> Value:
     index = []
-    for first, wanted, full in zip(begin, sizes, source.shape, strict=True):
+    for first, wanted, full in zip(integers(begin), integers(sizes), source.shape, strict=True):
         last = full if wanted == -1 else first + wanted
         require(0 <= first <= last <= full)
         index.append(slice(first, last))
-    return [_cut(context, source, index)]
+    return _cut(context, source, index)
 
 
-@converts("Split", "SplitV")
-def _split(context: Context, node: TensorflowNode, inputs: list[Value]) -> list[Value]:
-    require(len(inputs) == (2 if node.op == "Split" else 3))
-    source, axis = (inputs[1], inputs[0]) if node.op == "Split" else (inputs[0], inputs[2])
-    count = node.attributes.integer("num_split")
-    at = axis_of(axis, len(source.shape))
-    whole = source.shape[at]
-    require(0 < count <= _MOST_PARTS)
-    if node.op == "Split":
-        require(whole % count == 0)
-        sizes = [whole // count] * count
-    else:
-        sizes = integers(inputs[1])
-        require(len(sizes) == count and sizes.count(-1) <= 1)
-        sizes = [whole - sum(sizes) - 1 if size == -1 else size for size in sizes]
-    return _parts(context, source, at, sizes)
+@converts("Split")
+def _split(context: Context, node: TensorflowNode, axis: Value, source: Value) -> list[Value]:
+    count, at = node.attributes.integer("num_split"), axis_of(axis, len(source.shape))
+    require(0 < count <= _MOST_PARTS and source.shape[at] % count == 0)
+    return _parts(context, source, at, [source.shape[at] // count] * count)
+
+
+@converts("SplitV")
+def _split_v(context: Context, node: TensorflowNode, source: Value, wanted: Value, axis: Value) -> list[Value]:
+    sizes, at = integers(wanted), axis_of(axis, len(source.shape))
+    require(0 < len(sizes) == node.attributes.integer("num_split") <= _MOST_PARTS and sizes.count(-1) <= 1)
+    rest = source.shape[at] - sum(sizes) - 1
+    return _parts(context, source, at, [rest if size == -1 else size for size in sizes])
 
 
 @converts("Unpack")
-def _unpack(context: Context, node: TensorflowNode, inputs: list[Value]) -> list[Value]:
-    require(len(inputs) == 1)
-    shape = inputs[0].shape
+def _unpack(context: Context, node: TensorflowNode, source: Value) -> list[Value]:
+    shape = source.shape
     (axis,) = axes_of([node.attributes.integer("axis")], len(shape))
     require(shape[axis] <= _MOST_PARTS)
-    parts = _parts(context, inputs[0], axis, [1] * shape[axis])
+    parts = _parts(context, source, axis, [1] * shape[axis])
     return [_reshaped(context, part, (*shape[:axis], *shape[axis + 1 :])) for part in parts]
 
 
 def _parts(context: Context, value: Value, axis: int, sizes: list[int]) -> list[Value]:
-    """The parts of these sizes along one axis."""
     require(all(size >= 0 for size in sizes) and sum(sizes) == value.shape[axis])
     index: list[Any] = [slice(None)] * len(value.shape)
     parts, start = [], 0
@@ -232,62 +213,56 @@ def _parts(context: Context, value: Value, axis: int, sizes: list[int]) -> list[
 
 
 @converts("Gather", "GatherV2")
-def _gather(context: Context, node: TensorflowNode, inputs: list[Value]) -> list[Value]:
+def _gather(context: Context, node: TensorflowNode, value: Value, places: Value, *along: Value) -> Value:
     """Only of known values: TensorFlow gathers sizes out of shapes (tensordot)."""
-    require(len(inputs) == (2 if node.op == "Gather" else 3))
-    source, indices = known(inputs[0]), known(inputs[1])
-    axis = axis_of(inputs[2], source.ndim) if len(inputs) == 3 else 0
-    require(source.ndim > 0)
+    source, indices = known(value), known(places)
+    require(source.ndim > 0 and len(along) == (node.op == "GatherV2"))
+    axis = axis_of(along[0], source.ndim) if along else 0
     require(indices.dtype.kind in "iu" and indices.size <= 64 and source.size <= 64)
     require(bool(np.all((indices >= 0) & (indices < source.shape[axis]))))
-    return [Known(np.take(source, indices, axis))]
+    return Known(np.take(source, indices, axis))
 
 
 @converts("Fill")
-def _fill(context: Context, node: TensorflowNode, inputs: list[Value]) -> list[Value]:
-    require(len(inputs) == 2)
-    shape, value = integers(inputs[0]), known(inputs[1])
+def _fill(context: Context, node: TensorflowNode, sizes: Value, number: Value) -> Value:
+    shape, value = integers(sizes), known(number)
     require(value.size == 1 and len(shape) <= 8 and all(size >= 0 for size in shape))
     require(math.prod(shape) <= context.limits.tensor_elements)
-    return [Known(np.broadcast_to(value.reshape(()), shape))]
+    return Known(np.broadcast_to(value.reshape(()), shape))
 
 
 @converts("Range")
-def _range(context: Context, node: TensorflowNode, inputs: list[Value]) -> list[Value]:
+def _range(context: Context, node: TensorflowNode, *inputs: Value) -> Value:
     require(len(inputs) == 3 and all(math.prod(value.shape) == 1 for value in inputs))
     start, limit, delta = (integers(value)[0] for value in inputs)
     require(delta != 0 and len(range(start, limit, delta)) <= 64)
-    return [Known(np.arange(start, limit, delta, dtype=inputs[0].dtype))]
+    return Known(np.arange(start, limit, delta, dtype=inputs[0].dtype))
 
 
 @converts("Tile")
-def _tile(context: Context, node: TensorflowNode, inputs: list[Value]) -> list[Value]:
-    """Once along each axis: what is repeated for each picture of a batch, which is one."""
-    require(len(inputs) == 2)
-    if any(times != 1 for times in integers(inputs[1])):
+def _tile(context: Context, node: TensorflowNode, source: Value, multiples: Value) -> Value:
+    """Only once along each axis: a repetition for each picture of a batch of one."""
+    if any(times != 1 for times in integers(multiples)):
         raise Unsupported
-    return [inputs[0]]
+    return source
 
 
 @converts("ZerosLike", "OnesLike")
-def _like(context: Context, node: TensorflowNode, inputs: list[Value]) -> list[Value]:
-    require(len(inputs) == 1)
-    value = np.array(node.op == "OnesLike", inputs[0].dtype)
-    return [Known(np.broadcast_to(value, inputs[0].shape))]
+def _like(context: Context, node: TensorflowNode, source: Value) -> Value:
+    return Known(np.broadcast_to(np.array(node.op == "OnesLike", source.dtype), source.shape))
 
 
 @converts("Cast")
-def _cast(context: Context, node: TensorflowNode, inputs: list[Value]) -> list[Value]:
-    require(len(inputs) == 1)
-    source, wanted = inputs[0], node.attributes.dtype("DstT")
+def _cast(context: Context, node: TensorflowNode, source: Value) -> Value:
+    wanted = node.attributes.dtype("DstT")
     if wanted is None:
         raise Unsupported
     if source.dtype == wanted:
-        return [source]
+        return source
     if isinstance(source, Known):
         with np.errstate(all="ignore"):
-            return [Known(source.array.astype(wanted))]
-    return [cast(context, tensor(source), wanted)]
+            return Known(source.array.astype(wanted))
+    return cast(context, source, wanted)
 
 
 def cast(context: Context, source: Tensor, wanted: np.dtype) -> Tensor:

@@ -1,10 +1,7 @@
-"""Our own graphs, read again as the very networks that they were written from.
+"""Recognises graphs that Paddock exported, and returns the original network."""
 
-Nobody has to believe a graph's mark: the network that it names is exported once more, and only if that gives the same
-graph to the last byte is it the graph's own. Any other graph is converted from its operations.
-"""
-
-from __future__ import annotations
+# A graph's mark is verified: the network that it names is exported again, and the mark counts only if the result equals
+# the graph to the last byte. Any other graph is converted from its operations.
 
 import json
 from collections.abc import Sequence
@@ -16,8 +13,8 @@ from paddock.network import wire
 from paddock.network.canonical import CanonicalNetwork, write_model
 from paddock.network.model import read_model
 from paddock.network.wire import TooManyFields, WireError
+from paddock.packages.export import FORM, can_be_undone, exported
 from paddock.packages.export.graphdef import MARK, Part
-from paddock.packages.export.marked import FORM, can_be_undone, exported
 from paddock.packages.export.plain import Step
 from paddock.packages.export.policy import Head
 from paddock.packages.inputs import InputSpec
@@ -50,23 +47,22 @@ def _marked(node: TensorflowNode) -> bytes:
 
 
 def _named(mark: bytes, graph: Graph, limits: PackageLimits) -> tuple[CanonicalNetwork, Head]:
-    """The network and its end that a mark speaks of."""
+    """The network and the head in a mark."""
     line, _, onnx = mark.partition(b"\n")
-    said = json.loads(line)
-    if said["form"] != FORM:
+    written = json.loads(line)
+    if written["form"] != FORM:
         raise ValueError("another form")
     weights = {
         name: _undone(graph.nodes[node].attributes.tensor("value", limits), steps)
-        for name, (node, steps) in said["weights"].items()
+        for name, (node, steps) in written["weights"].items()
     }
     model = read_model(onnx, limits, weights)
     (output,) = model.outputs
     network = CanonicalNetwork(model.opset, model.inputs, output, model.nodes, model.weights)
-    return network, Head(said["sac"] is True, said["scores"] is True)
+    return network, Head(written["sac"] is True, written["scores"] is True)
 
 
 def _undone(array: np.ndarray, steps: list[list]) -> bytes:
-    """A weight's bytes as they were before these steps."""
     if len(steps) > _MOST_STEPS:
         raise ValueError("too many steps")
     done = [Step(kind, tuple(int(number) for number in numbers)) for kind, *numbers in steps]
@@ -79,7 +75,6 @@ def _undone(array: np.ndarray, steps: list[list]) -> bytes:
 
 
 def _is_joined(parts: Sequence[Part], data: memoryview) -> bool:
-    """Whether the parts, one after the other, are these bytes."""
     at = 0
     for part in parts:
         if data[at : at + len(part)] != part:

@@ -1,18 +1,15 @@
-"""Which function converts which TensorFlow operation, and what such a function may use."""
-
-from __future__ import annotations
+"""The registry of conversion functions for TensorFlow operations, with their helpers."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from typing import TypeVar
 
 import numpy as np
 
 from paddock.errors import UserFault
 from paddock.packages.limits import PackageLimits
 
-from .emit import Emitter
-from .graph import TensorflowNode
-from .values import Flow, Known, Tensor, Value
+from .emit import Emitter, Flow, Known, Tensor, Value
 
 
 class Contradiction(Exception):
@@ -32,20 +29,24 @@ class Context:
     nodes: int = 0
 
     def count_node(self) -> None:
-        """Functions may call functions: bounds how many nodes are converted in all of them together."""
+        """Bound the nodes of all functions together, because functions may call functions."""
         self.nodes += 1
         if self.nodes > self.limits.graph_nodes:
             raise UserFault("graph_too_big", limit=self.limits.graph_nodes)
 
 
-Converter = Callable[[Context, TensorflowNode, list[Value]], Sequence[Flow]]
+Converter = Callable[..., Value | Sequence[Flow]]
 CONVERTERS: dict[str, Converter] = {}
 
 
-def converts(*ops: str) -> Callable[[Converter], Converter]:
-    """Register a converter: it gets the live inputs and returns the values of the node's outputs."""
+Registered = TypeVar("Registered", bound=Converter)
 
-    def register(function: Converter) -> Converter:
+
+def converts(*ops: str) -> Callable[[Registered], Registered]:
+    """Register a converter: it takes the live inputs one by one (another number of them is a TypeError) and returns the
+    node's output, or a list of all outputs."""
+
+    def register(function: Registered) -> Registered:
         for op in ops:
             assert op not in CONVERTERS, op
             CONVERTERS[op] = function
@@ -55,27 +56,23 @@ def converts(*ops: str) -> Callable[[Converter], Converter]:
 
 
 def require(condition: bool) -> None:
-    """Raise :class:`Contradiction` unless the condition holds."""
     if not condition:
         raise Contradiction
 
 
 def known(value: Value) -> np.ndarray:
-    """The array of an input that must be known now."""
     if not isinstance(value, Known):
         raise Unsupported
     return value.array
 
 
 def integers(value: Value) -> list[int]:
-    """A known input as a list of whole numbers."""
     array = known(value)
     require(array.dtype.kind in "iu" and array.size <= 64)
     return [int(number) for number in array.reshape(-1)]
 
 
 def tensor(value: Value) -> Tensor:
-    """An input that must depend on the sensors."""
     if not isinstance(value, Tensor):
         raise Unsupported
     return value

@@ -1,1 +1,1 @@
-"""What a car's camera sees: the track's texture warped into perspective, walls and sky drawn over it."""
+"""Renders the camera's picture of the track, its walls and the sky."""

@@ -1,6 +1,4 @@
-"""Upright blocks in a picture: boxes and cars, the nearer over the farther."""
-
-from __future__ import annotations
+"""Draws upright blocks (boxes and cars) into a picture, the nearer over the farther."""
 
 import math
 from collections.abc import Sequence
@@ -14,11 +12,11 @@ from .optics import Optics
 from .theme import Theme
 
 NEAR_M = 0.02  # deepracer-simapp: near plane of the camera
-_CLOSE_M = 0.1  # a block with a part nearer than this is drawn the careful way
+_CLOSE_M = 0.1  # a block with a part nearer than this is clipped
 _SHIFT = 4  # fractional bits of OpenCV's drawing coordinates
 _BLEED = 0.7 * (1 << _SHIFT)  # OpenCV's smooth polygons are too large by so much on each side
 _LIMIT = 30_000 << _SHIFT  # OpenCV counts pixels in 16 bits
-_DETAIL_M = 2.0  # a car's windows and wheels are drawn up to here: farther off they are a pixel or two
+_DETAIL_M = 2.0  # a car's windows and wheels are drawn up to this distance
 
 # Corners of a block are counted from the front left one; face k lies between corners k - 1 and k.
 _FRONT, _LEFT, _BACK, _RIGHT = range(4)
@@ -35,8 +33,7 @@ _Face = tuple[float, float, float, float, float, float, float, float]
 
 
 class BlockPainter:
-    """Draws solids by one camera. Arithmetic is written out where it is needed, and the corners of all faces become
-    whole numbers in one go: with six boxes in view that takes as long as drawing them."""
+    """Draws solids in the picture of one camera. Arithmetic is written out for speed."""
 
     def __init__(self, theme: Theme, optics: Optics) -> None:
         self._theme = theme
@@ -62,13 +59,13 @@ class BlockPainter:
             if forward + reach < 0.0:
                 continue  # behind
             left = dy * cos - dx * sin
-            # What lies low is a little deeper than it is far ahead.
+            # low points are a little deeper than they are far ahead
             if abs(left) - reach > spread * (forward + reach + lower):
                 continue  # beyond the sides of the picture
             found = _from_outside(solid, forward, left, heading - yaw)
             if found is not None:
                 seen.append(found)
-        if len(seen) > 1:  # blocks that stand apart hide each other in the order of their nearest points
+        if len(seen) > 1:  # separate blocks hide each other in the order of their nearest points
             seen.sort(key=itemgetter(0), reverse=True)
         faces: list[float] = []
         greys: list[int] = []
@@ -82,8 +79,8 @@ class BlockPainter:
     def _add(
         self, faces: list[float], greys: list[int], solid: Solid, first: int, edges: tuple[_Edge, ...], near: bool
     ) -> bool:
-        """Write down the faces of a block (see ``_Face``) and their greys, in the order in which they are drawn. False,
-        and nothing is written down, for a block so close that it has to be cut at the near plane."""
+        """Add the faces of a block (see ``_Face``) and their greys in drawing order. False, and nothing is added, for a
+        block so close that it must be clipped at the near plane."""
         cos, sin, focal = self._cos, self._sin, self._focal
         centre_u, centre_v = self._centre
         low, high = -self._height, solid[5] - self._height
@@ -101,7 +98,7 @@ class BlockPainter:
                 centre_u - left * high_scale,
                 centre_v - (fall + high_fall) * high_scale + _BLEED,
             )
-        # The outline is drawn inwards by what smooth polygons are too large; the second face covers the first.
+        # the outline is shrunk by the bleed; the second face covers the first
         corners[0] += _BLEED
         corners[2] += _BLEED
         corners[-4] -= _BLEED
@@ -133,7 +130,7 @@ class BlockPainter:
         return True
 
     def _paint_close(self, frame: np.ndarray, solid: Solid, first: int, edges: tuple[_Edge, ...]) -> None:
-        """Draw a block that touches the camera or reaches behind it, its faces cut at the near plane."""
+        """Draw a block that touches the camera or reaches behind it, its faces clipped at the near plane."""
         greys = self._theme.car if solid[6] == CAR else self._theme.box
         cos, sin, focal = self._cos, self._sin, self._focal
         centre_u, centre_v = self._centre
@@ -164,11 +161,9 @@ def _fill(frame: np.ndarray, faces: list[float], greys: list[int]) -> None:
 def _from_outside(
     solid: Solid, forward: float, left: float, turn: float
 ) -> tuple[float, Solid, int, tuple[_Edge, ...]] | None:
-    """What is seen of a block ``forward`` and ``left`` of the eye, turned by ``turn`` to the left; None from within.
-
-    (square of the distance to its nearest point, the block, the first face that is seen, the upright edges of the
-    seen faces as (forward, left)). Faces and edges come from the left of the picture to its right.
-    """
+    """The visible part of a block ``forward`` and ``left`` of the eye, turned by ``turn`` to the left, or None from
+    within: (square of the distance to its nearest point, the block, the first visible face, the upright edges of the
+    visible faces as (forward, left)), faces and edges from the left of the picture to its right."""
     cos, sin = math.cos(turn), math.sin(turn)
     length, width = solid[3], solid[4]
     ahead, aside = -forward * cos - left * sin, forward * sin - left * cos  # the eye in the block's own frame
@@ -200,10 +195,9 @@ def _from_outside(
 
 
 def _part(face: _Face, patch: _Patch) -> _Face:
-    """A part of a face; evenly on the picture, which is near enough for a window."""
+    """A part of a face, interpolated in the picture."""
     alx, aly, blx, bly, bhx, bhy, ahx, ahy = face
     left, right, bottom, top = patch
-    # Points of the lower and of the upper edge, then between them.
     wide_x, wide_y, high_x, high_y = blx - alx, bly - aly, bhx - ahx, bhy - ahy
     lx, ly, hx, hy = alx + left * wide_x, aly + left * wide_y, ahx + left * high_x, ahy + left * high_y
     rx, ry, sx, sy = alx + right * wide_x, aly + right * wide_y, ahx + right * high_x, ahy + right * high_y
@@ -225,13 +219,8 @@ def _clip(corners: Sequence[_Seen]) -> list[_Seen]:
         before = corners[index - 1]
         if (corner[0] >= NEAR_M) != (before[0] >= NEAR_M):
             share = (NEAR_M - before[0]) / (corner[0] - before[0])
-            kept.append(
-                (
-                    NEAR_M,
-                    before[1] + share * (corner[1] - before[1]),
-                    before[2] + share * (corner[2] - before[2]),
-                )
-            )
+            right, down = (before[axis] + share * (corner[axis] - before[axis]) for axis in (1, 2))
+            kept.append((NEAR_M, right, down))
         if corner[0] >= NEAR_M:
             kept.append(corner)
     return kept

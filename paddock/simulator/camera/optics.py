@@ -1,6 +1,4 @@
-"""Where a camera sits on the car and how it maps level ground to pixels."""
-
-from __future__ import annotations
+"""The position of a camera on the car, and its mapping from level ground to pixels."""
 
 import math
 from dataclasses import dataclass, replace
@@ -12,11 +10,9 @@ FAR_M = 10_000.0  # no hall is as large
 class Optics:
     """A pinhole camera on the car. Metres and radians; x forward and y left from the car's base.
 
-    Defaults: the front camera of deepracer-simapp, 640x480 pixels seen at a quarter. Its mount
-    (urdf/deepracer/deepracer_single_cam.urdf) is 0.1453 m ahead, 0.1303 m high and pitched 0.2618 rad in the body's
-    frame; but the body's rear axle is 0.0390 m up and its front axle 0.0350 m, on wheels of one size (0.036 m), so the
-    body stands 0.0243 rad nose up. The frames of that camera (dr-demo-1..3) show the same: with the pitch below, their
-    walls come out at the mesh's 1.0 m.
+    Defaults: the front camera of deepracer-simapp, 640x480 pixels at a quarter. Its mount
+    (urdf/deepracer/deepracer_single_cam.urdf) is 0.1453 m ahead, 0.1303 m high and pitched 0.2618 rad in the frame of
+    the body, which stands 0.0243 rad nose up (axles at 0.0390 and 0.0350 m on equal wheels).
     """
 
     x: float = 0.1421
@@ -38,14 +34,13 @@ class Optics:
         return (self.rows - 1) / 2 - self.focal * math.tan(self.pitch)
 
     def line_of_row(self, row: float, level_m: float = 0.0) -> tuple[float, float, float]:
-        """Where a row of pixels meets a level plane, in the car's frame: as the camera does not roll, on a straight
-        line across. Metres ahead, metres to the left in the first column, and more metres to the left a column.
+        """The straight line where a row of pixels meets a level plane, in the car's frame: metres ahead, metres to the
+        left in the first column, and more metres to the left a column.
 
-        ``row`` may lie between two. ``level_m``: of another plane above the ground; one below the camera is seen under
-        the horizon, one above it over the horizon. Rays that meet the plane at ``FAR_M`` or later, or never, are said
-        to meet it there.
+        ``row`` may lie between two. ``level_m``: height of the plane. Rays that meet it at ``FAR_M`` or later, or
+        never, count as meeting it there.
         """
-        # A ray goes right by a = (column - centre) / focal and down by this for one unit along the axis.
+        # down for one unit along the axis
         down = (row - (self.rows - 1) / 2) / self.focal
         cos, sin = math.cos(self.pitch), math.sin(self.pitch)
         above, fall = self.height - level_m, sin + cos * down
@@ -56,7 +51,6 @@ class Optics:
 
 FRONT_CAMERA = Optics()
 
-# deepracer-simapp: the pair of the stereo car sits 0.03 m to each side of where the single camera would be, and
-# LEFT_CAMERA is the left one of it.
+# deepracer-simapp: the stereo pair sits 0.03 m to each side of the single camera's place.
 STEREO_LEFT = replace(FRONT_CAMERA, y=0.03)
 STEREO_RIGHT = replace(FRONT_CAMERA, y=-0.03)

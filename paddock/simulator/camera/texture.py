@@ -1,6 +1,4 @@
-"""The ground of a track as a picture, drawn once."""
-
-from __future__ import annotations
+"""Draws the ground of a track as a picture."""
 
 import math
 from dataclasses import dataclass
@@ -24,8 +22,8 @@ _SHIFT = 6  # fractional bits of OpenCV's drawing coordinates
 
 @dataclass(frozen=True)
 class Level:
-    """One resolution of a level plane. ``pixels``: uint8 (rows, columns); row 0 is the lowest y. They fill ``bounds``
-    (metres) exactly, so that whatever is asked for outside of them is a wall."""
+    """One resolution of a level plane. ``pixels``: uint8 (rows, columns); row 0 is the lowest y; they fill ``bounds``
+    (metres) exactly."""
 
     pixels: np.ndarray
     bounds: Bounds
@@ -39,7 +37,7 @@ class Level:
 
 
 def draw_ground(track: TrackGeometry, theme: Theme, hall: Bounds, reductions: tuple[int, ...]) -> tuple[Level, ...]:
-    """The hall's ground in one level for each reduction (of which the first is 1)."""
+    """The hall's ground in one level for each reduction, the first of which is 1."""
     xmin, ymin, xmax, ymax = hall
     width, height = xmax - xmin, ymax - ymin
     metres = max(FINE_M, math.sqrt(width * height / MAX_PIXELS))
@@ -71,15 +69,9 @@ def draw_ground(track: TrackGeometry, theme: Theme, hall: Bounds, reductions: tu
         for metres in (0.0, track.finish_m):
             line = line_across(track, metres, theme.line_width, spare)
             cv2.fillConvexPoly(ground, fixed(line), theme.line, cv2.LINE_AA, _SHIFT)
-    return tuple(
-        Level(
-            ground
-            if reduction == 1
-            else cv2.resize(ground, (columns // reduction, rows // reduction), interpolation=cv2.INTER_AREA),
-            hall,
-        )
-        for reduction in reductions
-    )
+    sizes = [(columns // reduction, rows // reduction) for reduction in reductions[1:]]
+    pictures = [ground, *(cv2.resize(ground, size, interpolation=cv2.INTER_AREA) for size in sizes)]
+    return tuple(Level(picture, hall) for picture in pictures)
 
 
 def _beyond(border: np.ndarray, centre: np.ndarray, metres: float) -> np.ndarray:

@@ -1,6 +1,6 @@
-"""How a track looks. Greys are the luma (0-255) that the official simulator's picture has after its own grey filter."""
+"""The look of a track, in greys as the official simulator's picture has after its grey filter."""
 
-from __future__ import annotations
+# Greys are the luma, 0-255.
 
 from dataclasses import dataclass, replace
 
@@ -30,12 +30,10 @@ class Theme:
     wall_height: float
 
 
-# Shapes: measured on the reInvent2019_wide mesh of deepracer-simapp; the wall's height and the size of the dashes agree
-# with three frames of its camera (dr-demo-1..3 of deepracer-utils). Greys: medians on those frames, because light
-# changes what the mesh's textures say. The walls' own colour (36, 70, 81) arrives at 3 to 40 percent of its brightness,
-# by the side the light comes from (2, 14, 21 and 24), lines and dashes at 91 to 100. Sky: Gazebo's background. Boxes
-# and cars are chosen, no frame of them is at hand: a box lighter than the road and darker than the field, a car darker
-# than the road, and faces that differ as the walls do, so that an edge shows.
+# Shapes: measured on the reInvent2019_wide mesh of deepracer-simapp; they agree with three frames of its camera
+# (dr-demo-1..3 of deepracer-utils). Greys: medians on those frames, as light changes the textures. Sky: Gazebo's
+# background. Boxes and cars are chosen: a box lighter than the road and darker than the field, a car darker than the
+# road, with faces that differ as the walls do.
 OFFICIAL = Theme(
     name="official",
     road=53,
@@ -59,7 +57,7 @@ OFFICIAL = Theme(
 # The greys of the mesh's own textures, before any light falls on them (deepracer-simapp, reInvent2019_wide).
 TEXTURES = replace(OFFICIAL, name="textures", road=63, line=223, dash=151, field=123, wall=61)
 
-# As newer tracks of the official simulator look: dashes of twice the size, and a hall that lies farther off and higher.
+# The look of newer tracks of the official simulator: larger dashes, and a larger and higher hall.
 BOLD = replace(
     OFFICIAL,
     name="bold",

@@ -1,8 +1,7 @@
-"""The picture: ground, walls and sky in perspective, then the solids that stand before them.
+"""Renders a frame: ground, walls and sky in perspective, then the solids in front of them."""
 
-Ground and sky are pictures of level planes that end at the walls of the hall, and outside of them lies the walls' grey:
-a wall is where a ray leaves the hall before it meets the plane.
-"""
+# Ground and sky are pictures of level planes that end at the walls of the hall. A ray that leaves the hall before it
+# meets its plane shows the grey of the walls.
 
 from __future__ import annotations
 
@@ -28,13 +27,13 @@ if TYPE_CHECKING:  # a camera needs no physics
 
 _REDUCTIONS = (1, 2, 4)
 _ONE = float(1 << FRACTION)
-_FARTHEST_M = 1e6  # from there on there is nothing but wall anyway; a line's numbers stay small enough
-_SKY_M = 0.1  # a pixel of the sky, about: its edge is smooth
+_FARTHEST_M = 1e6  # farther off there is only wall, and a line's numbers would become too large
+_SKY_M = 0.1  # about a pixel of the sky
 
 
 @dataclass(frozen=True)
 class Scene:
-    """All that a camera can see of an empty track: the ground's levels (finest first), the sky and the hall."""
+    """The picture of an empty track: the ground's levels (finest first), the sky and the hall."""
 
     theme: Theme
     levels: tuple[Level, ...]
@@ -54,8 +53,8 @@ class Scene:
 
 @dataclass(frozen=True)
 class _Band:
-    """Rows drawn from one picture. ``doublings``: far rows cover much ground lengthwise, and one sample of it would
-    sparkle; so each is the mean of 2^doublings rows that share its height."""
+    """Rows drawn from one picture. ``doublings``: each is the mean of 2^doublings rows that share its height, as far
+    rows cover much ground."""
 
     first: int
     last: int  # one past
@@ -68,8 +67,7 @@ class _Band:
         return Strip(self.level.pixels, self.first, self.last, self.doublings)
 
     def terms(self, optics: Optics) -> np.ndarray:
-        """(lines, 4, 4): each of a line's four numbers, see :class:`.warp.Warp`, is the sum of these, times (cosine
-        and sine of the car's heading, its x or its y, 1)."""
+        """(lines, 4, 4): the factors of a line's four numbers, see :meth:`.warp.Warp.aim`."""
         to_level, samples = self.level.from_ground(), 1 << self.doublings
         (across, _, column), (_, up, row) = (to_level[:2] * _ONE).tolist()
         column, row = column + HALF_WEIGHT, row + HALF_WEIGHT
@@ -88,10 +86,8 @@ class _Band:
 
 
 class Camera:
-    """Draws what a camera on the car sees. The car does not roll or pitch: it has no suspension.
-
-    Ground, walls and sky are whole numbers once the lines are known, and those are sums of products of doubles in a
-    fixed order: with the same cosine and sine, every processor draws the same. ``warp``: other than the fastest way."""
+    """Draws the picture of a camera on the car, which neither rolls nor pitches, the same on every processor: in whole
+    numbers along lines that are sums of products of doubles in a fixed order. ``warp``: by default the fastest."""
 
     def __init__(self, scene: Scene, optics: Optics = FRONT_CAMERA, warp: type[Warp] | None = None) -> None:
         bands = _bands(scene, optics)
@@ -102,14 +98,12 @@ class Camera:
         self._painter = BlockPainter(scene.theme, optics)
 
     def render(self, pose: Pose, solids: Sequence[Solid] = (), place: np.ndarray | None = None) -> np.ndarray:
-        """The grey frame, uint8 (rows, columns), a fresh array; or in ``place``, of whatever shape has as many pixels,
-        which is only written to. ``solids`` hide each other and the ground by distance; one that the camera is inside
-        of is not seen, as its faces look outwards.
-
-        Raises ValueError for a pose that is not finite."""
-        x, y, yaw = pose.x, pose.y, pose.yaw  # of anything that has them, as pictures of sensors do
+        """The grey frame, uint8 (rows, columns): a fresh array, or ``place``, of any shape with as many pixels.
+        ``solids`` hide each other and the ground by distance; a solid around the camera is invisible. Raises ValueError
+        for a pose that is not finite."""
+        x, y, yaw = pose.x, pose.y, pose.yaw
         if not math.isfinite(x + y + yaw):
-            raise ValueError(f"nothing is seen from ({x}, {y}, {yaw})")
+            raise ValueError(f"the pose ({x}, {y}, {yaw}) is not finite")
         x_m, y_m = min(max(x, -_FARTHEST_M), _FARTHEST_M), min(max(y, -_FARTHEST_M), _FARTHEST_M)
         if place is not None and not solids:
             self._warp.see(math.cos(yaw), math.sin(yaw), x_m, y_m, place)
@@ -127,7 +121,7 @@ class Camera:
 def _bands(scene: Scene, optics: Optics) -> list[_Band]:
     fine, middle, coarse = scene.levels
     scale = optics.rows / 120
-    first = math.floor(optics.horizon) + 1  # row that shows ground; it may lie outside of the frame
+    first = math.floor(optics.horizon) + 1  # the first row of ground, perhaps outside of the frame
     horizon, far, near = (
         min(max(row, 0), optics.rows) for row in (first, first + round(10 * scale), first + round(26 * scale))
     )

@@ -1,17 +1,9 @@
-"""Fill a frame from pictures of level planes, in whole numbers: the same to the bit on every processor.
+"""Fills a frame from pictures of level planes in integer arithmetic, equal on every processor."""
 
-A camera that does not roll sees a level plane row by row along straight lines, at a constant step from a column to the
-next. So a row needs no division for each of its pixels, only its line: where its first column looks, and the step, as
-columns and rows of the plane's picture. Places are 64-bit numbers with ``FRACTION`` bits after the point.
-
-A pixel is the mean of its four neighbours in the picture, weighed by how near they are (bilinear) in steps of 1/256;
-what lies outside of the picture is wall. Rows of the frame that cover much ground are the mean of several lines.
-
-There are two ways that draw the same: :class:`NumpyWarp` says what is drawn, :class:`CompiledWarp` is many times as
-fast and needs what :mod:`..compiled` makes.
-"""
-
-from __future__ import annotations
+# A camera without roll sees a level plane row by row along straight lines with constant steps. So a row needs only the
+# position of its first column and the step, as columns and rows of the plane's picture: 64-bit integers with
+# ``FRACTION`` bits after the point. A pixel is the bilinear mean of its four neighbours in the picture, in steps of
+# 1/256. Outside of the picture is wall. :class:`NumpyWarp` defines the result, :class:`CompiledWarp` is faster.
 
 import ctypes
 from abc import ABC, abstractmethod
@@ -24,7 +16,7 @@ import numpy as np
 from .. import compiled
 
 FRACTION = 32
-HALF_WEIGHT = 1 << (FRACTION - 9)  # added to a place, so that cutting off its weights rounds them
+HALF_WEIGHT = 1 << (FRACTION - 9)  # added to a place, so that truncation rounds its weights
 
 
 @dataclass(frozen=True)
@@ -39,20 +31,19 @@ class Strip:
 
     @property
     def lines(self) -> int:
-        """How many lines it takes."""
         return (self.last - self.first) << self.doublings
 
 
 class Warp(ABC):
-    """Draws ``strips``, which together are all rows of a frame. Write :attr:`lines` or :meth:`aim`, call :meth:`draw`,
-    read :attr:`frame` (uint8 (rows, columns)).
+    """Draws ``strips``, which together are all rows of a frame: write :attr:`lines` or call :meth:`aim`, call
+    :meth:`draw`, read :attr:`frame` (uint8 (rows, columns)).
 
-    ``lines``: int64 (4, lines of all strips): column and row of the picture where a line's first pixel looks, plus
-    ``HALF_WEIGHT``, and the steps in both. No place on a line may be farther off than 2^29 pixels.
+    ``lines``: int64 (4, lines of all strips): column and row of a line's first pixel in the picture, plus
+    ``HALF_WEIGHT``, and the steps in both; no place may be farther off than 2^29 pixels.
     """
 
     def __init__(self, strips: Sequence[Strip], columns: int, wall: int, terms: np.ndarray | None = None) -> None:
-        """``terms``: float64 (4, 4, lines of all strips), what :meth:`aim` makes lines of."""
+        """``terms``: float64 (4, 4, lines of all strips), for :meth:`aim`."""
         self.strips = [
             Strip(np.ascontiguousarray(strip.pixels, np.uint8), strip.first, strip.last, strip.doublings)
             for strip in strips
@@ -65,18 +56,16 @@ class Warp(ABC):
 
     @abstractmethod
     def aim(self, cos: float, sin: float, x: float, y: float) -> None:
-        """Write down the lines of a camera at a place and heading: ``cos`` times the first of the terms and ``sin``
-        times the second, added; to the starts alone the sum of the third times ``x`` (columns) or ``y`` (rows) and
-        the fourth; rounded to whole numbers. Product by product and sum by sum: what multiplies and adds in one step,
-        as matrix products do on some processors, rounds otherwise."""
+        """Set the lines of a camera at a place and heading: ``cos`` times the first of the terms plus ``sin`` times the
+        second; to the starts alone the third times ``x`` (columns) or ``y`` (rows) plus the fourth; rounded to whole
+        numbers. One product and one sum at a time, as fused operations round differently."""
 
     @abstractmethod
     def draw(self) -> None:
         """Fill the frame from the lines."""
 
     def see(self, cos: float, sin: float, x: float, y: float, place: np.ndarray | None = None) -> None:
-        """:meth:`aim` and :meth:`draw`; with ``place`` (uint8, as many pixels as the frame has) that is filled, which
-        is only written to, and :attr:`frame` then holds nothing of use."""
+        """:meth:`aim` and :meth:`draw`, into ``place`` (uint8, as many pixels) in place of :attr:`frame` if given."""
         self.aim(cos, sin, x, y)
         self.draw()
         if place is not None:
@@ -84,7 +73,7 @@ class Warp(ABC):
 
 
 class NumpyWarp(Warp):
-    """The one that needs nothing but numpy, and that the other is held against."""
+    """The reference, in numpy."""
 
     def aim(self, cos: float, sin: float, x: float, y: float) -> None:
         by_cos, by_sin, by_place, fixed = self.terms
@@ -120,8 +109,6 @@ class NumpyWarp(Warp):
 
 
 class CompiledWarp(Warp):
-    """The one in C, a call for each frame."""
-
     library: ClassVar[ctypes.CDLL | None] = compiled.load()
 
     def __init__(self, strips: Sequence[Strip], columns: int, wall: int, terms: np.ndarray | None = None) -> None:
@@ -133,7 +120,7 @@ class CompiledWarp(Warp):
         self._aim.argtypes = (ctypes.c_void_p, *numbers)
         self._see.argtypes = (ctypes.c_void_p, *numbers, ctypes.c_void_p)
         self._warp.restype = self._aim.restype = self._see.restype = None
-        # Structures of warp.c; the arrays stay where they are as long as this object has them.
+        # structures of warp.c, which point into arrays of this object
         self._table = np.array(
             [
                 (
@@ -170,7 +157,7 @@ class CompiledWarp(Warp):
         if place is None:
             self._see(self._at, cos, sin, x, y, self._own)
             return
-        if place is not self._placed:  # it is the same in nearly every step, and to look where it is takes a while
+        if place is not self._placed:  # the same in nearly every step
             if not (place.flags.c_contiguous and place.flags.writeable and place.dtype == np.uint8):
                 super().see(cos, sin, x, y, place)
                 return
@@ -181,11 +168,10 @@ class CompiledWarp(Warp):
 
 
 def _only_grey(pixels: np.ndarray) -> int:
-    """The grey of a picture that has no other, such as the sky's; -1 of any other picture."""
+    """The grey of a picture of one grey, such as the sky's, else -1."""
     low, high = int(pixels.min()), int(pixels.max())
     return low if low == high else -1
 
 
 def best_warp() -> type[Warp]:
-    """The faster of the two where it is there."""
     return NumpyWarp if CompiledWarp.library is None else CompiledWarp

@@ -1,10 +1,9 @@
-"""Gymnasium environments on the very stage that races are judged on. Importing this package registers them."""
-
-from __future__ import annotations
+"""Gymnasium environments on the stage of the races, registered on import."""
 
 from paddock.plugin import register_envs
 
-from .setting import DEFAULT_METADATA, Setting, load_track
+from .configuration import DEFAULT_METADATA, default_config
+from .setting import Setting, load_track
 from .single import HeadToHeadEnv, ObjectAvoidanceEnv, RacingEnv, TimeTrialEnv
 
 __all__ = [
@@ -14,6 +13,7 @@ __all__ = [
     "RacingEnv",
     "Setting",
     "TimeTrialEnv",
+    "default_config",
     "load_track",
 ]
 

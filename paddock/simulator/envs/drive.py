@@ -1,11 +1,9 @@
-"""One car through one episode after another: what a single environment and each car of many have in common."""
-
-from __future__ import annotations
+"""Drives one car through successive episodes, for single and vector environments."""
 
 import math
 from collections.abc import Iterable, Mapping
 from dataclasses import replace
-from typing import Any, NamedTuple, NoReturn
+from typing import Any, NamedTuple, NoReturn, NotRequired, TypedDict
 
 import numpy as np
 
@@ -13,9 +11,9 @@ from paddock.errors import UserFault
 
 from ..action import DISCRETE, Action
 from ..competitor import Competitor
-from ..race import lap_results
 from ..randomisation import USUAL
 from ..referee import LAPS_DONE
+from ..results import LapDocument
 from ..rewards import Objects, reward_params
 from ..stage import PreparedTrack, Simulation
 from ..trace import TIME_UP
@@ -25,29 +23,41 @@ from .setting import Readings, Setting
 _LAYOUTS = 20  # seeds that an episode tries until random boxes have room
 
 
-class StepOutcome(NamedTuple):
-    """What one step came to."""
+class EpisodeInfo(TypedDict):
+    """The info of a step; ``laps`` and ``end_reason``: of an episode's last one."""
 
+    status: str
+    progress: float
+    lap: int
+    resets: int
+    crashes: int
+    time_ms: int
+    is_success: bool
+    laps: NotRequired[list[LapDocument]]
+    end_reason: NotRequired[str]
+
+
+class StepOutcome(NamedTuple):
     reward: float
     terminated: bool
     truncated: bool
-    info: dict[str, Any]
+    info: EpisodeInfo
 
 
 OPTIONS = ("start_m", "astray")
 
 
 def check_options(options: Mapping[str, Any] | None, known: Iterable[str]) -> None:
-    """Raises ValueError for options of ``reset`` that do not exist."""
+    """Raises ValueError for unknown options of ``reset``."""
     if unknown := [str(name) for name in options or {} if name not in known]:
         raise ValueError(f"reset has no option {', '.join(unknown)}; its options are {', '.join(known)}")
 
 
 class NotCopied:
-    """An environment, whose world lives in the memory of the physics engine: it cannot be copied or pickled."""
+    """An environment, which cannot be copied or pickled, as its world lives in the memory of the physics engine."""
 
     def __reduce_ex__(self, protocol: Any) -> NoReturn:
-        """Raises TypeError for ``copy.copy``, ``copy.deepcopy`` and ``pickle``, with what to do instead."""
+        """Raises TypeError for ``copy.copy``, ``copy.deepcopy`` and ``pickle``, with the remedy."""
         raise TypeError(
             f"{type(self).__name__} cannot be copied or pickled, because its world belongs to this process. Make "
             "another environment with the same arguments, gymnasium.make(env.spec), and reset it with the same seed; "
@@ -56,10 +66,10 @@ class NotCopied:
 
 
 class Drive(NotCopied):
-    """One car on a stage of its own. A step is :meth:`command`, a step of the world, and :meth:`judge`."""
+    """One car on its own stage. A step is :meth:`command`, a step of the world, and :meth:`judge`."""
 
     def __init__(self, setting: Setting, world: World | None = None) -> None:
-        """``world``: one that is shared with other drives, whose cars this one neither meets nor sees."""
+        """``world``: shared with other drives, whose cars this one neither meets nor sees."""
         self._setting = setting
         self._world = world
         self._stages: dict[int, Simulation] = {}  # one for each ground, in one world
@@ -72,34 +82,25 @@ class Drive(NotCopied):
 
     @property
     def car(self) -> Competitor:
-        """The car of this episode."""
         assert self._car is not None, "no episode has begun"
         return self._car
 
     @property
     def stage(self) -> Simulation:
-        """What the car drives on."""
         assert self._stage is not None, "no episode has begun"
         return self._stage
 
     @property
-    def world(self) -> World:
-        """The world that the car drives in."""
-        return self.stage.world
-
-    @property
     def began(self) -> bool:
-        """Whether there is an episode."""
         return self._car is not None
 
-    def begin(self, rng: np.random.Generator, options: Mapping[str, Any] | None = None) -> dict[str, Any]:
-        """Start an episode, which is to the last bit as in a new world; what it draws comes from ``rng``. The info.
+    def begin(self, rng: np.random.Generator, options: Mapping[str, Any] | None = None) -> EpisodeInfo:
+        """Start an episode, which equals one in a new world to the last bit; its info.
 
-        ``options``: ``start_m``, see :meth:`Setting.start_m`; ``astray``, a function of ``rng`` that returns how the
-        car stands there: shares of the road's width and radians, both to the left.
+        ``options``: ``start_m``, see :meth:`Setting.start_m`; ``astray``, a function of ``rng`` that returns an offset
+        as a share of the road's width and a turn in radians, both to the left.
 
-        Raises ValueError for any other option, UserFault ``boxes_do_not_fit`` when random boxes find no room on this
-        track.
+        Raises ValueError for any other option, UserFault ``boxes_do_not_fit``.
         """
         check_options(options, OPTIONS)
         setting = self._setting
@@ -124,7 +125,7 @@ class Drive(NotCopied):
         return self._info()
 
     def _lay(self, rng: np.random.Generator, ground: PreparedTrack) -> None:
-        """Clear the stage for the next episode; where drawn boxes find no room, draw again."""
+        """Clear the stage for the next episode; draw again while drawn boxes find no room."""
         setting, stage = self._setting, self._stages.get(id(ground))
         for attempts_left in reversed(range(_LAYOUTS)):
             rules = setting.episode_rules(rng)
@@ -141,14 +142,11 @@ class Drive(NotCopied):
                     raise
 
     def observe(self) -> Readings:
-        """A fresh reading of each sensor."""
         return self._disturbance.observe(self.car.observe())
 
     def decode(self, action: Any) -> Action:
-        """The command that an action of the action space means; a whole number in any form that holds just one.
-
-        Raises ValueError for an invalid action; UserFault ``non_finite_action`` as in a race.
-        """
+        """The command of an action of the action space; of a list also any form of one whole number. Raises ValueError
+        for an invalid action, UserFault ``non_finite_action``."""
         actions = self._setting.actions
         if actions.kind == DISCRETE:
             index = _whole(action, actions.size)
@@ -156,37 +154,35 @@ class Drive(NotCopied):
         return actions.decode(_pair(action), self.car.referee.step + 1)
 
     def command(self, action: Any) -> None:
-        """Take an action of the action space; the world must then move on by one step. Raises as :meth:`decode`."""
+        """Take an action of the action space; the world must then move by one step. Raises as :meth:`decode`."""
         self.take(self.decode(action))
 
     def take(self, action: Action) -> None:
-        """The same for an action that is decoded."""
+        """The same for a decoded action."""
         assert self._stage is not None, "no episode has begun"
         self._stage.command((self._disturbance.act(action),))
 
     def judge(self) -> StepOutcome:
-        """The world has moved: judge the car, and after a fault with resets left let the penalty pass.
-
-        Raises ValueError for a reward that is not finite.
-        """
+        """Judge the car after the world has moved, and let a penalty pass. Raises ValueError for a reward that is not
+        finite."""
         car, stage = self.car, self.stage
         stage.judge()
         reward = car.reward = self._reward()
         info = self._info()
         while car.pausing and not car.done:
-            stage.command((None,))  # a car that stands moves no world
+            stage.command((None,))  # the world stands
             car.reward = 0.0
             stage.judge()
         ended = car.referee.end_reason
         if ended is not None:
-            info["laps"] = [lap.to_dict() for lap in lap_results(car)]
+            info["laps"] = [lap.to_dict() for lap in car.lap_results()]
             info["end_reason"] = ended
         return StepOutcome(reward, ended is not None and ended != TIME_UP, ended == TIME_UP, info)
 
     def close(self) -> None:
         """Free the world unless it is shared; another episode may begin."""
         if self._world is None:
-            for stage in self._stages.values():  # all but the first share its world, and close nothing
+            for stage in self._stages.values():
                 stage.close()
         self._stages.clear()
         self._stage = self._car = None
@@ -202,7 +198,7 @@ class Drive(NotCopied):
             raise ValueError(f"the reward function returned {reward}; it must return a finite number")
         return reward
 
-    def _info(self) -> dict[str, Any]:
+    def _info(self) -> EpisodeInfo:
         car = self.car
         referee = car.referee
         return {
@@ -217,7 +213,7 @@ class Drive(NotCopied):
 
 
 def _whole(action: Any, count: int) -> int:
-    """The index into a list of ``count`` actions. Raises ValueError that says what is possible."""
+    """The index into ``count`` actions. Raises ValueError with the possible values."""
     given = np.asarray(action)
     if given.size == 1 and given.dtype.kind in "iuf":
         value = given.reshape(-1)[0]
@@ -227,7 +223,7 @@ def _whole(action: Any, count: int) -> int:
 
 
 def _pair(action: Any) -> np.ndarray:
-    """Steering and speed as float32. Raises ValueError for what are not two numbers."""
+    """Steering and speed as float32. Raises ValueError for anything but two numbers."""
     try:
         given = np.asarray(action, np.float32)
     except (TypeError, ValueError):

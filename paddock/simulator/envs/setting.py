@@ -1,12 +1,10 @@
-"""What an environment is made of: the same for one car and for many."""
-
-from __future__ import annotations
+"""The parts of an environment, for one car and for many."""
 
 import dataclasses
 import json
 import math
 import os
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -20,9 +18,7 @@ from paddock.packages.metadata import ModelMetadata, parse_metadata
 from paddock.rules.race import (
     HEAD_TO_HEAD,
     OBJECT_AVOIDANCE,
-    PROPOSED_BOTS,
     PROPOSED_BOXES,
-    RUN_RULES,
     TIME_TRIAL,
     BoxPlace,
     RaceRules,
@@ -30,35 +26,28 @@ from paddock.rules.race import (
 )
 
 from ..action import DISCRETE, ActionSpace
-from ..camera.theme import OFFICIAL, Theme
+from ..camera.theme import Theme
 from ..layout import lay_out
-from ..physics import PADDOCK_CAR, CarPhysics
+from ..physics import CarPhysics
 from ..randomisation import NOTHING, Randomisation
-from ..rewards import RewardFunction, avoid_objects, follow_centre_line
+from ..rewards import RewardFunction
 from ..sensors import sensor_spec
 from ..stage import PreparedTrack
+from .configuration import BOX, DICT, OBSERVATIONS, RANDOM, RGB, STARTS, default_config, rules_of_episodes
 
-# Five angles at two speeds: what the console offered by default, at speeds that finish a lap in reasonable time.
-DEFAULT_METADATA: Mapping[str, Any] = {
-    "action_space_type": "discrete",
-    "action_space": [
-        {"steering_angle": angle, "speed": speed} for angle in (-30, -15, 0, 15, 30) for speed in (1.0, 1.5)
-    ],
-    "sensor": ["FRONT_FACING_CAMERA"],
-}
+OPEN_ROOM_M = 1.0  # the least distance of a start from the end of an open track
 
-OPEN_ROOM_M = 1.0  # so far before the end of an open track an episode starts at the latest
+_DERIVED = ("direction", "random_boxes")  # their defaults depend on ``track`` and on ``boxes``
 
 Track = TrackGeometry | str | os.PathLike[str]
 Readings = dict[str, np.ndarray]
 
-DICT, BOX, RGB = OBSERVATIONS = ("dict", "box", "rgb")
-
 
 @dataclass(frozen=True)
 class Setting:
-    """Track, rules, car and reward of an environment. Made by :func:`time_trial`, :func:`object_avoidance` and
-    :func:`head_to_head`, whose arguments are those of the environments."""
+    """Track, rules, car and reward of an environment, made by :func:`time_trial`, :func:`object_avoidance` and
+    :func:`head_to_head`. ``ways``: of each track the requested direction, and the other one where episodes alternate;
+    empty for ``ground`` alone."""
 
     ground: PreparedTrack
     rules: RaceRules
@@ -70,11 +59,10 @@ class Setting:
     reward_function: RewardFunction
     observation: str = DICT
     randomise: Randomisation = NOTHING
-    # of each track the way asked for, and behind it the other one where episodes alternate; empty: ``ground`` alone
     ways: tuple[tuple[PreparedTrack, ...], ...] = ()
 
     def ground_of(self, episode: int, rng: np.random.Generator) -> PreparedTrack:
-        """Where a car's episode drives, counted from 0: one of the tracks, drawn, and of it the ways by turns."""
+        """The track of a car's episode, counted from 0: drawn, its ways by turns."""
         if not self.ways:
             return self.ground
         ways = self.ways[int(rng.integers(len(self.ways)))] if len(self.ways) > 1 else self.ways[0]
@@ -82,25 +70,19 @@ class Setting:
 
     @property
     def sensors(self) -> tuple[str, ...]:
-        """Names of the sensors, sorted."""
         return tuple(sorted(self.metadata.sensors))
 
     @property
     def boxes(self) -> dict[str, spaces.Box]:
-        """One for each sensor: cameras uint8 (120, 160, channels), lidars a row of float32."""
+        """The space of each sensor: cameras uint8 (120, 160, channels), lidars a row of float32."""
         specs = (sensor_spec(name, self.metadata.lidar_config) for name in self.sensors)
         return {spec.name: spaces.Box(spec.low, spec.high, spec.shape, np.dtype(spec.dtype).type) for spec in specs}
 
     @property
-    def sensor_space(self) -> spaces.Dict:
-        """:attr:`boxes` as one space."""
-        return spaces.Dict(dict(self.boxes))
-
-    @property
     def observation_space(self) -> spaces.Dict | spaces.Box:
-        """What an agent is given: :attr:`sensor_space`, or the only sensor's own box (see :func:`race_setting`)."""
+        """The observations of an agent: all :attr:`boxes`, or the only sensor's."""
         if self.observation == DICT:
-            return self.sensor_space
+            return spaces.Dict(dict(self.boxes))
         box = self.boxes[self.sensors[0]]
         if self.observation == BOX:
             return box
@@ -123,8 +105,8 @@ class Setting:
     def start_m(
         self, rng: np.random.Generator, options: Mapping[str, Any], ground: PreparedTrack | None = None
     ) -> float:
-        """Where an episode on ``ground`` starts, in metres after the finish line. ``options["start_m"]``: metres, or a
-        function of track and ``rng`` that returns them, None for where it would start without."""
+        """The start of an episode on ``ground``, metres after the finish line. ``options["start_m"]``: metres, or a
+        function of track and ``rng`` that returns them or None."""
         track = (ground or self.ground).track
         last = track.length - OPEN_ROOM_M if track.is_open else track.length
         asked = options.get("start_m")
@@ -143,14 +125,13 @@ class Setting:
         return float(rng.uniform(0.0, last)) if self.random_start else self.rules.start_m
 
     def episode_rules(self, rng: np.random.Generator) -> RaceRules:
-        """The rules of one episode: with another seed for boxes and bots in each, unless ``layout_seed`` fixes it."""
+        """The rules of one episode, with a new seed for boxes and bots unless ``layout_seed`` fixes it."""
         if not self.draws_layout:
             return self.rules
         return dataclasses.replace(self.rules, seed=int(rng.integers(0, 2**31)))
 
     @property
     def draws_layout(self) -> bool:
-        """Whether every episode draws its own boxes or bots."""
         return self.rules.race_type != TIME_TRIAL and self.layout_seed is None
 
 
@@ -159,104 +140,86 @@ def time_trial(**options: Any) -> Setting:
     return race_setting(TIME_TRIAL, **options)
 
 
-def object_avoidance(
-    *,
-    boxes: Sequence[BoxPlace | Mapping[str, Any] | tuple[float, str]] = (),
-    random_boxes: int | None = None,
-    reward_function: RewardFunction = avoid_objects,
-    **options: Any,
-) -> Setting:
-    """Laps past boxes: at fixed places (fraction of the lap, lane), or ``random_boxes`` of them (6 unless told
-    otherwise) in other places in every episode, drawn from the seed of ``reset``; always the same with ``layout_seed``.
-
-    ``options``: as for :func:`race_setting`.
-    """
-    places = tuple(_box_place(place) for place in boxes)
-    count = (0 if places else PROPOSED_BOXES) if random_boxes is None else random_boxes
-    return race_setting(OBJECT_AVOIDANCE, boxes=places, random_boxes=count, reward_function=reward_function, **options)
+def object_avoidance(**options: Any) -> Setting:
+    """Laps past ``boxes`` at fixed places (fraction, lane), or past ``random_boxes`` drawn in every episode from the
+    seed of ``reset``, or from ``layout_seed``. ``options``: see :func:`race_setting`."""
+    return race_setting(OBJECT_AVOIDANCE, **options)
 
 
-def head_to_head(
-    *, bots: int = PROPOSED_BOTS, reward_function: RewardFunction = avoid_objects, **options: Any
-) -> Setting:
-    """Laps among bot cars, which draw their lanes and lane changes from the seed of ``reset``, anew in every episode;
-    always the same with ``layout_seed``. ``options``: as for :func:`race_setting`."""
-    if not bots:
+def head_to_head(**options: Any) -> Setting:
+    """Laps among bots, whose lanes are drawn as the boxes of :func:`object_avoidance`. ``options``: see
+    :func:`race_setting`."""
+    setting = race_setting(HEAD_TO_HEAD, **options)
+    if not setting.rules.bots:
         raise ValueError("bots must be at least 1: other models do not drive in an environment")
-    return race_setting(HEAD_TO_HEAD, bots=bots, reward_function=reward_function, **options)
-
-
-def rules_of_episodes(race_type: str) -> dict[str, Any]:
-    """The rules that an environment of this type takes by their names, and what each is unless somebody says so."""
-    told = (rule for name, rule in RUN_RULES.items() if name not in ("race_type", "seed"))
-    return {rule.name: rule.default_of_an_episode for rule in told if rule.belongs_to(race_type)}
-
-
-def race_setting(
-    race_type: str,
-    *,
-    track: Track = "oval",
-    metadata: Mapping[str, Any] = DEFAULT_METADATA,
-    start: str = "fixed",
-    layout_seed: int | None = None,
-    reward_function: RewardFunction = follow_centre_line,
-    observation: str = DICT,
-    theme: Theme = OFFICIAL,
-    physics: CarPhysics = PADDOCK_CAR,
-    more_tracks: Sequence[Track | tuple[Track, Theme]] = (),
-    alternate_direction: bool = False,
-    randomise: Randomisation | Mapping[str, float] | None = None,
-    **rules: Any,
-) -> Setting:
-    """``track``: a geometry, a name of the catalogue (``penbay_open`` as well) or the path of a .npy file.
-    ``metadata``: a ``model_metadata.json``. ``start``: "fixed" on the finish line or "random", anywhere on the centre
-    line.
-    ``observation``: "dict" has an entry for each sensor; "box" is the reading of the only sensor itself; "rgb" the same
-    as three equal channels, for wrappers that want a colour picture. ``more_tracks``: each episode drives on ``track``
-    or one of these, drawn from the seed of ``reset``; a pair names the look of one as well.
-    ``alternate_direction``: a car's every second episode drives the other way. ``randomise``: strengths from 0 to 1 of
-    what each episode draws about the world, see :class:`.randomisation.Randomisation`. ``rules``: see
-    :func:`rules_of_episodes`.
-
-    Raises TypeError for a rule that this type of race does not have, ValueError for a wrong argument or for metadata
-    that an upload would be refused for, UserFault for a track file or a layout that is refused.
-    """
-    usual = rules_of_episodes(race_type)
-    if unknown := rules.keys() - usual.keys():
-        raise TypeError(f"{race_type} takes no {', '.join(sorted(unknown))}; its rules are {', '.join(usual)}")
-    told = RaceRules(race_type=race_type, seed=layout_seed or 0, **{**usual, **_direction_of(track), **rules})
-    if start not in ("fixed", "random"):
-        raise ValueError(f"start must be 'fixed' or 'random', not {start!r}")
-    checked = check_metadata(metadata)
-    _check_observation(observation, checked)
-    tracks = [(track, theme), *(one if isinstance(one, tuple) else (one, theme) for one in more_tracks)]
-    ways = tuple(_ways(one, told.direction, look, alternate_direction) for one, look in tracks)
-    setting = Setting(
-        ground=ways[0][0],
-        rules=told,
-        metadata=checked,
-        actions=ActionSpace.from_metadata(checked.to_dict()),
-        physics=physics,
-        random_start=start == "random",
-        layout_seed=layout_seed,
-        reward_function=reward_function,
-        observation=observation,
-        randomise=Randomisation.of(randomise),
-        ways=() if len(ways) == len(ways[0]) == 1 else ways,
-    )
-    shortest = min(ground.track.length for each in ways for ground in each)
-    if not 0.0 <= told.start_m < shortest:
-        raise ValueError(f"start_m must be at least 0 and below {shortest:.2f}, not {told.start_m}")
-    if setting.rules.boxes or setting.rules.bots or layout_seed is not None:
-        for ground in (ground for each in ways for ground in each):
-            lay_out(ground.track, setting.rules)  # refuse now what every episode would be refused for
     return setting
 
 
+def race_setting(race_type: str, *, config: Mapping[str, Any] | None = None, **options: Any) -> Setting:
+    """The environment of :func:`.configuration.default_config`, changed by ``config`` and then by ``options``.
+
+    ``config`` may be a whole default configuration with some entries changed: its direction then still follows the name
+    of the track, and fixed boxes still replace drawn ones.
+
+    Raises TypeError for an option or rule that this type of race does not have, ValueError for an invalid value or
+    metadata, UserFault for an invalid track file or layout.
+    """
+    values = default_config(race_type)
+    config = {name: value for name, value in (config or {}).items() if name not in _DERIVED or value != values[name]}
+    changes = {**config, **options}
+    if unknown := changes.keys() - values.keys():
+        rules_known = ", ".join(rules_of_episodes(race_type))
+        raise TypeError(f"{race_type} takes no {', '.join(sorted(unknown))}; its rules are {rules_known}")
+    if race_type == OBJECT_AVOIDANCE:
+        changes |= _boxes(changes)
+    values |= changes
+    track, theme, layout_seed = values["track"], values["theme"], values["layout_seed"]
+    metadata, start, observation = values["metadata"], values["start"], values["observation"]
+    rules = {name: values[name] for name in rules_of_episodes(race_type)}
+    if "direction" not in changes:
+        rules |= _direction_of(track)
+    race_rules = RaceRules(race_type=race_type, seed=layout_seed or 0, **rules)
+    if start not in STARTS:
+        raise ValueError(f"start must be 'fixed' or 'random', not {start!r}")
+    checked = check_metadata(metadata)
+    _check_observation(observation, checked)
+    tracks = [(track, theme), *(one if isinstance(one, tuple) else (one, theme) for one in values["more_tracks"])]
+    ways = tuple(_ways(one, race_rules.direction, look, values["alternate_direction"]) for one, look in tracks)
+    setting = Setting(
+        ground=ways[0][0],
+        rules=race_rules,
+        metadata=checked,
+        actions=ActionSpace.from_metadata(checked.to_dict()),
+        physics=values["physics"],
+        random_start=start == RANDOM,
+        layout_seed=layout_seed,
+        reward_function=values["reward_function"],
+        observation=observation,
+        randomise=Randomisation.of(values["randomise"]),
+        ways=() if len(ways) == len(ways[0]) == 1 else ways,
+    )
+    shortest = min(ground.track.length for each in ways for ground in each)
+    if not 0.0 <= race_rules.start_m < shortest:
+        raise ValueError(f"start_m must be at least 0 and below {shortest:.2f}, not {race_rules.start_m}")
+    if setting.rules.boxes or setting.rules.bots or layout_seed is not None:
+        for ground in (ground for each in ways for ground in each):
+            lay_out(ground.track, setting.rules)  # refuse an impossible layout now
+    return setting
+
+
+def _boxes(changes: Mapping[str, Any]) -> dict[str, Any]:
+    """The boxes of ``changes``: with fixed places none is drawn unless the number is given."""
+    places = tuple(_box_place(place) for place in changes.get("boxes", ()))
+    drawn = changes.get("random_boxes")
+    if drawn is None:
+        drawn = 0 if places else PROPOSED_BOXES
+    return {"boxes": places, "random_boxes": drawn}
+
+
 def _direction_of(track: Track) -> dict[str, str]:
-    """The direction that a track's name asks for, as ``reInvent2019_wide_cw`` does."""
+    """The direction in a track's name such as ``reInvent2019_wide_cw``."""
     if not isinstance(track, str):
-        return {}  # the trainer has geometries only: behind the sandbox's lock nothing can be imported
+        return {}  # the trainer has geometries, and the sandbox's lock forbids imports
     from paddock.geometry.catalogue.names import direction_in
 
     direction = direction_in(track)
@@ -264,7 +227,7 @@ def _direction_of(track: Track) -> dict[str, str]:
 
 
 def _ways(track: Track, direction: str, theme: Theme, both: bool) -> tuple[PreparedTrack, ...]:
-    """A track in the direction, and in the other one too where ``both``."""
+    """A track in the direction, with ``both`` in the other one too."""
     shape = load_track(track)
     directions = (direction, other_direction(direction)) if both else (direction,)
     return tuple(PreparedTrack(shape, one, theme) for one in directions)
@@ -286,7 +249,7 @@ def _check_observation(observation: str, metadata: ModelMetadata) -> None:
 
 
 def check_metadata(metadata: Mapping[str, Any]) -> ModelMetadata:
-    """``metadata`` as an upload's would be read. Raises ValueError with the reason for which it would be refused."""
+    """``metadata`` read as an upload's. Raises ValueError with the reason of a refusal."""
     try:
         return parse_metadata(json.dumps(dict(metadata)).encode())
     except (TypeError, UserFault) as error:
@@ -294,8 +257,8 @@ def check_metadata(metadata: Mapping[str, Any]) -> ModelMetadata:
 
 
 def load_track(track: Track) -> TrackGeometry:
-    """A geometry as it is, one of the catalogue by any of its names, or one from a .npy file. Raises ValueError for a
-    name that is neither in the catalogue nor a file, UserFault for a file that is refused."""
+    """A geometry, a track of the catalogue by any of its names, or one from a track file. Raises ValueError for an
+    unknown name, UserFault for an invalid file."""
     if isinstance(track, TrackGeometry):
         return track
     from paddock.geometry.files import FILES, read_track

@@ -5,8 +5,8 @@ from __future__ import annotations
 from time import monotonic
 
 import pytest
-from celery import current_app
 
+from config.celery import app
 from core.events import waking
 from core.events.waking import FOLLOW, wake
 
@@ -18,15 +18,15 @@ def asked(monkeypatch) -> list:
     """What is sent, instead of to a broker."""
     sent: list = []
     monkeypatch.setattr(waking, "_away_until", 0.0)
-    monkeypatch.setattr(current_app, "send_task", lambda name, args, **options: sent.append((name, *args)))
+    monkeypatch.setattr(app, "send_task", lambda name, args, **options: sent.append((name, *args)))
     return sent
 
 
 def test_a_reader_is_woken_by_task_name(asked):
     REALLY_WAKE("ear")
     assert asked == [(FOLLOW, "ear")]
-    current_app.loader.import_default_modules()
-    assert FOLLOW in current_app.tasks
+    app.loader.import_default_modules()
+    assert FOLLOW in app.tasks
 
 
 def test_an_unreachable_broker_is_not_tried_again_immediately(asked, monkeypatch, caplog):
@@ -36,7 +36,7 @@ def test_an_unreachable_broker_is_not_tried_again_immediately(asked, monkeypatch
         tries.append(name)
         raise ConnectionRefusedError("nobody there")
 
-    monkeypatch.setattr(current_app, "send_task", refuse)
+    monkeypatch.setattr(app, "send_task", refuse)
     for _ in range(3):
         REALLY_WAKE("ear")
     assert len(tries) == 1 and "does not answer" in caplog.text

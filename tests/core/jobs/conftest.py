@@ -6,10 +6,10 @@ from typing import Any
 
 import pytest
 
-from core import wakeup
 from core.jobs.kinds import JobKind
 from core.jobs.models import Leased
 from core.jobs.retried import RetriedKind
+from core.wakeups import workers as wakeup
 
 from .kinds import MAKERS
 

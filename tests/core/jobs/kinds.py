@@ -11,20 +11,22 @@ import pytest
 from core.jobs.kinds import JobKind
 from core.jobs.models import Leased
 from evaluation.reports.jobs import CHUNKS
-from evaluation.reports.services import ask_for_report
-from evaluation.services import EVALUATIONS, queue_evaluation
-from league.models import Mail, MailInvitation, Notice, NoticeKind, WebhookDelivery
-from league.services.deliveries import DELIVERIES
-from league.services.inviting import INVITATIONS, invite_by_mail
-from league.services.mails import MAILS
-from league.services.webhooks import add_webhook
+from evaluation.reports.services import request_report
+from evaluation.running.queue.jobs import EVALUATIONS
+from evaluation.running.queue.services import queue_evaluation
+from league.invitations.services import INVITATIONS, invite_by_mail
+from league.models import Mail, MailInvitation, Notice, WebhookDelivery
+from league.notices import kinds as notice_kinds
+from league.notices.services import MAILS
+from league.webhooks.deliveries import DELIVERIES
+from league.webhooks.services import add_webhook
 from paddock.rules.race import RaceRules
 from tests.drawn_runs import a_driven_run
 from tests.factories import a_race
 from tests.rows import model_row
 from tests.training.jobs import a_training
-from training.services import TRAININGS
-from videos.services import VIDEOS, ask_for_video
+from training.jobs.services.queue import TRAININGS
+from videos.services import VIDEOS, request_video
 
 
 def an_evaluation(racer: Any, track: Any, now: datetime) -> Leased:
@@ -33,7 +35,7 @@ def an_evaluation(racer: Any, track: Any, now: datetime) -> Leased:
 
 def a_video(racer: Any, track: Any, now: datetime) -> Leased:
     run = a_driven_run(a_race(now), racer, now)
-    return ask_for_video(evaluation=run, by=racer, language="en", now=now).video
+    return request_video(evaluation=run, by=racer, language="en", now=now).video
 
 
 def a_delivery(racer: Any, track: Any, now: datetime) -> Leased:
@@ -42,12 +44,12 @@ def a_delivery(racer: Any, track: Any, now: datetime) -> Leased:
 
 
 def a_chunk(racer: Any, track: Any, now: datetime) -> Leased:
-    report = ask_for_report(owner=racer, model=model_row(racer), track_set="chosen", tracks=[track], now=now)
+    report = request_report(owner=racer, model=model_row(racer), track_set="chosen", tracks=[track], now=now)
     return report.chunks.get()
 
 
 def a_mail(racer: Any, track: Any, now: datetime) -> Leased:
-    notice = Notice.objects.create(racer=racer, kind=NoticeKind.OPENS, about="x", at=now)
+    notice = Notice.objects.create(racer=racer, kind=notice_kinds.OPENS, about="x", at=now)
     return Mail.objects.create(notice=notice)
 
 

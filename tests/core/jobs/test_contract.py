@@ -40,7 +40,23 @@ def test_every_table_of_jobs_is_a_tested_kind():
 def test_its_task_is_known_to_workers(kind):
     app.loader.import_default_modules()
     assert kind.task in app.tasks
-    assert app.amqp.router.route({}, kind.task)["queue"].name in (kind.queue, "celery")
+    assert app.amqp.router.route({}, kind.task)["queue"].name == kind.queue
+
+
+@pytest.mark.parametrize(
+    ("task", "queue"),
+    [
+        ("evaluation.tasks.sweep", "celery"),
+        ("evaluation.tasks.sweep_reports", "celery"),
+        # idle workers of these have no process for it
+        ("training.tasks.sweep", "messages"),
+        ("videos.tasks.sweep", "messages"),
+    ],
+)
+def test_each_sweep_goes_to_workers_that_have_a_process(task, queue):
+    app.loader.import_default_modules()
+    assert task in app.tasks
+    assert app.amqp.router.route({}, task)["queue"].name == queue
 
 
 class TestClaim:
@@ -104,6 +120,19 @@ class TestLease:
         assert (again, again.attempt) == (claimed, 2)
         assert again.lease != claimed.lease
         assert not kind.beat(**key(claimed), now=after)
+
+    def test_a_lease_of_a_clock_that_was_set_back_ends_in_time(self, kind, claimed, now):
+        kind.model.objects.filter(pk=claimed.pk).update(leased_until=now + 10 * kind.lease)
+        assert kind.sweep(now=now).requeued == 0
+        claimed.refresh_from_db()
+        assert (claimed.state, claimed.leased_until) == (kind.working, now + kind.lease)
+        assert kind.beat(**key(claimed), now=now + SECOND), "a living worker goes on"
+
+    def test_an_outage_of_a_clock_that_was_set_back_is_looked_after(self, kind, waiting, now):
+        ahead = now + timedelta(hours=1)
+        Outage.objects.create(part="storage", since=ahead, look_at=ahead + SECOND)
+        kind.sweep(now=now)
+        assert not Outage.objects.exists() or "storage" not in kind.needs
 
     def test_a_released_lease_costs_no_attempt(self, kind, claimed, now, woken, django_capture_on_commit_callbacks):
         woken.clear()

@@ -11,53 +11,31 @@ import zipfile
 from datetime import timedelta
 
 import pytest
-from django.core.cache import cache
 from django.core.management import call_command
 from django.utils import timezone
 
-from accounts.tokens import create_token
 from evaluation.models import Evaluation, Result, RivalResult, TrainedModel
-from evaluation.services import queue_evaluation, run_next_evaluation
-from paddock.cli import sending
+from evaluation.running.queue.services import queue_evaluation
+from evaluation.running.queue.worker import run_next_evaluation
 from paddock.rules.race import RaceRules
 from paddock.simulator import engine
-from races.poses import CHUNK_MS, chunks_of
-from races.services import enter_race
-from races.services.live import begin_live, choose_model, command_now, launch, plan_live, prepare_ahead, tick_live
-from tests.factories import a_race, a_racer, a_track
+from races.entries.services.entries import enter_race
+from races.live.services import (
+    begin_live,
+    choose_model,
+    command_now,
+    launch,
+    plan_live,
+    prepare_ahead,
+    tick_live,
+)
+from races.live.streaming.pose_chunks import CHUNK_MS, chunks_of
+from tests.factories import a_racer, a_track
 from tests.shared import CHECKOUT
 from training.golden.cars import HOUSE_CARS
 
-pytestmark = [pytest.mark.slow, pytest.mark.django_db(transaction=True)]
+pytestmark = [pytest.mark.slow, pytest.mark.django_db(transaction=True), pytest.mark.usefixtures("site")]
 CAR, OTHER = ((HOUSE_CARS / f"{name}.onnx", HOUSE_CARS / f"{name}.json") for name in ("flyer", "brisk"))
-
-
-@pytest.fixture(autouse=True)
-def site(live_server, wakes, monkeypatch):
-    """The site's address; whoever waits for a run lets a worker have a turn."""
-    cache.clear()
-    monkeypatch.setattr(sending.time, "sleep", lambda _: run_next_evaluation(worker="w"))
-    monkeypatch.setenv("PADDOCK_SITE", live_server.url)
-    return live_server.url
-
-
-@pytest.fixture
-def race(site):
-    return a_race(timezone.now(), slug="open", laps=1, minimum_laps=1)
-
-
-@pytest.fixture
-def log_in(monkeypatch, paddock):
-    """Log a racer in, as with a token from the settings of the site."""
-
-    def do(alias: str, scopes: tuple[str, ...] = ("read", "race")):
-        racer = a_racer(alias)
-        _, token = create_token(racer=racer, scopes=scopes, now=timezone.now())
-        monkeypatch.setattr(sys, "stdin", io.StringIO(f"{token}\n"))
-        assert paddock("login").status == 0
-        return racer
-
-    return do
 
 
 def the_run() -> Evaluation:

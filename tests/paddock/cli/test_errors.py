@@ -9,6 +9,8 @@ from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 
 import pytest
 
+from paddock.cli.site import Site, SiteRefusal
+
 ANSWERS: dict[str, tuple[int, dict[str, str], bytes]] = {
     "a page": (200, {"Content-Type": "text/html"}, b"<html>Welcome</html>"),
     "no API": (404, {"Content-Type": "text/html"}, b"<html>Not found</html>"),
@@ -48,6 +50,11 @@ ANSWERS: dict[str, tuple[int, dict[str, str], bytes]] = {
         503,
         {"Content-Type": "application/json"},
         json.dumps({"code": "upload_busy", "message": "Try again.", "fault": "platform", "params": {}}).encode(),
+    ),
+    "forges": (
+        503,
+        {"Content-Type": "application/json"},
+        json.dumps({"code": "no", "message": "No.\nforged: line", "fault": "user", "params": None}).encode(),
     ),
     "no token": (
         401,
@@ -99,6 +106,7 @@ def stranger() -> Iterator[str]:
         ("moved", "site_elsewhere", 2),
         ("refuses", "throttled", 2),
         ("is busy", "upload_busy", 3),
+        ("forges", "no", 2),
         ("no token", "token_missing", 2),
     ],
 )
@@ -163,3 +171,71 @@ def test_no_network_is_said(paddock):
 def test_what_cannot_be_asked_is_refused_before_anything_is_sent(paddock, arguments, code):
     said = paddock(*arguments)
     assert (said.code, said.status) == (code, 2)
+
+
+class Recovers(BaseHTTPRequestHandler):
+    """Gives the answers of ``script`` in turn: a status and a code each; after the last one, a model."""
+
+    script: list[tuple[int, str, float]] = []
+    keys: list[str] = []
+
+    def do_POST(self) -> None:
+        self.rfile.read(int(self.headers["Content-Length"]))
+        self.keys.append(self.headers.get("Idempotency-Key", ""))
+        status, code, wait_s = self.script.pop(0) if self.script else (201, "", 0)
+        body = {"code": code, "message": code, "fault": "platform", "params": {"wait_s": wait_s}}
+        data = json.dumps(body if code else {"public_id": "abcdefghijkl"}).encode()
+        self.send_response(status)
+        self.send_header("Content-Length", str(len(data)))
+        self.end_headers()
+        self.wfile.write(data)
+
+    def log_message(self, *_: object) -> None:
+        """Nothing."""
+
+
+@pytest.fixture
+def recovering(monkeypatch) -> Iterator[str]:
+    monkeypatch.setattr(Recovers, "keys", [])
+    server = ThreadingHTTPServer(("127.0.0.1", 0), Recovers)
+    threading.Thread(target=server.serve_forever, daemon=True).start()
+    yield f"http://127.0.0.1:{server.server_port}"
+    server.shutdown()
+    server.server_close()
+
+
+@pytest.mark.parametrize(
+    ("script", "tries"),
+    [
+        ([(503, "unavailable", 0)], 2),
+        ([(502, "", 0), (409, "idempotency_key_in_use", 0)], 3),
+        ([(429, "throttled", 0)], 2),
+    ],
+)
+def test_a_creating_request_is_repeated_with_the_same_key(recovering, monkeypatch, script, tries):
+    monkeypatch.setattr(Recovers, "script", list(script))
+    assert Site(recovering).post("/evaluations/")["public_id"] == "abcdefghijkl"
+    assert len(Recovers.keys) == tries and len(set(Recovers.keys)) == 1 and Recovers.keys[0]
+
+
+@pytest.mark.parametrize(
+    ("status", "code", "wait_s"), [(409, "race_closed", 0), (429, "throttled", 3000), (400, "x", 0)]
+)
+def test_a_final_refusal_is_not_repeated(recovering, monkeypatch, status, code, wait_s):
+    monkeypatch.setattr(Recovers, "script", [(status, code, wait_s)])
+    with pytest.raises(SiteRefusal):
+        Site(recovering).post("/evaluations/")
+    assert len(Recovers.keys) == 1
+
+
+def test_two_requests_have_two_keys(recovering):
+    Site(recovering).post("/evaluations/")
+    Site(recovering).post("/evaluations/")
+    assert len(set(Recovers.keys)) == 2
+
+
+def test_a_site_that_stays_away_is_tried_a_few_times(recovering, monkeypatch):
+    monkeypatch.setattr(Recovers, "script", [(503, "unavailable", 0)] * 9)
+    with pytest.raises(SiteRefusal):
+        Site(recovering).post("/evaluations/")
+    assert len(Recovers.keys) == 3

@@ -4,15 +4,21 @@ from __future__ import annotations
 
 import io
 import json
+import os
 import sys
+import urllib.error
+import urllib.request
+from pathlib import Path
 from typing import Any
 
 import pytest
 
 from paddock.cli import proving
+from paddock.cli import site as site_module
 from paddock.cli.settings import SITE
 from paddock.cli.showing import table
 from paddock.cli.site import MOST_PAGES, Site
+from paddock.errors import UserFault
 from paddock.geometry.catalogue import CATALOGUE
 from paddock.rules.race import RaceRules
 from paddock.simulator.engine import ENGINE_ID
@@ -149,3 +155,28 @@ def test_a_terminal_without_the_letters_of_a_name_shows_the_others(says, monkeyp
 def test_half_an_option_is_none(paddock, says):
     asked = says({"results": [], "pages": 1})
     assert paddock("races", "--js").code == "home_command_line" and asked == []
+
+
+def test_names_that_are_no_utf_8_are_sent_with_replacements(paddock, says, tmp_path):
+    asked = says({"public_id": "a" * 12})
+    file = tmp_path / os.fsdecode(b"car\xff.zip")
+    file.write_bytes(b"x")
+    assert Site(HOME).send_files("/models/", {"package": file}, {"name": "car\udcff"}) == {"public_id": "a" * 12}
+    assert asked == ["/models/"]
+
+
+def test_an_argument_that_is_no_utf_8_is_not_blamed_on_the_site(paddock, monkeypatch):
+    class Opener:
+        def open(self, request: Any, timeout: float) -> Any:
+            raise urllib.error.URLError(request.full_url)
+
+    monkeypatch.setattr(urllib.request, "build_opener", lambda *_: Opener())
+    said = paddock("board", "car\udcff", "--site", HOME)
+    assert said.code == "site_unreachable" and "/car%5Cudcff/" in said.err
+
+
+def test_a_file_without_end_is_refused(monkeypatch):
+    monkeypatch.setattr(site_module, "MOST_SENT_MB", 1)
+    with pytest.raises(UserFault) as refused:
+        Site(HOME).send_files("/models/", {"package": Path("/dev/zero")}, {})
+    assert (refused.value.code, refused.value.params) == ("too_large", {"limit_mb": 1})

@@ -49,9 +49,15 @@ def test_a_shell_completes_every_command_and_option(paddock, shell):
         "download",
         "export",
         "new",
+        "models",
+        "runs",
+        "submissions",
+        "train",
+        "logs",
+        "video",
     ]:
         assert word in said.out
-    assert "wait" in said.out and "trace-only" in said.out
+    assert "wait" in said.out and "trace-only" in said.out and "withdraw" in said.out and "follow" in said.out
     if shutil.which(shell):
         subprocess.run([shell, "-n"], input=said.out, text=True, check=True)
 
@@ -59,6 +65,7 @@ def test_a_shell_completes_every_command_and_option(paddock, shell):
 def test_bash_offers_what_begins_so(paddock):
     script = paddock("completion", "bash").out
     asked = 'COMP_WORDS=(paddock su); COMP_CWORD=1; _paddock; echo "${COMPREPLY[@]}"; '
-    asked += 'COMP_WORDS=(paddock submit --w); COMP_CWORD=2; _paddock; echo "${COMPREPLY[@]}"'
+    asked += 'COMP_WORDS=(paddock submit --w); COMP_CWORD=2; _paddock; echo "${COMPREPLY[@]}"; '
+    asked += 'COMP_WORDS=(paddock train st); COMP_CWORD=2; _paddock; echo "${COMPREPLY[@]}"'
     done = subprocess.run(["bash"], input=f"{script}\n{asked}", capture_output=True, text=True, check=True)
-    assert done.stdout.split() == ["submit", "--wait"]
+    assert done.stdout.split() == ["submit", "submissions", "--wait", "start", "stop"]

@@ -11,8 +11,7 @@ import pytest
 
 from paddock.errors import UserFault
 from paddock.geometry.character import median_width
-from paddock.geometry.files import read_track
-from paddock.geometry.npy import MAX_BYTES, write_npy
+from paddock.geometry.files import MAX_BYTES, read_track, write_npy
 from tests.shared import SHARED, needs_shared
 
 ANGLES = np.linspace(0.0, 2.0 * np.pi, 120, endpoint=False)

@@ -5,15 +5,16 @@ import io
 import pickle
 import re
 import sys
+from pathlib import Path
 
 import numpy as np
 import pytest
 
 from paddock.errors import UserFault
 from paddock.errors.reasons import REASONS
-from paddock.geometry import checks, npy
+from paddock.geometry import checks, files
 from paddock.geometry.catalogue import CATALOGUE, by_slug
-from paddock.geometry.npy import MAX_BYTES, MAX_ROWS, read_npy, write_npy
+from paddock.geometry.files import MAX_BYTES, MAX_ROWS, read_npy, write_npy
 from paddock.geometry.track import TrackGeometry
 from tests.shared import SHARED, needs_shared
 from tests.soak import some
@@ -357,8 +358,10 @@ def test_crossing_borders_name_the_lines_and_waypoints():
 def test_every_refusal_of_a_file_has_a_test():
     """The codes raised while a file is read and the cases of this file stay together."""
     raised = {
-        code for module in (checks, npy) for code in re.findall(r'UserFault\("(track_\w+)"', inspect.getsource(module))
+        code
+        for module in (checks, files)
+        for code in re.findall(r'UserFault\("(track_\w+)"', inspect.getsource(module))
     }
-    tested = inspect.getsource(sys.modules[__name__])
+    tested = inspect.getsource(sys.modules[__name__]) + Path(__file__).with_name("test_csv.py").read_text()
     assert len(raised) >= 15 and raised <= set(REASONS)
     assert [code for code in sorted(raised) if f'"{code}"' not in tested] == []

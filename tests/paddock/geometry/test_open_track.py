@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 from paddock.errors import UserFault
 from paddock.geometry.catalogue import by_slug
 from paddock.geometry.character import character_of
-from paddock.geometry.npy import read_npy, write_npy
+from paddock.geometry.files import read_npy, write_npy
 from paddock.geometry.open_track import RUN_OFF_M, OpenTrack
 from paddock.geometry.track import TrackGeometry
 

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from onnx import helper, numpy_helper
 
-from paddock.network.answers import answers_of
+from paddock.network.bound import answers_of
 from paddock.packages.admission import admit_network
 from paddock.packages.limits import DEFAULT_LIMITS
 from paddock.packages.metadata import parse_metadata

@@ -6,8 +6,8 @@ import numpy as np
 import onnxruntime
 import pytest
 
-from paddock.network import blocked
-from paddock.network.blocked import ALIGNED, DOMAIN, aligned_room, arranger, in_blocks
+from paddock.network import dense
+from paddock.network.dense import ALIGNED, DOMAIN, aligned_room, arranger, in_blocks
 
 needs_blocks = pytest.mark.skipif(arranger() is None, reason="the runtime has no blocks on this processor")
 
@@ -37,7 +37,7 @@ def test_a_processor_without_blocks_has_none(monkeypatch: pytest.MonkeyPatch) ->
 
     monkeypatch.setattr(onnxruntime, "InferenceSession", refuse)
     assert arranger.__wrapped__() is None
-    monkeypatch.setattr(blocked, "arranger", lambda: None)
+    monkeypatch.setattr(dense, "arranger", lambda: None)
     assert in_blocks(drawn(16, 16)) is None
 
 
@@ -46,7 +46,7 @@ def test_a_runtime_that_does_not_arrange_them_is_not_asked_for_it(monkeypatch: p
         def arrange(weights: np.ndarray, arranged: np.ndarray) -> None:
             raise error
 
-        monkeypatch.setattr(blocked, "arranger", lambda: arrange)
+        monkeypatch.setattr(dense, "arranger", lambda: arrange)
 
     fails(RuntimeError("other sizes are wanted"))
     assert in_blocks(drawn(16, 16)) is None

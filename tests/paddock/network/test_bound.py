@@ -9,8 +9,7 @@ import pytest
 from onnx import TensorProto, helper
 
 from paddock.errors import UserFault
-from paddock.network.bound import MARGIN, NetworkFacts, derive_bound
-from paddock.network.probes import COUNT, probes
+from paddock.network.bound import COUNT, MARGIN, NetworkFacts, derive_bound, probes
 from paddock.network.session import load
 from paddock.packages.admission import admit_network
 from paddock.packages.limits import DEFAULT_LIMITS

@@ -10,7 +10,7 @@ import onnxruntime
 import pytest
 from PIL import Image
 
-from evaluation.admit import AdmittedPackage, admit
+from evaluation.garage.admission import AdmittedPackage, admit
 from paddock.packages.limits import DEFAULT_LIMITS
 from paddock.packages.metadata import parse_metadata
 from paddock.packages.read import RawPackage, UploadPart, read_upload

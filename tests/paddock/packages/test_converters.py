@@ -10,7 +10,7 @@ import pytest
 
 from paddock.errors import UserFault
 from paddock.packages.tensorflow import convert
-from paddock.packages.tensorflow.ops_control import NOT_FROZEN
+from paddock.packages.tensorflow.convert import NOT_FROZEN
 
 from .coach import coach_graph
 from .graphdef import BOOL, FLOAT, INT32, Attr, GraphWriter, field

@@ -14,15 +14,13 @@ from onnx import helper
 from paddock.errors import UserFault
 from paddock.network import dense as dense_module
 from paddock.network import session
-from paddock.network.blocked import CHANNELS, arranger
 from paddock.network.canonical import CanonicalNetwork, write_model
-from paddock.network.dense import LEAST_OUTPUTS, LEAST_WEIGHTS, dense_as_convolutions
+from paddock.network.dense import CHANNELS, LEAST_OUTPUTS, LEAST_WEIGHTS, arranger, dense_as_convolutions
 from paddock.network.session import load
 from paddock.packages.admission import admit_network
 from paddock.packages.gate import Canonical, check_onnx
-from paddock.packages.identity import identity
 from paddock.packages.limits import DEFAULT_LIMITS
-from paddock.packages.metadata import parse_metadata
+from paddock.packages.metadata import identity, parse_metadata
 from paddock.packages.read import ONNX
 from tests.hostile.parts import CAMERA, metadata, network
 

@@ -7,6 +7,9 @@ from pathlib import Path
 import gymnasium
 import numpy as np
 import pytest
+
+pytest.importorskip("stable_baselines3", reason="training is not installed: make training")
+
 from stable_baselines3 import PPO, SAC
 from torch import nn
 

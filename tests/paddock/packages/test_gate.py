@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import copy
 import json
+import weakref
 
 import numpy as np
 import onnx
@@ -14,8 +15,10 @@ from hypothesis import strategies as st
 from onnx import TensorProto, helper, numpy_helper
 
 from paddock.errors import UserFault
+from paddock.network.model import FLOAT, Model, Port
 from paddock.packages.gate import Canonical, check_onnx
 from paddock.packages.gate.operators import OPERATORS
+from paddock.packages.gate.outputs import select
 from paddock.packages.limits import PackageLimits
 from paddock.packages.metadata import parse_metadata
 from tests.hostile.parts import CAMERA, metadata, network
@@ -278,3 +281,20 @@ def test_the_gate_does_not_modify_its_input() -> None:
     before = copy.deepcopy(model)
     gate(model)
     assert model == before
+
+
+def test_only_the_first_refused_output_keeps_its_network() -> None:
+    """A fault keeps the network of its output in memory, which may be hundreds of megabytes."""
+    networks: list[weakref.ref] = []
+    held: list[int] = []
+
+    def check(port: Port) -> None:
+        held.append(sum(one() is not None for one in networks))
+        network = np.zeros(1)
+        networks.append(weakref.ref(network))
+        raise UserFault("onnx_output", expected=5, found=port.name)
+
+    outputs = [Port(name, FLOAT, [1, None]) for name in "abcd"]
+    with pytest.raises(UserFault) as refused:
+        select(Model(outputs=outputs), META, check)
+    assert refused.value.params["found"] == "a" and held == [0, 1, 1, 1]

@@ -12,7 +12,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from evaluation.admit import AdmittedPackage, admit
+from evaluation.garage.admission import AdmittedPackage, admit
 from evaluation.sandbox.policy import PolicyProcess
 from paddock.errors import UserFault
 from paddock.network.policy_wire import EXACT, FAST

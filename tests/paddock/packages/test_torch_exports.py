@@ -12,6 +12,9 @@ import numpy as np
 import onnx
 import onnxruntime
 import pytest
+
+pytest.importorskip("stable_baselines3", reason="training is not installed: make training")
+
 import torch
 from stable_baselines3 import PPO, SAC
 from torch import nn

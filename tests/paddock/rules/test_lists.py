@@ -11,11 +11,11 @@ from pathlib import Path
 import pytest
 
 import paddock
-from config.management.race_options import add_race_options, rules_of
 from paddock.rules.hyperparameters import DEFAULTS, HYPERPARAMETERS
 from paddock.rules.race import RULES, RUN_RULES, RaceRules
 from paddock.rules.rule import Rule
 from paddock.rules.training import DRIVEN_BY, SETTINGS, TrainingSettings, taken_from
+from races.management.race_options import add_race_options, rules_of
 from tests.docs.test_architecture import ROOMS
 from training.models import TrainingJob
 

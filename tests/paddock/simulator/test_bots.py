@@ -11,10 +11,10 @@ from paddock.rules.race import RaceRules
 from paddock.simulator.action import Action
 from paddock.simulator.bots import FOLLOW_M, Bots, LanePaths
 from paddock.simulator.car import Pose
-from paddock.simulator.contact import cars_touch
 from paddock.simulator.policies import CentreLinePilot
-from paddock.simulator.race import run_race
+from paddock.simulator.race import Entrant, RaceSettings, run_race
 from paddock.simulator.referee import LAPS_DONE
+from paddock.simulator.solids import cars_touch
 from paddock.simulator.stage import PreparedTrack, Simulation
 from paddock.simulator.trace import CRASHED, IN_PROGRESS, OFF_TRACK, PAUSE
 
@@ -317,7 +317,9 @@ def pilot_race(track=TRACK, speed=2.0, offset=0.0, **rules):
     rules = rules_of(**rules)
     pilot = CentreLinePilot(track, rules.direction, speed=speed, offset=offset)
     told = []
-    result = run_race(track, rules, pilot.action_space, pilot.sensors, pilot, told.append)
+    result = run_race(
+        RaceSettings(track, rules, [Entrant(pilot.action_space, pilot.sensors, pilot)], on_progress=told.append)
+    )
     return result, told
 
 

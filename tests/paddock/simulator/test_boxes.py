@@ -11,14 +11,13 @@ from paddock.geometry.catalogue import CATALOGUE
 from paddock.rules.race import BoxPlace, RaceRules
 from paddock.simulator.action import ActionSpace
 from paddock.simulator.car import Pose
-from paddock.simulator.contact import hits_box, overlaps_box
 from paddock.simulator.layout import lay_out
 from paddock.simulator.physics import PADDOCK_CAR
 from paddock.simulator.policies import CentreLinePilot
 from paddock.simulator.progress import Reach
-from paddock.simulator.race import run_race
+from paddock.simulator.race import Entrant, RaceSettings, run_race
 from paddock.simulator.referee import LAPS_DONE, RESETS_USED, Referee
-from paddock.simulator.solids import box
+from paddock.simulator.solids import box, hits_box, overlaps_box
 from paddock.simulator.stage import PreparedTrack, Simulation
 from paddock.simulator.trace import CRASHED, IN_PROGRESS, LAP_COMPLETE, OFF_TRACK, TIME_UP
 from tests.soak import examples, some
@@ -259,7 +258,7 @@ def test_mercy_at_one_box_still_stops_before_the_next():
 
 def test_without_mercy_the_same_crash_repeats_until_time_is_up():
     rules = rules_of((4.0, "outer"), mercy_resets=0, laps=1, collision_penalty_ms=1000, max_simulated_ms=30_000)
-    result = run_race(TRACK, rules, *_along(rules, offset=-0.25))
+    result = run_race(RaceSettings(TRACK, rules, [Entrant(*_along(rules, offset=-0.25))]))
     assert result.end_reason == TIME_UP
     assert result.laps[0].crashes > 5
     assert np.max(result.trace["progress"]) < 100 * 4.2 / LENGTH
@@ -267,7 +266,7 @@ def test_without_mercy_the_same_crash_repeats_until_time_is_up():
 
 def test_a_car_that_cannot_avoid_boxes_still_finishes():
     rules = rules_of((4.0, "inner"), (9.0, "outer"), laps=2)
-    result = run_race(TRACK, rules, *_along(rules, offset=0.0))
+    result = run_race(RaceSettings(TRACK, rules, [Entrant(*_along(rules, offset=0.0))]))
     assert result.end_reason == LAPS_DONE
     assert [lap.crashes for lap in result.laps] == [6, 6]  # three at each box
 
@@ -283,7 +282,7 @@ def _along(rules, offset):
 
 def test_trace_metrics_and_layout_show_the_crash():
     rules = rules_of((4.0, "outer"), laps=1, collision_penalty_ms=3000)
-    result = run_race(TRACK, rules, *_along(rules, offset=-0.25))
+    result = run_race(RaceSettings(TRACK, rules, [Entrant(*_along(rules, offset=-0.25))]))
     trace = result.trace
     statuses = trace["episode_status"].tolist()
     first = statuses.index(CRASHED)
@@ -297,7 +296,9 @@ def test_trace_metrics_and_layout_show_the_crash():
 
 
 def test_a_time_trial_has_an_empty_layout_and_no_solids():
-    result = run_race(TRACK, RaceRules(max_resets=0), STRAIGHT_ON, (), lambda readings: np.float32([1.0]))
+    result = run_race(
+        RaceSettings(TRACK, RaceRules(max_resets=0), [Entrant(STRAIGHT_ON, (), lambda readings: np.float32([1.0]))])
+    )
     assert result.layout == {"boxes": [], "bots": []}
     assert (result.order, result.rivals, result.retired) == ([0], [], None)
     with Simulation(PreparedTrack(TRACK), RaceRules()) as stage:
@@ -306,7 +307,9 @@ def test_a_time_trial_has_an_empty_layout_and_no_solids():
 
 def test_every_car_meets_the_same_boxes():
     rules = RaceRules(race_type="object_avoidance", random_boxes=4, seed=12, max_simulated_ms=3000)
-    layouts = [run_race(TRACK, rules, *_along(rules, offset)).layout for offset in (-0.3, 0.0, 0.3)]
+    layouts = [
+        run_race(RaceSettings(TRACK, rules, [Entrant(*_along(rules, offset))])).layout for offset in (-0.3, 0.0, 0.3)
+    ]
     assert layouts[0] == layouts[1] == layouts[2]
     assert len(layouts[0]["boxes"]) == 4
 
@@ -321,7 +324,7 @@ def test_the_stage_shows_the_boxes_of_the_layout():
 def test_a_pilot_that_sees_boxes_avoids_them():
     rules = rules_of((7.8, "inner"), (14.2, "outer"), laps=2)
     pilot = CentreLinePilot(TRACK, speed=1.5, layout=lay_out(TRACK, rules))
-    result = run_race(TRACK, rules, pilot.action_space, pilot.sensors, pilot)
+    result = run_race(RaceSettings(TRACK, rules, [Entrant(pilot.action_space, pilot.sensors, pilot)]))
     assert result.end_reason == LAPS_DONE
     assert [(lap.crashes, lap.resets) for lap in result.laps] == [(0, 0), (0, 0)]
 
@@ -360,7 +363,7 @@ def test_a_car_blind_to_boxes_finishes_every_catalogue_track(entry, direction):
     driven = track.in_direction(direction)
     rules = RaceRules(race_type="object_avoidance", random_boxes=6, seed=3, laps=1, direction=direction)
     pilot = CentreLinePilot(track, direction, speed=3.0)
-    result = run_race(track, rules, pilot.action_space, pilot.sensors, pilot)
+    result = run_race(RaceSettings(track, rules, [Entrant(pilot.action_space, pilot.sensors, pilot)]))
     assert result.end_reason == LAPS_DONE
     progress = result.trace["progress"] * driven.length / 100
     for placed in lay_out(driven, rules).boxes:

@@ -8,13 +8,13 @@ import random
 import pytest
 
 from paddock.geometry.catalogue import CATALOGUE
-from paddock.geometry.npy import read_npy
+from paddock.geometry.files import read_npy
 from paddock.geometry.track import TrackGeometry
 from paddock.rules.race import RaceRules
 from paddock.simulator import stage
 from paddock.simulator.policies import CentreLinePilot
 from paddock.simulator.progress import clear_distance
-from paddock.simulator.race import run_race
+from paddock.simulator.race import Entrant, RaceSettings, run_race
 from tests.shared import SHARED, needs_shared
 
 
@@ -51,7 +51,7 @@ def test_the_shortcut_does_not_change_the_trace(offset: float, monkeypatch: pyte
     def trace() -> str:
         pilot = CentreLinePilot(track, speed=1.5, offset=offset)
         rules = RaceRules(laps=1, max_simulated_ms=30_000)
-        return run_race(track, rules, pilot.action_space, pilot.sensors, pilot).trace.sha256
+        return run_race(RaceSettings(track, rules, [Entrant(pilot.action_space, pilot.sensors, pilot)])).trace.sha256
 
     quick = trace()
     monkeypatch.setattr(stage, "clear_distance", lambda _: 0.0)

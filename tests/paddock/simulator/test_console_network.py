@@ -7,10 +7,10 @@ import tarfile
 import numpy as np
 import pytest
 
-from paddock.geometry.npy import read_npy
+from paddock.geometry.files import read_npy
 from paddock.rules.race import RaceRules
 from paddock.simulator.action import ActionSpace
-from paddock.simulator.race import run_race
+from paddock.simulator.race import Entrant, RaceSettings, run_race
 from tests.shared import CONSOLE_CAR, SHARED, needs_shared
 
 
@@ -40,7 +40,7 @@ def console_car(tmp_path_factory):
 def test_it_laps_a_to_z_speedway_at_the_official_pace(console_car):
     space, policy = console_car
     track = read_npy((SHARED / "tracks" / "reInvent2019_wide.npy").read_bytes(), "reInvent2019_wide")
-    result = run_race(track, RaceRules(laps=3), space, ["FRONT_FACING_CAMERA"], policy)
+    result = run_race(RaceSettings(track, RaceRules(laps=3), [Entrant(space, ["FRONT_FACING_CAMERA"], policy)]))
     assert result.end_reason == "laps_done"
     assert [lap.resets for lap in result.laps] == [0, 0, 0]
     assert all(7_500 <= lap.time_ms <= 10_000 for lap in result.laps)
@@ -55,7 +55,11 @@ def test_its_laps_do_not_depend_on_a_lucky_start(console_car, apart):
     track = read_npy((SHARED / "tracks" / "reInvent2019_wide.npy").read_bytes(), "reInvent2019_wide")
     laps = []
     for start_m in np.arange(0.0, track.length, apart):
-        result = run_race(track, RaceRules(laps=2), space, ["FRONT_FACING_CAMERA"], policy, start_m=float(start_m))
+        result = run_race(
+            RaceSettings(
+                track, RaceRules(laps=2), [Entrant(space, ["FRONT_FACING_CAMERA"], policy)], start_m=float(start_m)
+            )
+        )
         assert result.end_reason == "laps_done"
         laps.extend(result.laps)
     clean = [lap for lap in laps if lap.resets == 0]

@@ -18,11 +18,10 @@ from paddock.simulator.cruise import Cruise
 from paddock.simulator.physics import PADDOCK_CAR
 from paddock.simulator.policies import CentreLinePilot
 from paddock.simulator.progress import Reach, clear_distance
-from paddock.simulator.race import run_race
+from paddock.simulator.race import Entrant, RaceSettings, run_race
 from paddock.simulator.randomisation import Randomisation
 from paddock.simulator.referee import Referee
-from paddock.simulator.states import STATES
-from paddock.simulator.trace import STATUSES
+from paddock.simulator.trace import STATES, STATUSES
 from tests.soak import SOAK
 
 from .tracks_for_tests import hairpin, stadium
@@ -165,7 +164,14 @@ def race(track, policy=None, *, every=15, disturbed=None, **rules):
     policy = policy or (pilot.action_space, pilot.sensors, pilot)
     rules = RaceRules(direction=track.direction, **rules)
     result = run_race(
-        track, rules, *policy, lambda progress: said.append(progress.to_dict()), every, disturbance=disturbance
+        RaceSettings(
+            track,
+            rules,
+            [Entrant(*policy)],
+            on_progress=lambda progress: said.append(progress.to_dict()),
+            progress_every_steps=every,
+            disturbance=disturbance,
+        )
     )
     laps = [lap.to_dict() for lap in result.laps]
     return result.trace.to_csv(), laps, result.end_reason, result.simulated_ms, result.steps, said

@@ -12,7 +12,7 @@ import pytest
 from paddock.rules.race import RaceRules
 from paddock.simulator.action import ActionSpace
 from paddock.simulator.policies import CentreLinePilot
-from paddock.simulator.race import Entrant, run_race
+from paddock.simulator.race import Entrant, RaceSettings, run_race
 from paddock.simulator.sensors import POSE
 from tests.shared import CHECKOUT
 
@@ -34,7 +34,7 @@ class Camera:
 
 def race():
     rules = RaceRules(max_simulated_ms=40_000)
-    result = run_race(stadium(), rules, SPACE, ["FRONT_FACING_CAMERA"], Camera())
+    result = run_race(RaceSettings(stadium(), rules, [Entrant(SPACE, ["FRONT_FACING_CAMERA"], Camera())]))
     return result.trace.sha256, result
 
 
@@ -78,7 +78,7 @@ def race_of(kind):
     space, sensors = SeeingPilot.action_space, SeeingPilot.sensors
     speeds = (1.0, 1.8, 2.4) if kind == "models" else ()
     rivals = [Entrant(space, sensors, SeeingPilot(speed)) for speed in speeds]
-    result = run_race(stadium(), TYPES[kind], space, sensors, SeeingPilot(2.0), rivals=rivals)
+    result = run_race(RaceSettings(stadium(), TYPES[kind], [Entrant(space, sensors, SeeingPilot(2.0)), *rivals]))
     layout = hashlib.sha256(json.dumps(result.layout).encode()).hexdigest()
     return [result.trace.sha256, *(rival.trace.sha256 for rival in result.rivals), layout], result
 
@@ -164,5 +164,9 @@ def test_busy_neighbours_change_nothing(expected):
 
 
 def test_an_earlier_run_changes_nothing(expected):
-    run_race(stadium(radius=0.9), RaceRules(max_simulated_ms=3000), SPACE, ["FRONT_FACING_CAMERA"], Camera())
+    run_race(
+        RaceSettings(
+            stadium(radius=0.9), RaceRules(max_simulated_ms=3000), [Entrant(SPACE, ["FRONT_FACING_CAMERA"], Camera())]
+        )
+    )
     assert race()[0] == expected[0]

@@ -8,11 +8,11 @@ from gymnasium.utils.env_checker import check_env
 
 import paddock.simulator.envs
 from paddock.errors import UserFault
-from paddock.geometry.npy import write_npy
+from paddock.geometry.files import write_npy
 from paddock.rules.race import RaceRules
 from paddock.simulator.action import ActionSpace
-from paddock.simulator.envs import DEFAULT_METADATA, load_track
-from paddock.simulator.race import run_race
+from paddock.simulator.envs import DEFAULT_METADATA, default_config, load_track
+from paddock.simulator.race import Entrant, RaceSettings, run_race
 from tests.shared import SHARED, needs_shared
 from tests.soak import only
 
@@ -94,7 +94,7 @@ def test_an_episode_equals_a_race_of_the_same_actions():
 
     space = ActionSpace.from_metadata(DEFAULT_METADATA)
     rules = RaceRules(laps=2, max_resets=4, max_simulated_ms=60_000)
-    race = run_race(TRACK, rules, space, ["FRONT_FACING_CAMERA"], policy)
+    race = run_race(RaceSettings(TRACK, rules, [Entrant(space, ["FRONT_FACING_CAMERA"], policy)]))
     assert len(asked) == taken
     assert all((a == b).all() for a, b in zip(frames[:-1], asked[1:], strict=True))
     assert info["laps"] == [lap.to_dict() for lap in race.laps]
@@ -299,7 +299,11 @@ def test_object_avoidance_gives_the_laps_of_a_race():
         return np.eye(10, dtype=np.float32)[actions[len(asked) - 1]]
 
     race = run_race(
-        TRACK, env.setting.rules, ActionSpace.from_metadata(DEFAULT_METADATA), ["FRONT_FACING_CAMERA"], policy
+        RaceSettings(
+            TRACK,
+            env.setting.rules,
+            [Entrant(ActionSpace.from_metadata(DEFAULT_METADATA), ["FRONT_FACING_CAMERA"], policy)],
+        )
     )
     assert len(asked) == taken
     assert info["laps"] == [lap.to_dict() for lap in race.laps]
@@ -368,3 +372,34 @@ def test_it_opens_a_community_track():
     observation, _ = env.reset()
     assert observation["FRONT_FACING_CAMERA"].std() > 10
     assert env.track.direction == "cw"
+
+
+@pytest.mark.parametrize("name, race_type", [("TimeTrial", "time_trial"), ("HeadToHead", "head_to_head")])
+def test_the_default_configuration_is_what_an_environment_has_without_one(name, race_type):
+    plain, given = (
+        gymnasium.make(f"Paddock/{name}-v1", **options) for options in ({}, {"config": default_config(race_type)})
+    )
+    one, other = plain.unwrapped.setting, given.unwrapped.setting
+    assert one.rules == other.rules and one.metadata == other.metadata and one.reward_function is other.reward_function
+    assert one.ground.track.fingerprint == other.ground.track.fingerprint
+
+
+def test_a_configuration_changes_what_it_names_and_arguments_override_it():
+    config = {"laps": 3, "max_resets": 20, "start": "random"}
+    setting = gymnasium.make("Paddock/TimeTrial-v1", config=config, laps=2).unwrapped.setting
+    assert (setting.rules.laps, setting.rules.max_resets, setting.random_start) == (2, 20, True)
+    with pytest.raises(TypeError, match="boxes"):
+        gymnasium.make("Paddock/TimeTrial-v1", config={"boxes": [(0.5, "inner")]})
+
+
+def test_a_whole_configuration_follows_the_track_and_the_boxes():
+    config = default_config("object_avoidance") | {"track": "penbay_open_cw", "boxes": [(0.5, "inner")]}
+    rules = gymnasium.make("Paddock/ObjectAvoidance-v1", config=config).unwrapped.setting.rules
+    assert (rules.direction, len(rules.boxes), rules.random_boxes) == ("cw", 1, 0)
+
+
+def test_many_cars_take_a_configuration_too():
+    env = gymnasium.make_vec("Paddock/TimeTrial-v1", num_envs=2, config={"laps": 4, "reward_function": [len, abs]})
+    assert env.unwrapped.setting.rules.laps == 4
+    assert [one.reward_function for one in env.unwrapped._settings] == [len, abs]
+    env.close()

@@ -9,9 +9,9 @@ import pytest
 
 from paddock.rules.race import RaceRules
 from paddock.simulator.action import ActionSpace
-from paddock.simulator.metrics import metrics_json
 from paddock.simulator.policies import CentreLinePilot
-from paddock.simulator.race import run_race
+from paddock.simulator.race import Entrant, RaceSettings, run_race
+from paddock.simulator.results import metrics_json
 from paddock.simulator.trace import COLUMNS
 from tests.shared import SHARED, needs_shared
 
@@ -23,7 +23,7 @@ TRACK = stadium()
 @pytest.fixture(scope="module")
 def result():
     pilot = CentreLinePilot(TRACK, speed=2.0)
-    return run_race(TRACK, RaceRules(laps=3), pilot.action_space, pilot.sensors, pilot)
+    return run_race(RaceSettings(TRACK, RaceRules(laps=3), [Entrant(pilot.action_space, pilot.sensors, pilot)]))
 
 
 @pytest.fixture(scope="module")
@@ -31,7 +31,7 @@ def troubled():
     """A run with faults, pauses and an unfinished lap, of a car with a discrete action list."""
     space = ActionSpace.discrete([(0.0, 1.0), (5.0, 2.0)])
     answers = lambda readings: np.float32([0.0, 1.0])  # noqa: E731
-    return run_race(TRACK, RaceRules(max_resets=2), space, (), answers)
+    return run_race(RaceSettings(TRACK, RaceRules(max_resets=2), [Entrant(space, (), answers)]))
 
 
 def rows(result):

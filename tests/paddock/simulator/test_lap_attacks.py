@@ -18,7 +18,7 @@ from paddock.simulator.layout import lay_out
 from paddock.simulator.physics import PADDOCK_CAR
 from paddock.simulator.policies import CentreLinePilot
 from paddock.simulator.progress import Reach, clear_distance
-from paddock.simulator.race import run_race
+from paddock.simulator.race import Entrant, RaceSettings, run_race
 from paddock.simulator.referee import LAPS_DONE, RESETS_USED, Referee
 from paddock.simulator.trace import IMMOBILIZED, IN_PROGRESS, OFF_TRACK, REVERSED, TIME_UP
 from tests.soak import examples
@@ -169,7 +169,11 @@ def test_a_jump_along_the_road_counts_nothing():
 def test_circling_over_the_infield_scores_no_lap(resets):
     """A real car that turns left for ever: over the line's straight, the field inside it, and back."""
     space = ActionSpace.discrete([(28.0, 1.5)])
-    result = run_race(STADIUM, RaceRules(laps=1, max_resets=resets), space, (), lambda readings: np.float32([1.0]))
+    result = run_race(
+        RaceSettings(
+            STADIUM, RaceRules(laps=1, max_resets=resets), [Entrant(space, (), lambda readings: np.float32([1.0]))]
+        )
+    )
     assert result.end_reason == RESETS_USED
     assert result.laps[0].off_tracks == resets + 1 and not result.laps[0].complete
 
@@ -270,9 +274,11 @@ def test_driving_less_than_a_lap_never_scores_one(moves, boxes):
 def test_driving_flat_out_from_reset_to_reset_is_slower(slug):
     track = next(entry.geometry() for entry in CATALOGUE if entry.slug == slug)
     rules = RaceRules(laps=1, off_track_penalty_ms=1000)  # half of the usual one
-    flat_out = run_race(track, rules, CentreLinePilot.action_space, (), lambda readings: np.float32([0.0, 1.0]))
+    flat_out = run_race(
+        RaceSettings(track, rules, [Entrant(CentreLinePilot.action_space, (), lambda readings: np.float32([0.0, 1.0]))])
+    )
     pilot = CentreLinePilot(track, speed=2.0)
-    tidy = run_race(track, rules, pilot.action_space, pilot.sensors, pilot)
+    tidy = run_race(RaceSettings(track, rules, [Entrant(pilot.action_space, pilot.sensors, pilot)]))
     assert tidy.laps[0].off_tracks == 0
     assert flat_out.laps[0].off_tracks >= 10
     assert flat_out.laps[0].time_ms > 1.5 * tidy.laps[0].time_ms

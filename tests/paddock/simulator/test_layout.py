@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 
 from paddock.errors import UserFault
 from paddock.geometry.catalogue import CATALOGUE
-from paddock.geometry.npy import read_npy
+from paddock.geometry.files import read_npy
 from paddock.rules.race import BoxPlace, RaceRules
 from paddock.simulator.layout import (
     BOTS_END_M,

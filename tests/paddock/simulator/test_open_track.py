@@ -16,11 +16,10 @@ from paddock.rules.race import BoxPlace, RaceRules
 from paddock.simulator.camera.theme import OFFICIAL
 from paddock.simulator.camera.view import Scene
 from paddock.simulator.car import Pose
-from paddock.simulator.clock import STEP_MS
 from paddock.simulator.layout import BOX_SPACING_M, START_CLEAR_M, lay_out
-from paddock.simulator.physics import PADDOCK_CAR
+from paddock.simulator.physics import PADDOCK_CAR, STEP_MS
 from paddock.simulator.policies import CentreLinePilot
-from paddock.simulator.race import Entrant, run_race
+from paddock.simulator.race import Entrant, RaceSettings, run_race
 from paddock.simulator.rewards import Objects
 from paddock.simulator.solids import box
 from paddock.simulator.stage import PreparedTrack, Simulation
@@ -31,7 +30,11 @@ STRAIGHT = by_slug("straight-track").geometry()
 
 def driven(direction="ccw", speed=3.0, offset=0.0, **rules):
     pilot = CentreLinePilot(STRAIGHT, direction, speed=speed, offset=offset)
-    return run_race(STRAIGHT, RaceRules(direction=direction, **rules), pilot.action_space, pilot.sensors, pilot)
+    return run_race(
+        RaceSettings(
+            STRAIGHT, RaceRules(direction=direction, **rules), [Entrant(pilot.action_space, pilot.sensors, pilot)]
+        )
+    )
 
 
 @pytest.fixture(scope="module")
@@ -98,7 +101,9 @@ class Swerve:
 
 def test_a_car_that_leaves_the_road_is_put_back_on_it_and_never_before_the_start():
     rules = RaceRules(max_resets=3, off_track_penalty_ms=100)
-    result = run_race(STRAIGHT, rules, CentreLinePilot.action_space, CentreLinePilot.sensors, Swerve())
+    result = run_race(
+        RaceSettings(STRAIGHT, rules, [Entrant(CentreLinePilot.action_space, CentreLinePilot.sensors, Swerve())])
+    )
     assert (result.end_reason, result.laps[0].off_tracks) == ("resets_used", 4)
     for x, y in zip(column(result, "X"), column(result, "Y"), strict=True):
         assert STRAIGHT.project(x, y).distance > 0.0
@@ -168,7 +173,7 @@ def test_rivals_are_refused_before_anything_moves():
     pilot = CentreLinePilot(STRAIGHT)
     rival = Entrant(pilot.action_space, pilot.sensors, CentreLinePilot(STRAIGHT))
     with pytest.raises(UserFault) as caught:
-        run_race(STRAIGHT, RaceRules(), pilot.action_space, pilot.sensors, pilot, rivals=[rival])
+        run_race(RaceSettings(STRAIGHT, RaceRules(), [Entrant(pilot.action_space, pilot.sensors, pilot), rival]))
     assert caught.value.code == "track_needs_loop"
 
 

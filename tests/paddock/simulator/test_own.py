@@ -10,7 +10,7 @@ from paddock.geometry.catalogue import by_slug
 from paddock.rules.race import RaceRules
 from paddock.simulator.own import RecordedCommands, drive_again
 from paddock.simulator.policies import CentreLinePilot
-from paddock.simulator.race import Entrant, RaceResult, run_race
+from paddock.simulator.race import Entrant, RaceResult, RaceSettings, run_race
 
 OVAL = by_slug("oval").geometry()
 
@@ -18,8 +18,8 @@ OVAL = by_slug("oval").geometry()
 def driven(rules: RaceRules, *offsets: float) -> RaceResult:
     """A race of scripted drivers, each beside the centre line by so many metres."""
     pilots = [CentreLinePilot(OVAL, offset=offset) for offset in offsets]
-    first, *rivals = [Entrant(pilot.action_space, pilot.sensors, pilot) for pilot in pilots]
-    return run_race(OVAL, rules, first.action_space, first.sensors, first.policy, rivals=rivals)
+    cars = [Entrant(pilot.action_space, pilot.sensors, pilot) for pilot in pilots]
+    return run_race(RaceSettings(OVAL, rules, cars))
 
 
 def hashes(result: RaceResult) -> list[str]:

@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 
 from paddock.geometry.catalogue import CATALOGUE
-from paddock.geometry.npy import read_npy
+from paddock.geometry.files import read_npy
 from paddock.simulator.progress import STRIDE_M, Odometer, Reach
 from tests.shared import SHARED, needs_shared
 
@@ -11,19 +11,19 @@ from .tracks_for_tests import hairpin, stadium
 
 def test_on_a_straight_the_reach_is_a_stride_and_a_half():
     track = stadium()
-    assert Reach(track).at(0) == pytest.approx(1.5 * STRIDE_M, abs=0.1)
+    assert Reach(track).gains[0] == pytest.approx(1.5 * STRIDE_M, abs=0.1)
 
 
 def test_a_bend_extends_the_reach():
     track = stadium(radius=0.8, width=1.0)
     bend = int(np.argmax(track.centre[:, 0]))
     # The inner border has a radius of 0.3 m, the centre line one of 0.8 m.
-    assert Reach(track).at(bend) == pytest.approx(1.5 * STRIDE_M * 0.8 / 0.3, abs=0.3)
+    assert Reach(track).gains[bend] == pytest.approx(1.5 * STRIDE_M * 0.8 / 0.3, abs=0.3)
 
 
 def test_a_tight_hairpin_keeps_the_reach_within_the_window():
     reach = Reach(hairpin())
-    assert max(reach.at(index) for index in range(len(hairpin()))) <= 1.5 * 2.0
+    assert max(reach.gains) <= 1.5 * 2.0
 
 
 @pytest.mark.parametrize("entry", CATALOGUE[:7], ids=lambda entry: entry.slug)

@@ -5,17 +5,17 @@ import pytest
 
 from paddock.errors import UserFault
 from paddock.geometry.catalogue import CATALOGUE
-from paddock.geometry.npy import read_npy
+from paddock.geometry.files import read_npy
 from paddock.rules.race import RaceRules
 from paddock.simulator.action import ActionSpace
 from paddock.simulator.bots import Bots, LanePaths
 from paddock.simulator.car import Pose
-from paddock.simulator.contact import cars_touch
 from paddock.simulator.layout import lay_out
 from paddock.simulator.physics import PADDOCK_CAR
 from paddock.simulator.progress import Reach, clear_distance
-from paddock.simulator.race import run_race
+from paddock.simulator.race import Entrant, RaceSettings, run_race
 from paddock.simulator.referee import Referee
+from paddock.simulator.solids import cars_touch
 from paddock.simulator.trace import PAUSE
 from tests.shared import SHARED, needs_shared
 from tests.soak import some
@@ -44,7 +44,7 @@ def test_a_car_leaving_at_every_bend_is_put_back_on_the_road(track, direction):
     track = track()
     rules = RaceRules(direction=direction, off_track_penalty_ms=100, max_simulated_ms=60_000)
     space = ActionSpace.discrete([(0.0, 2.0)])
-    trace = run_race(track, rules, space, (), lambda readings: np.float32([1.0])).trace
+    trace = run_race(RaceSettings(track, rules, [Entrant(space, (), lambda readings: np.float32([1.0]))])).trace
     paused = trace["episode_status"] == PAUSE
     assert paused.sum() > 5
     assert trace["all_wheels_on_track"][paused].all()
@@ -52,7 +52,7 @@ def test_a_car_leaving_at_every_bend_is_put_back_on_the_road(track, direction):
     gained = gained[np.diff(trace["episode"]) == 0]
     # Metres in a step of 1/15 s; on the inside of the old tracks' hairpins, those that a stride may gain there
     reach = Reach(track.in_direction(direction))
-    most = max(reach.at(index) for index in range(len(track))) if track.name in WITH_HAIRPINS else 1.0
+    most = max(reach.gains) if track.name in WITH_HAIRPINS else 1.0
     assert np.abs(gained).max() <= most
 
 

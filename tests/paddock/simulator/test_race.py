@@ -9,7 +9,7 @@ from paddock.geometry.catalogue import CATALOGUE
 from paddock.rules.race import RaceRules
 from paddock.simulator.action import ActionSpace
 from paddock.simulator.policies import CentreLinePilot
-from paddock.simulator.race import run_race
+from paddock.simulator.race import Entrant, RaceSettings, run_race
 from paddock.simulator.world import World
 
 from .tracks_for_tests import stadium
@@ -21,7 +21,9 @@ STRAIGHT_ON = ActionSpace.discrete([(0.0, 2.0)])
 def pilot_race(track=TRACK, direction="ccw", speed=2.0, offset=0.0, on_progress=None, **rules):
     pilot = CentreLinePilot(track, direction, speed=speed, offset=offset)
     rules = RaceRules(direction=direction, **rules)
-    return run_race(track, rules, pilot.action_space, pilot.sensors, pilot, on_progress)
+    return run_race(
+        RaceSettings(track, rules, [Entrant(pilot.action_space, pilot.sensors, pilot)], on_progress=on_progress)
+    )
 
 
 def test_a_race_whose_readings_have_places_is_the_same():
@@ -38,7 +40,9 @@ def test_a_race_whose_readings_have_places_is_the_same():
 
     rules = RaceRules(max_simulated_ms=4_000)
     for kept, places in zip(seen, (None, place), strict=True):
-        run_race(TRACK, rules, STRAIGHT_ON, ["FRONT_FACING_CAMERA"], policy(kept), places=places)
+        run_race(
+            RaceSettings(TRACK, rules, [Entrant(STRAIGHT_ON, ["FRONT_FACING_CAMERA"], policy(kept), places=places)])
+        )
     assert seen[0] == seen[1]
     assert len(set(seen[0])) > 10
 
@@ -83,7 +87,7 @@ def test_laps_and_sectors_add_up_to_the_millisecond():
 
 
 def test_a_straying_car_is_put_back_until_its_resets_are_used():
-    result = run_race(TRACK, RaceRules(max_resets=3), STRAIGHT_ON, (), straight_on)
+    result = run_race(RaceSettings(TRACK, RaceRules(max_resets=3), [Entrant(STRAIGHT_ON, (), straight_on)]))
     assert result.end_reason == "resets_used"
     assert [(lap.off_tracks, lap.resets, lap.complete, lap.status) for lap in result.laps] == [
         (4, 3, False, "Off track")
@@ -92,12 +96,14 @@ def test_a_straying_car_is_put_back_until_its_resets_are_used():
 
 
 def test_without_resets_leaving_the_road_ends_the_race():
-    result = run_race(TRACK, RaceRules(max_resets=0), STRAIGHT_ON, (), straight_on)
+    result = run_race(RaceSettings(TRACK, RaceRules(max_resets=0), [Entrant(STRAIGHT_ON, (), straight_on)]))
     assert (result.end_reason, result.laps[0].resets, result.laps[0].off_tracks) == ("resets_used", 0, 1)
 
 
 def test_the_clock_runs_while_a_car_waits_out_a_penalty():
-    result = run_race(TRACK, RaceRules(max_resets=1, off_track_penalty_ms=2000), STRAIGHT_ON, (), straight_on)
+    result = run_race(
+        RaceSettings(TRACK, RaceRules(max_resets=1, off_track_penalty_ms=2000), [Entrant(STRAIGHT_ON, (), straight_on)])
+    )
     trace = result.trace
     statuses = trace["episode_status"].tolist()
     fault = statuses.index("off_track")
@@ -160,7 +166,7 @@ def test_a_policys_error_propagates_and_leaves_no_world():
 
     before = clients()
     with pytest.raises(UserFault):
-        run_race(TRACK, RaceRules(), STRAIGHT_ON, (), dies)
+        run_race(RaceSettings(TRACK, RaceRules(), [Entrant(STRAIGHT_ON, (), dies)]))
     assert clients() == before
 
 
@@ -177,7 +183,9 @@ def test_an_unclosed_world_goes_with_its_last_reference():
 def test_a_non_finite_answer_names_its_step():
     answers = iter([1.0, 1.0, float("nan")])
     with pytest.raises(UserFault) as caught:
-        run_race(TRACK, RaceRules(), STRAIGHT_ON, (), lambda readings: np.float32([next(answers)]))
+        run_race(
+            RaceSettings(TRACK, RaceRules(), [Entrant(STRAIGHT_ON, (), lambda readings: np.float32([next(answers)]))])
+        )
     assert caught.value.params["step"] == 3
 
 
@@ -188,7 +196,7 @@ def test_the_policy_gets_a_fresh_frame_every_step():
         seen.append(readings["FRONT_FACING_CAMERA"])
         return np.float32([1.0])
 
-    run_race(TRACK, RaceRules(max_resets=0), STRAIGHT_ON, ["FRONT_FACING_CAMERA"], watch)
+    run_race(RaceSettings(TRACK, RaceRules(max_resets=0), [Entrant(STRAIGHT_ON, ["FRONT_FACING_CAMERA"], watch)]))
     assert all(frame.shape == (120, 160, 1) and frame.dtype == np.uint8 for frame in seen)
     assert len({frame.tobytes() for frame in seen}) > 10
 

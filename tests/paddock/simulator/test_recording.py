@@ -5,7 +5,7 @@ import math
 import pytest
 
 from paddock.errors import UserFault
-from paddock.simulator.recording import read_drives
+from paddock.simulator.replay import read_drives
 
 HEADER = "episode,steps,X,Y,yaw,steer,throttle,tstamp,episode_status"
 
@@ -82,7 +82,7 @@ def test_a_refusal_names_the_line():
 
 
 def test_an_oversized_file_is_not_read():
-    from paddock.simulator.recording import MAX_BYTES
+    from paddock.simulator.replay import MAX_BYTES
 
     with pytest.raises(UserFault) as caught:
         read_drives(b"x" * (MAX_BYTES + 1))

@@ -6,8 +6,7 @@ from hypothesis import strategies as st
 
 from paddock.rules.race import RaceRules
 from paddock.simulator.car import Pose
-from paddock.simulator.clock import milliseconds
-from paddock.simulator.physics import PADDOCK_CAR
+from paddock.simulator.physics import PADDOCK_CAR, milliseconds
 from paddock.simulator.progress import Reach
 from paddock.simulator.referee import LAPS_DONE, RESETS_USED, Referee
 from paddock.simulator.trace import IMMOBILIZED, IN_PROGRESS, LAP_COMPLETE, OFF_TRACK, PAUSE, REVERSED, TIME_UP

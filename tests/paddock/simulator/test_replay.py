@@ -8,11 +8,10 @@ import statistics
 import pytest
 from django.core.management import call_command
 
-from paddock.geometry.npy import read_npy
+from paddock.geometry.files import read_npy
 from paddock.simulator.car import Pose
 from paddock.simulator.physics import PADDOCK_CAR
-from paddock.simulator.recording import RecordedState, read_drives
-from paddock.simulator.replay import compare, estimate, share_on_track
+from paddock.simulator.replay import RecordedState, compare, estimate, read_drives, share_on_track
 from paddock.simulator.response import Response
 from paddock.simulator.world import World
 from tests.shared import SHARED, needs_shared

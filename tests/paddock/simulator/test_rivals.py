@@ -10,10 +10,10 @@ from paddock.geometry.catalogue import CATALOGUE
 from paddock.rules.race import RaceRules
 from paddock.simulator.action import Action, ActionSpace
 from paddock.simulator.car import Pose
-from paddock.simulator.contact import cars_touch
-from paddock.simulator.metrics import metrics_json
 from paddock.simulator.policies import CentreLinePilot
-from paddock.simulator.race import Entrant, run_race
+from paddock.simulator.race import Entrant, RaceSettings, run_race
+from paddock.simulator.results import metrics_json
+from paddock.simulator.solids import cars_touch
 from paddock.simulator.stage import PreparedTrack, Simulation
 from paddock.simulator.trace import CRASHED, IN_PROGRESS, LAP_COMPLETE, PARK, PAUSE
 from tests.paddock.simulator.test_race import clients
@@ -38,17 +38,8 @@ def pilot(speed=2.0, offset=0.0, track=TRACK, direction="ccw", wrap=lambda polic
 
 
 def race(*entrants, track=TRACK, on_progress=None, **rules):
-    first, *rivals = entrants
-    return run_race(
-        track,
-        rules_of(**rules),
-        first.action_space,
-        first.sensors,
-        first.policy,
-        on_progress,
-        rivals=rivals,
-        lidar_config=first.lidar_config,
-    )
+    cars = entrants
+    return run_race(RaceSettings(track, rules_of(**rules), cars, on_progress=on_progress))
 
 
 def failing(after, fault):

@@ -3,7 +3,7 @@ import json
 import pytest
 
 from paddock.rules.race import RaceRules, penalty_steps
-from paddock.simulator.clock import milliseconds
+from paddock.simulator.physics import milliseconds
 
 
 def test_rules_survive_json():

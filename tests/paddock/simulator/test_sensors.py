@@ -48,7 +48,7 @@ def test_a_reading_matches_its_spec_and_the_networks_input(name, config, scene, 
     spec = sensor_spec(name, config)
     assert spec.shape == input_spec(name, config).shape
     reading = read(name, scene, mine, [box(-0.6, -1.2, 0.0)], config)
-    assert (reading.shape, reading.dtype.name, reading.nbytes) == (spec.shape, spec.dtype, spec.nbytes)
+    assert (reading.shape, reading.dtype.name) == (spec.shape, spec.dtype)
     assert reading.min() >= spec.low and reading.max() <= spec.high
 
 

@@ -10,7 +10,7 @@ from paddock.rules.race import RaceRules
 from paddock.rules.speed import SpeedCommand
 from paddock.simulator.own import drive_again
 from paddock.simulator.policies import CentreLinePilot
-from paddock.simulator.race import Entrant, RaceResult, run_race
+from paddock.simulator.race import Entrant, RaceResult, RaceSettings, run_race
 
 OVAL = by_slug("oval").geometry()
 CAP = SpeedCommand(2000, "cap", 0.8)
@@ -19,10 +19,10 @@ FREE = SpeedCommand(4000, "model_speed")
 
 def driven(*commands: SpeedCommand, cars: int = 1) -> RaceResult:
     pilots = [CentreLinePilot(OVAL, speed=1.5) for _ in range(cars)]
-    first, *rivals = [Entrant(pilot.action_space, pilot.sensors, pilot) for pilot in pilots]
+    cars = [Entrant(pilot.action_space, pilot.sensors, pilot) for pilot in pilots]
     race_type = "time_trial" if cars == 1 else "head_to_head"
     rules = RaceRules(race_type=race_type, max_simulated_ms=6000, speed_commands=commands)
-    return run_race(OVAL, rules, first.action_space, first.sensors, first.policy, rivals=rivals)
+    return run_race(RaceSettings(OVAL, rules, cars))
 
 
 def test_a_command_acts_from_its_time_until_the_next_one():

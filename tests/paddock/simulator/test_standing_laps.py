@@ -9,18 +9,18 @@ import pytest
 
 from paddock.geometry.catalogue import CATALOGUE
 from paddock.rules.race import RaceRules
-from paddock.simulator.clock import STEP_MS
+from paddock.simulator.physics import STEP_MS
 from paddock.simulator.policies import CentreLinePilot
-from paddock.simulator.race import Entrant, RaceResult, run_race
+from paddock.simulator.race import Entrant, RaceResult, RaceSettings, run_race
 
 TRACK = next(entry for entry in CATALOGUE if entry.slug == "oval").geometry()
 
 
 def drive(cars: int = 1, start_m: float = 0.0, **rules) -> RaceResult:
     pilots = [CentreLinePilot(TRACK, speed=2.0) for _ in range(cars)]
-    first, *rivals = [Entrant(pilot.action_space, pilot.sensors, pilot) for pilot in pilots]
+    cars = [Entrant(pilot.action_space, pilot.sensors, pilot) for pilot in pilots]
     told = RaceRules(laps=3, start_m=start_m, **rules)
-    return run_race(TRACK, told, first.action_space, first.sensors, first.policy, rivals=rivals)
+    return run_race(RaceSettings(TRACK, told, cars))
 
 
 @pytest.fixture(scope="module")

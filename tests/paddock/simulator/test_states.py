@@ -8,9 +8,8 @@ import random
 import pytest
 
 from paddock.geometry.catalogue import CATALOGUE
-from paddock.simulator.clock import STEP_MS
-from paddock.simulator.states import StepState, rows_of, trace_of
-from paddock.simulator.trace import PAUSE, STATUSES, Row, Trace
+from paddock.simulator.physics import STEP_MS
+from paddock.simulator.trace import PAUSE, STATUSES, Row, StepState, Trace, rows_of, trace_of
 from tests.soak import only
 
 

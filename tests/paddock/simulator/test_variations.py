@@ -13,8 +13,8 @@ from paddock.rules.race import HEAD_TO_HEAD, RaceRules
 from paddock.rules.report import ALL, EACH, KINDS, SENSORS, START, VARIATIONS
 from paddock.simulator.action import ActionSpace
 from paddock.simulator.camera.theme import OFFICIAL
-from paddock.simulator.race import Entrant, run_race
-from paddock.simulator.variations import check_placed, variations
+from paddock.simulator.race import Entrant, RaceSettings, run_race
+from paddock.simulator.randomisation import check_placed, variations
 
 from .tracks_for_tests import stadium
 
@@ -83,13 +83,20 @@ SPACE = ActionSpace.discrete([(0.0, 1.0)])
 RULES = RaceRules(laps=1, max_resets=0, max_simulated_ms=2000)
 
 
-def lap(disturbance=None, rules=RULES, seen=None, **more):
+def lap(disturbance=None, rules=RULES, seen=None, rivals=()):
     def straight_on(readings):
         if seen is not None:
             seen.append(readings["FRONT_FACING_CAMERA"])
         return np.zeros(1, np.float32)
 
-    return run_race(stadium(), rules, SPACE, ["FRONT_FACING_CAMERA"], straight_on, disturbance=disturbance, **more)
+    return run_race(
+        RaceSettings(
+            stadium(),
+            rules,
+            [Entrant(SPACE, ["FRONT_FACING_CAMERA"], straight_on), *rivals],
+            disturbance=disturbance,
+        )
+    )
 
 
 def test_a_race_under_a_variation_sees_and_starts_otherwise():

@@ -107,7 +107,7 @@ def test_many_episodes_from_a_fixed_start_stay_equal():
 def test_all_cars_share_one_world_without_touching():
     env = vector(count=5)
     env.reset(seed=1)
-    worlds = {id(drive.world) for drive in env.unwrapped._drives}
+    worlds = {id(drive.stage.world) for drive in env.unwrapped._drives}
     assert len(worlds) == 1
     assert len(env.unwrapped._world.cars) == 5
     env.step(env.action_space.sample())

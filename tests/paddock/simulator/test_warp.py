@@ -210,7 +210,7 @@ def test_the_camera_uses_numpy_where_nothing_is_compiled(scene, monkeypatch):
 
 
 @needs_compiler
-@pytest.mark.parametrize("changed", ["warp.c", "rows.c"])
+@pytest.mark.parametrize("changed", ["warp.c", "exchange.c"])
 def test_a_library_of_another_source_is_replaced(tmp_path, monkeypatch, changed):
     library = tmp_path / "native.so"
     sources = [Path(shutil.copy(source, tmp_path)) for source in compiled.SOURCES]

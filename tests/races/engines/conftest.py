@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import pytest
 
+from races.entries.services.redrives import sweep_redrives
 from races.models import Race
-from races.services.redrives import sweep_redrives
 from tests.factories import a_race, a_racer, drive, laps
 from tests.redrives import SITE
 

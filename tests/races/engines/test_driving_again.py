@@ -6,19 +6,16 @@ import pytest
 from django.db import IntegrityError, transaction
 
 from evaluation.models import Evaluation, State
-from evaluation.queue_order import BACKGROUND
-from evaluation.selectors import queue_length
-from evaluation.services import EVALUATIONS
+from evaluation.running.queue.jobs import EVALUATIONS
+from evaluation.running.queue.order import BACKGROUND
+from evaluation.running.queue.selectors import queue_length
+from races.boards.selectors.counts import DrivenAgain, driven_again
+from races.entries.selectors.visibility import can_see_evaluation, evaluations_visible_to
+from races.entries.services.entries import enter_race, withdraw
+from races.entries.services.redrives import drive_again, sweep_redrives
+from races.entries.services.standings import recompute_race
+from races.entries.services.submissions import submit_model
 from races.models import Entry, Redrive, RedriveState, Retiming, Submission
-from races.selectors import can_see_evaluation, evaluations_visible_to
-from races.selectors.counting import DrivenAgain, driven_again
-from races.services import (
-    enter_race,
-    recompute_race,
-    submit_model,
-    withdraw,
-)
-from races.services.redrives import drive_again, sweep_redrives
 from tests.factories import a_model, a_race, a_racer, drive, finish, laps, start
 from tests.redrives import end, everything, pending, shown
 

@@ -6,13 +6,9 @@ import pytest
 
 from evaluation.models import Evaluation
 from paddock.errors import UserFault
+from races.duels.services import draw_duels, drive_all_on, drive_on
+from races.entries.services.redrives import sweep_redrives
 from races.models import Draw, Duel, DuelState, Entry
-from races.services import (
-    draw_duels,
-    drive_all_on,
-    drive_on,
-)
-from races.services.redrives import sweep_redrives
 from tests.duels import a_duel_race, driving, end_all, qualify, ranking
 from tests.duels import end as end_heat
 from tests.redrives import everything, shown

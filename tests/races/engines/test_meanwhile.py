@@ -5,14 +5,11 @@ from __future__ import annotations
 import pytest
 
 from paddock.errors import UserFault
+from races.boards.selectors.results import result_of
+from races.entries.services.redrives import drive_again, sweep_redrives
+from races.entries.services.submissions import repeat_submission, submit_model
 from races.models import Entry, Redrive, Retiming, Submission
-from races.selectors.results import result_of
-from races.services import (
-    cancel_race,
-    repeat_submission,
-    submit_model,
-)
-from races.services.redrives import drive_again, sweep_redrives
+from races.pages.services import cancel_race
 from tests.factories import a_model, a_racer, drive, fail, finish, laps
 from tests.redrives import end, everything, pending, shown
 
@@ -28,13 +25,13 @@ class TestCarsSentMeanwhile:
         held = drive(race, cast[2], laps(7_000, 7_000, 7_000), now)
         newcomer = drive(race, a_racer("dan"), laps(9_500, 9_500, 9_500), now)
         assert shown(race) == [*before, ("dan", None)]
-        assert result_of(held, held.evaluation.result.laps, tell_earlier=True).is_held
+        assert result_of(held, held.evaluation.result.laps, with_earlier=True).is_held
         assert fresh(race).fastest_lap_ms == 10_000
         again(race, now, 9_000, 9_100, 9_200)
         sweep_redrives(now=now)
         assert shown(race) == [("cat", 7_000), ("ann", 9_000), ("bob", 9_100), ("dan", 9_500)]
         assert not result_of(
-            Submission.objects.get(pk=newcomer.pk), newcomer.evaluation.result.laps, tell_earlier=True
+            Submission.objects.get(pk=newcomer.pk), newcomer.evaluation.result.laps, with_earlier=True
         ).is_held
         assert Entry.objects.get(race=race, racer=cast[2]).submission_count == 2
 

@@ -8,15 +8,13 @@ import pytest
 
 from core.jobs.retried import pause_after
 from evaluation.models import Evaluation
-from evaluation.services import stop_evaluation
-from evaluation.services.nodes import start_worker
+from evaluation.running.queue.services import stop_evaluation
+from evaluation.running.worker_nodes import start_worker
+from races.boards.selectors.counts import DrivenAgain, driven_again
+from races.entries.services import redrives
+from races.entries.services.redrives import sweep_redrives
+from races.entries.services.submissions import submit_model
 from races.models import Redrive, RedriveState, Retiming, Submission
-from races.selectors.counting import DrivenAgain, driven_again
-from races.services import (
-    redrives,
-    submit_model,
-)
-from races.services.redrives import sweep_redrives
 from tests.factories import a_model, a_race, drive, fail, laps, start
 from tests.redrives import break_down, end, everything, pending, shown
 

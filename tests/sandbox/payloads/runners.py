@@ -1,4 +1,4 @@
-"""Runner processes that fail, in the place of :mod:`evaluation.runner_process`. ``sys.argv[1]`` names it."""
+"""Runner processes that fail, in the place of :mod:`evaluation.running.runner_process`. ``sys.argv[1]`` names it."""
 
 import os
 import struct

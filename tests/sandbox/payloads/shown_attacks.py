@@ -6,7 +6,7 @@ import os
 import sys
 
 from evaluation.sandbox.frames import read_message, write_message
-from evaluation.sandbox.shown import SIZE, to_read
+from evaluation.sandbox.observation_memory import SIZE, map_for_reading
 
 _F_ADD_SEALS, _F_DUPFD, _F_SETPIPE_SZ = 1033, 0, 1031
 libc = ctypes.CDLL(None, use_errno=True)
@@ -56,7 +56,7 @@ def what_went_through(fd, address):
 
 def main(frames_in, frames_out):
     fd = int(sys.argv[1])
-    view = to_read(fd)
+    view = map_for_reading(fd)
     write_message(frames_out, what_went_through(fd, ctypes.addressof(view)) | {"sees": bytes(view[:8]).decode()})
     read_message(frames_in)
     write_message(frames_out, {"sees": bytes(view[:8]).decode()})

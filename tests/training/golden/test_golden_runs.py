@@ -87,7 +87,7 @@ def test_golden_runs_include_crashes_and_resets(rows):
 
 
 def statuses_of(run) -> set[str]:
-    from evaluation.pipeline import RaceJob, evaluate
+    from evaluation.running.pipeline import RaceJob, evaluate
 
     one = car(run.cars[0])
     trace = evaluate(RaceJob(run.geometry(), run.rules, one.onnx, one.metadata)).trace_csv.decode()

@@ -114,7 +114,7 @@ def test_a_missing_emulator_says_what_to_install(monkeypatch):
 def test_a_bare_process_without_the_pins_refuses_to_drive():
     environment = {name: value for name, value in os.environ.items() if name not in ("GLIBC_TUNABLES",)}
     done = subprocess.run(
-        [sys.executable, "-m", "training.golden.bare"],
+        [sys.executable, "-m", "training.golden.bare_process"],
         input="[]",
         env=environment,
         cwd=CHECKOUT,

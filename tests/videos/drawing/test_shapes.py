@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 import shapely
 
-from evaluation.looks import DEFAULT_COLOUR, Shell
+from evaluation.appearance.looks import DEFAULT_COLOUR, Shell
 from paddock.geometry.catalogue import by_slug
 from tests.videos.drawing.runs import OVAL
 from videos.drawing import lettering, palette, shapes
@@ -97,7 +97,7 @@ class TestLetters:
         for kept in (lettering._font_for, lettering.mask, lettering.shortened, lettering._patch):
             kept.cache_clear()
         lettering._found.clear()
-        lettering._mute.clear()
+        lettering._failures.clear()
 
     def test_text_without_system_fonts_is_reduced_to_plain_letters(self, monkeypatch):
         def absent(*args, **kwargs):

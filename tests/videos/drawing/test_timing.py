@@ -6,7 +6,7 @@ import pytest
 
 from tests.videos.drawing.runs import SMALL, car, driven, lap, scene, with_reset
 from videos.drawing.panel import Panel
-from videos.drawing.take import prepare
+from videos.drawing.timeline import prepare
 from videos.drawing.timing import FLASH_MS, GREEN, PURPLE, YELLOW, Timing, laps_of, written
 
 THREE = [lap(1, 0, 9000), lap(2, 9000, 8700), lap(3, 17700, 9300)]

@@ -7,18 +7,20 @@ import resource
 import struct
 import subprocess
 import sys
+import tempfile
+from pathlib import Path
 
 import av
 import numpy as np
 import pytest
 
-from evaluation.looks import DEFAULT_COLOUR
+from evaluation.appearance.looks import DEFAULT_COLOUR
 from paddock.errors import UserFault
 from tests.shared import CHECKOUT
 from tests.videos.drawing.runs import OVAL, SMALL, car, driven, lap, scene, with_reset
-from videos.drawing import FULL, Stopped, VideoScene, Words, poster, write_video
+from videos.drawing import FULL, DrawingStopped, VideoFacts, VideoScene, Words, poster, write_video
 from videos.drawing.scene import CARD_MS
-from videos.drawing.take import prepare
+from videos.drawing.timeline import prepare
 from videos.drawing.writing import Painter, telling
 
 CARD_FRAMES = CARD_MS * 30 // 1000
@@ -47,9 +49,16 @@ def boxes_of(data: bytes) -> list[str]:
     return names
 
 
+def made(what, **options) -> tuple[VideoFacts, bytes]:
+    """A small video of a scene."""
+    with tempfile.TemporaryDirectory() as folder:
+        path = Path(folder) / "run.mp4"
+        return write_video(what, path, form=SMALL, **options), path.read_bytes()
+
+
 def refused(what) -> str:
     with pytest.raises(UserFault) as caught:
-        write_video(what, io.BytesIO(), form=SMALL)
+        made(what)
     assert str(caught.value)
     return caught.value.code
 
@@ -75,19 +84,14 @@ class TestVideoFile:
         assert [entry.name for entry in tmp_path.iterdir()] == ["run.mp4"]
 
     def test_every_frame_decodes_at_its_time(self):
-        out = io.BytesIO()
-        facts = write_video(scene(), out, form=SMALL)
-        out.seek(0)
-        with av.open(out) as file:
+        facts, data = made(scene())
+        with av.open(io.BytesIO(data)) as file:
             times = [frame.time for frame in file.decode(video=0)]
         assert times == pytest.approx([number / 30 for number in range(facts.frames)])
 
     def test_colours_survive_encoding(self):
-        out = io.BytesIO()
         what = scene(car(colour="#22c55e"))
-        write_video(what, out, form=SMALL)
-        out.seek(0)
-        with av.open(out) as file:
+        with av.open(io.BytesIO(made(what)[1])) as file:
             frame = [frame for frame, _ in zip(file.decode(video=0), range(31), strict=False)][30]
         decoded = frame.to_ndarray(format="rgb24").astype(int)
         painted = still(what).astype(int)
@@ -95,11 +99,7 @@ class TestVideoFile:
         assert count(decoded.astype(np.uint8), "#22c55e", 24) > 300
 
     def test_the_same_run_makes_the_same_bytes(self):
-        files = []
-        for _ in range(2):
-            out = io.BytesIO()
-            write_video(scene(car(), car(driven(2.0, 1.5), 1)), out, form=SMALL)
-            files.append(out.getvalue())
+        files = [made(scene(car(), car(driven(2.0, 1.5), 1)))[1] for _ in range(2)]
         assert files[0] == files[1]
 
     def test_a_poster_is_the_middle_frame(self):
@@ -223,7 +223,7 @@ class TestPicture:
 class TestVideoParts:
     def test_a_lap_lasts_as_long_as_it_took(self):
         two = [lap(1, 0, 1200), lap(2, 1200, 800)]
-        facts = write_video(scene(car(laps=two), lap=2), io.BytesIO(), form=SMALL)
+        facts, _ = made(scene(car(laps=two), lap=2))
         assert facts.frames == 24 + CARD_FRAMES
         take = prepare(scene(car(laps=two), lap=2), SMALL)
         assert take.times[0] == 1200 and take.times[-1] == 2000
@@ -251,7 +251,7 @@ class TestVideoParts:
         rows.append(rows[-1]._replace(tstamp=702.0))
         assert refused(scene(car(rows, laps=laps))) == "video_too_long"
         assert refused(scene(car(rows, laps=laps), lap=2)) == "video_too_long"
-        assert write_video(scene(car(rows, laps=laps), lap=1), io.BytesIO(), form=SMALL).frames == 60 + CARD_FRAMES
+        assert made(scene(car(rows, laps=laps), lap=1))[0].frames == 60 + CARD_FRAMES
 
 
 class TestUnusableData:
@@ -277,7 +277,7 @@ class TestUnusableData:
         rows[9] = rows[9]._replace(tstamp=0.0)
         silent = car(None, 1)
         object.__setattr__(silent, "trace", b"")
-        facts = write_video(scene(car(rows), silent), io.BytesIO(), form=SMALL)
+        facts, _ = made(scene(car(rows), silent))
         assert facts.frames == 30 + CARD_FRAMES
 
     def test_invalid_laps_and_layouts_are_left_out(self):
@@ -289,14 +289,14 @@ class TestUnusableData:
         cars = [car(driven(1.0, 1.0 + 0.3 * number), number, name="x" * 64) for number in range(4)]
         poses = [[list(OVAL.point_at(metres)) for _ in range(16)] for metres in range(6)]
         boxes = [{"x": x, "y": y, "yaw": yaw} for x, y, yaw in (OVAL.point_at(2.0 * k, 0.2) for k in range(8))]
-        facts = write_video(scene(*cars, layout={"bots": poses, "boxes": boxes}), io.BytesIO(), form=SMALL)
+        facts, _ = made(scene(*cars, layout={"bots": poses, "boxes": boxes}))
         assert facts.frames == 30 + CARD_FRAMES
 
     def test_a_stopped_video_leaves_nothing(self, tmp_path):
         path = tmp_path / "run.mp4"
         path.write_bytes(b"the one before")
         asked = iter(range(1000))
-        with pytest.raises(Stopped):
+        with pytest.raises(DrawingStopped):
             write_video(scene(), path, is_stopped=lambda: next(asked) == 20, form=SMALL)
         assert [(entry.name, entry.read_bytes()) for entry in tmp_path.iterdir()] == [("run.mp4", b"the one before")]
 
@@ -324,5 +324,5 @@ class TestUnusableData:
 
     def test_progress_rises_to_one(self):
         shares = []
-        write_video(scene(), io.BytesIO(), on_progress=shares.append, form=SMALL)
+        made(scene(), on_progress=shares.append)
         assert shares == sorted(shares) and shares[-1] == 1.0

@@ -1,7 +1,5 @@
 """Reward functions to begin with: each a file beside this one. Titles and explanations are shown translated."""
 
-from __future__ import annotations
-
 import functools
 from dataclasses import dataclass
 from pathlib import Path
@@ -34,15 +32,15 @@ EXAMPLES = (
         _("Follow the centre line"),
         _(
             "The car gets most close to the centre line and less in two steps towards the borders. Easy to learn, "
-            "because every moment says whether it is good; not the fastest, because the centre line is not."
+            "because every step shows whether it is good; not the fastest, because the centre line is not."
         ),
     ),
     Example(
         "stay_inside_borders",
         _("Stay inside the borders"),
         _(
-            "Anything is right as long as all wheels are on the road and 5 cm from the border. The car may find a line "
-            "of its own, but nothing tells it to hurry."
+            "Rewards any position with all wheels on the road, 5 cm from the border. The car is free to find its "
+            "own line, but has no reason to hurry."
         ),
     ),
     Example(
@@ -74,9 +72,9 @@ EXAMPLES = (
         "race",
         _("Race"),
         _(
-            "Pays the metres gained in every step, so that a fast car earns more, and less close to the border. It "
-            "takes longer to learn than the centre line and ends in far better lap times. It remembers the step "
-            "before; each car in training has a memory of its own."
+            "Rewards the metres gained in each step, and less near the border, so a fast car earns more. Learns "
+            "more slowly than the centre line, with far better lap times. It remembers the previous step; each "
+            "car in training has a separate memory."
         ),
     ),
 )

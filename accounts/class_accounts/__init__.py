@@ -1,0 +1,1 @@
+"""Accounts of a class: made by a teacher, logged in by codes."""

@@ -1,0 +1,1 @@
+"""A racer's public profile and settings."""

@@ -1,0 +1,1 @@
+"""How much of the site's quotas and storage racers use."""

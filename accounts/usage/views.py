@@ -1,0 +1,43 @@
+"""Signing up by invitation, and how much of the site a racer has used."""
+
+from django.contrib.auth.decorators import login_required
+from django.core.exceptions import PermissionDenied
+from django.core.paginator import Paginator
+from django.http import HttpRequest, HttpResponse
+from django.shortcuts import render
+from django.utils import timezone
+from django.views.decorators.http import require_safe
+
+from ..models import Racer
+from ..quotas import all_quotas
+from ..request_racer import racer_of
+from .selectors import racers_by_use, usage_of, usage_rows
+from .storage import stored_by
+
+RACERS_PER_PAGE = 50
+
+
+@login_required
+@require_safe
+def usage(request: HttpRequest) -> HttpResponse:
+    context = {"usage": usage_of(racer_of(request), timezone.now()), "stored": stored_by(racer_of(request))}
+    return render(request, "accounts/usage/usage.html", context)
+
+
+@login_required
+@require_safe
+def usage_of_all(request: HttpRequest) -> HttpResponse:
+    """For admins: all racers who use anything of one quota, the greatest use first, with all their quotas."""
+    if not request.user.is_staff:
+        raise PermissionDenied
+    now = timezone.now()
+    quotas = all_quotas()
+    by = next((quota for quota in quotas if quota.name == request.GET.get("by")), quotas[0])
+    page = Paginator(racers_by_use(by, now), RACERS_PER_PAGE).get_page(request.GET.get("page"))
+    racers = Racer.objects.in_bulk(list(page.object_list))
+    rows = usage_rows([racers[pk] for pk in page.object_list if pk in racers], now)
+    return render(
+        request,
+        "accounts/usage/usage_of_all.html",
+        {"page": page, "rows": rows, "quotas": quotas, "by": by, "here": "usage"},
+    )

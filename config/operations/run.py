@@ -1,0 +1,207 @@
+"""Starts the programs of a site: as forks of one process that has loaded the code which they share."""
+
+import ctypes
+import gc
+import os
+import signal
+import socket
+import sys
+import threading
+import urllib.error
+import urllib.request
+import warnings
+from collections.abc import Callable
+from contextlib import suppress
+from functools import partial
+from importlib import import_module
+from types import ModuleType
+from typing import NoReturn
+
+from django.apps import apps
+from django.conf import settings
+from django.core.management.base import CommandError
+
+from config.celery import app as celery_app
+from config.operations.data_lock import hold_data
+from config.operations.health import known_migrations
+from config.operations.listen_address import browser_url
+from config.serving import broker
+from config.serving.forking import PYTHON, STOP_SIGNALS, end_with_parent
+from config.serving.supervisor import Supervisor
+
+VIDEO_WORKER_NICE = 10
+# Celery advises against root; here only root can give each model another user id.
+_QUIET = "You're running the worker with superuser privileges"
+# What the programs load beside our own code
+_OF_OTHERS = (
+    *("celery.bin.celery", "celery.apps.worker", "celery.concurrency.prefork", "celery.concurrency.thread"),
+    *("celery.worker.autoscale", "celery.worker.consumer", "celery.worker.loops", "celery.worker.strategy"),
+    *("uvicorn.lifespan.off", "uvicorn.loops.uvloop"),
+)
+
+
+class StopSignal(KeyboardInterrupt):
+    """A signal arrived before the programs run."""
+
+    def __init__(self, signum: int) -> None:
+        super().__init__()
+        self.status = 128 + signum
+
+
+def stop_on_signals() -> None:
+    for signum in STOP_SIGNALS:
+        if signal.getsignal(signum) is not signal.SIG_IGN:  # as nohup leaves SIGHUP
+            signal.signal(signum, _stop)
+
+
+def run_site(host: str, port: int, prepare: Callable[[], None]) -> int:
+    """Prepare the site in a process, run its programs until a signal, and return the exit status. Raises CommandError
+    where the site cannot run."""
+    os.umask(0o077)  # also of all that is started here
+    lock = hold_data(settings.DATA_DIR / "run.lock")
+    _refuse_taken_port(host, port)
+    _load()
+    _in_a_process(prepare)
+    supervisor = Supervisor()
+    for name, command in in_fewer_processes(programs(host, port)).items():
+        nice = VIDEO_WORKER_NICE if name == "video-worker" else 0
+        supervisor.add(name, command, nice=nice, needed_to_the_end=name == "broker", vital=name == "web")
+    import_module("config.wsgi")  # which looks for the static files that the preparation has collected
+    _share()
+    culprit, status = supervisor.run(beside=partial(_announce, browser_url(host, port)))
+    lock.close()
+    if culprit is not None:
+        how = f"signal {-status}" if status < 0 else f"exit status {status}"
+        raise CommandError(
+            f"{culprit} cannot live ({how}), so everything was stopped. Its last lines above say why.",
+            returncode=status if 0 < status < 128 else 1,
+        )
+    return status
+
+
+def _stop(signum: int, frame: object) -> NoReturn:
+    raise StopSignal(signum)
+
+
+def in_fewer_processes(commands: dict[str, list[str]]) -> dict[str, list[str]]:
+    """The same programs, with the scheduler as a thread of the messenger: a process takes 25 MB."""
+    fewer = {name: command for name, command in commands.items() if name != "beat"}
+    return fewer | {"messenger": [*commands["messenger"], "--with-scheduler"]}
+
+
+def programs(host: str, port: int) -> dict[str, list[str]]:
+    """The command of each program, by the name in front of its lines, as on several machines."""
+    from league.webhooks.deliveries import AT_ONCE
+
+    celery = [*PYTHON, "celery", "--quiet", "--app", "config"]
+
+    def worker(pool: str, size: str, value: object, *others: str) -> list[str]:
+        sized = ("--pool", pool, size, str(value))
+        return [*celery, "worker", *sized, "--without-gossip", "--without-mingle", *others]
+
+    found = {
+        "web": [*PYTHON, "config.web", "--host", host, "--port", str(port)],
+        "streams": [*PYTHON, "config.streams"],
+        "worker": worker("threads", "--concurrency", settings.WORKER_CONCURRENCY),
+    }
+    if settings.TRAINING:
+        own = ("--queues", "training", "--hostname", "trainer@%h")
+        found["trainer"] = worker("prefork", "--autoscale", f"{settings.TRAINING_CONCURRENCY},0", *own)
+    if settings.VIDEOS:  # a process for each video: an idle worker holds no libraries of pictures and video
+        own = ("--queues", "videos", "--hostname", "video-worker@%h")
+        found["video-worker"] = worker("prefork", "--autoscale", "1,0", "--max-tasks-per-child", "1", *own)
+    # threads: it waits for other people's servers, and an idle one costs a single process
+    own = ("--queues", "messages", "--hostname", "messenger@%h")
+    found |= {"messenger": worker("threads", "--concurrency", AT_ONCE, *own), "beat": [*celery, "beat"]}
+    if settings.EMBEDDED_BROKER:
+        try:
+            broker.make_private(settings.VALKEY_DIR)
+            broker.make_private(settings.VALKEY_SOCKET.parent)
+        except OSError as error:
+            raise CommandError(f"The broker has no folder to work in: {error}.") from error
+        found = {"broker": broker.server_command(settings.VALKEY_DIR, settings.VALKEY_SOCKET), **found}
+    return found
+
+
+def _in_a_process(work: Callable[[], None]) -> None:
+    """Do ``work`` in a fork, and end as it does when it fails, so that no connection that it opens reaches the
+    programs."""
+    ours = os.getpid()
+    if (pid := os.fork()) == 0:
+        for signum in STOP_SIGNALS:
+            if signal.getsignal(signum) is _stop:
+                signal.signal(signum, signal.SIG_DFL)
+        end_with_parent(ours, signal.SIGKILL)
+        work()
+        sys.exit()
+    try:
+        _, status = os.waitpid(pid, 0)
+    except StopSignal:
+        with suppress(ProcessLookupError, ChildProcessError):
+            os.kill(pid, signal.SIGKILL)
+            os.waitpid(pid, 0)
+        raise
+    if (ended := os.waitstatus_to_exitcode(status)) < 0:
+        raise CommandError(
+            f"The preparation was killed (signal {-ended}). The next start continues it.", returncode=128 - ended
+        )
+    if ended:
+        sys.exit(ended)
+
+
+def _load() -> None:
+    """Load what the preparation and the programs share: they are forks, and loading takes time and memory in each."""
+    os.environ["CELERY_SKIP_CHECKS"] = "1"  # the preparation runs them
+    sys.modules["click_repl"] = shell = ModuleType("click_repl")  # the shell of "celery amqp" loads 5 MB for terminals
+    shell.register_repl = id  # type: ignore[attr-defined]
+    for module in ("config.urls", "config.serving.streams.server", *_OF_OTHERS):
+        import_module(module)
+    del sys.modules["click_repl"]
+    celery_app.loader.import_default_modules()
+    celery_app.finalize()
+    for model in apps.get_models(include_auto_created=True):
+        str(model._base_manager.filter(pk=0).query)  # fills the caches of its fields and relations
+    known_migrations()
+    if not sys.warnoptions:
+        warnings.filterwarnings("ignore", _QUIET)
+
+
+def _share() -> None:
+    """Have the forks share all memory until they write to it."""
+    gc.collect()
+    gc.freeze()  # looking for garbage would write to what is shared
+    if sys.platform == "linux":
+        # The small gaps of the heap, 1 MB at most: a fork that uses them writes to a shared page for each. SQLite's
+        # schema alone would cost every program 5 MB in place of 1 MB.
+        malloc = ctypes.CDLL(None).malloc
+        for size in range(1016, 8, -16):
+            for _ in range(16_384 // size):
+                malloc(size)
+
+
+def _refuse_taken_port(host: str, port: int) -> None:
+    try:
+        address = socket.getaddrinfo(host, port, type=socket.SOCK_STREAM, flags=socket.AI_PASSIVE)[0]
+        with socket.socket(address[0], socket.SOCK_STREAM) as probe:
+            probe.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+            probe.bind(address[4])
+    except OSError as error:
+        hint = f"--port {port + 1}" if port < 65535 else "--port 8000"
+        raise CommandError(
+            f"Paddock cannot listen on {host} port {port}: {error.strerror or error}. "
+            f"Something else may be using it; try another, for example: make run PORT={port + 1} ({hint})."
+        ) from None
+
+
+def _announce(url: str) -> None:
+    """Print the site's address once it answers."""
+    while True:
+        try:
+            urllib.request.urlopen(f"{url}/health/live", timeout=5).close()
+        except urllib.error.HTTPError:
+            pass  # it answers
+        except OSError:
+            threading.Event().wait(0.2)
+            continue
+        print(f"Paddock is ready: {url}  (Ctrl-C stops it)")
+        return

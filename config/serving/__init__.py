@@ -1,0 +1,1 @@
+"""The programs that serve the site: web server, stream process, supervisor, and the broker and cache beside them."""

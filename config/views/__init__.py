@@ -1,1 +1,0 @@
-"""Pages that belong to the site as a whole."""

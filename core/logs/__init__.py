@@ -1,0 +1,1 @@
+"""The format of log lines and the filters of the log."""

@@ -1,0 +1,148 @@
+"""Parts of pages that all readers share, made at most once a second.
+
+A page states up to which event it shows everything (``data-stream-at``), and asks again for what later events change.
+So every shared part of a page must be at least as new as that position. Most requests take a position read within the
+last second; each part is then made once per position, however many commits and readers there are.
+"""
+
+import re
+import secrets
+import threading
+import time
+from collections.abc import Callable, Hashable, Iterator, Mapping
+from contextlib import contextmanager
+from contextvars import ContextVar
+from dataclasses import dataclass
+from typing import Any, TypeVar
+
+from django.conf import settings
+from django.template.loader import render_to_string
+from django.utils import timezone
+from django.utils.safestring import SafeString, mark_safe
+from django.utils.translation import get_language
+
+from core.database.commit_cache import Unchanged, is_shared
+
+from .reading import last_numbered
+
+T = TypeVar("T")
+
+# Parts have times such as "in 5 minutes", so they are made anew after this even when nothing was committed
+LIVES_S = 1.0
+PARTS = 400  # of one process; the one asked for longest ago makes way
+
+
+class _Newest:
+    """The position of the newest event, read once in ``PADDOCK_SHARED_PAGE_SECONDS``."""
+
+    def __init__(self) -> None:
+        self._lock = threading.Lock()
+        self._read_at, self._position = -1.0, 0
+
+    def at_least(self, position: int) -> int:
+        """The newest position, read again if the last one is old or below ``position``."""
+        with self._lock:
+            now = time.monotonic()
+            if position > self._position or not 0 <= now - self._read_at < settings.SHARED_PAGE_SECONDS:
+                self._position, self._read_at = last_numbered(), now
+            return self._position
+
+
+_newest = _Newest()
+_parts: Unchanged[Any] = Unchanged(PARTS)
+# The event that the current request has seen; None: parts are never older than the request
+_seen: ContextVar[int | None] = ContextVar("seen", default=None)
+
+
+@contextmanager
+def reading_since(position: int | None) -> Iterator[None]:
+    """Let shared parts be as old as event ``position``, or for 0 as the newest event of the last second. None: no part
+    is older than the request."""
+    token = _seen.set(position)
+    try:
+        yield
+    finally:
+        _seen.reset(token)
+
+
+def shown_position() -> int | None:
+    """The event up to which the shared parts of this request show everything; None: all that is committed."""
+    seen = _seen.get()
+    if seen is None or not (seen or settings.SHARED_PAGE_SECONDS) or not is_shared():
+        return None
+    newest = _newest.at_least(seen)
+    return min(seen, newest) if seen else newest  # a position beyond the newest event is a client's invention
+
+
+def shared_value(key: Hashable, make: Callable[[], T]) -> T:
+    """A value that is the same for every reader of a language. ``make`` must use nothing of a reader or request that is
+    not in ``key``, and nobody may change what it returns. A transaction gets a new value."""
+    if not is_shared():
+        return make()
+
+    def make_whole() -> tuple[T, bool]:
+        with reading_since(None):  # it counts as new, so its own parts must be
+            return make(), True
+
+    return _parts.get((key, get_language()), LIVES_S, make_whole, number=shown_position(), newest=last_numbered)
+
+
+def shared_piece(template: str, values: Callable[[], dict[str, Any]], *, key: Hashable) -> SafeString:
+    """HTML that is the same for every reader of a language and time zone.
+
+    ``template`` is rendered without a request, so it has no user, session, messages or CSRF token. ``values`` returns
+    its context, under the conditions of :func:`shared_value`.
+    """
+    whole_key = (template, key, timezone.get_current_timezone_name())
+    return shared_value(whole_key, lambda: render_to_string(template, values()))
+
+
+# Random, so that no text of a racer can be taken for a mark. It never leaves the process.
+_TOKEN = secrets.token_hex(16)
+_MARKED = re.compile(rf"\[{_TOKEN} (\d+)\](.*?)\[/{_TOKEN}\]", re.DOTALL)
+
+
+@dataclass(frozen=True)
+class MarkedPiece:
+    """HTML for all readers, and what single readers get within it: by racer the places and texts, in order."""
+
+    html: SafeString
+    marks: Mapping[int, list[tuple[int, str]]]
+
+    @classmethod
+    def read(cls, drawn: str) -> "MarkedPiece":
+        parts: list[str] = []
+        marks: dict[int, list[tuple[int, str]]] = {}
+        begin = place = 0
+        for found in _MARKED.finditer(drawn):
+            parts.append(drawn[begin : found.start()])
+            place += len(parts[-1])
+            begin = found.end()
+            marks.setdefault(int(found[1]), []).append((place, found[2]))
+        return cls(mark_safe("".join((*parts, drawn[begin:]))), marks)
+
+    def for_reader(self, reader: int | None) -> SafeString:
+        if reader is None or reader not in self.marks:
+            return self.html
+        parts, begin = [], 0
+        for place, text in self.marks[reader]:
+            parts += [self.html[begin:place], text]
+            begin = place
+        return mark_safe("".join((*parts, self.html[begin:])))
+
+
+def marked(racer: int, html: str) -> str:
+    """``html`` within a piece of :func:`marked_piece`, for this racer alone."""
+    return f"[{_TOKEN} {racer}]{html}[/{_TOKEN}]"
+
+
+def marked_piece(
+    template: str, values: Callable[[], dict[str, Any]], *, key: Hashable, reader: int | None
+) -> SafeString:
+    """:func:`shared_piece` with what ``{% mine racer %}`` (:mod:`core.templatetags.site`) holds for ``reader``: the
+    piece is drawn once for all readers, also for those who are named in it."""
+    whole_key = (template, key, timezone.get_current_timezone_name())
+    piece = shared_value(
+        whole_key, lambda: MarkedPiece.read(render_to_string(template, {**values(), "is_marked": True}))
+    )
+    return piece.for_reader(reader)

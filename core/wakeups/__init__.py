@@ -1,0 +1,1 @@
+"""Messages to workers and stream processes that say "there may be work"."""

@@ -1,0 +1,1 @@
+"""The look of a vehicle on pages and in replays: its shell and colour."""

@@ -1,0 +1,1 @@
+"""The models of racers: uploads, admission, sharing, downloads and exports."""

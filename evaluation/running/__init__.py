@@ -1,0 +1,1 @@
+"""Runs: their queue, the sandboxed processes that drive them, and their results."""

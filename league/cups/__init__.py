@@ -1,0 +1,1 @@
+"""Cups of the day: their rules, driving, pages and API."""

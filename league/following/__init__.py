@@ -1,0 +1,1 @@
+"""Racers that a racer follows, and their latest results."""

@@ -1,0 +1,107 @@
+"""The races of the first page, as cards and folded, and a newcomer's first steps."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from copy import copy
+from dataclasses import dataclass
+from datetime import datetime, timedelta
+from typing import TYPE_CHECKING
+
+from django.db.models import Exists, OuterRef, QuerySet
+
+from accounts.groups.selectors import remember_groups
+from accounts.models import Racer
+from core.forms import explain
+from evaluation.models import Evaluation, TrainedModel
+from paddock.errors import UserFault
+from paddock.rules.race import RANKING
+from races.boards.selectors.board import CLASSIFIED
+from races.entries.eligibility import read_for_checks, refusal
+from races.entries.engines import hidden_runs
+from races.models import Division, Entry, Race, RaceKind, Submission
+
+if TYPE_CHECKING:
+    from django.contrib.auth.models import AnonymousUser
+
+
+LOOKED_AT, CARDS, LEAST_CARDS = 24, 4, 2
+
+
+def home_races(
+    races: Sequence[Race], reader: Racer | AnonymousUser, now: datetime
+) -> tuple[list[Race], list[tuple[Race, str]]]:
+    """The open ``races`` of the first page: cards of races that the reader may enter, the league's first, and the other
+    races, each with the reason why the reader may not enter it ("" if they may).
+
+    A race that nobody has entered has a card only if it is the league's or the page would be nearly empty.
+    """
+    refused = _refusals(races, reader, now)
+    allowed = [race for race in races if race.pk not in refused]
+    busy = [race for race in allowed if race.entry_count or race.kind == RaceKind.LEAGUE]
+    quiet = [race for race in allowed if race not in busy]
+    cards = (busy + quiet[: max(0, LEAST_CARDS - len(busy))])[:CARDS]
+    rest = sorted((race for race in races if race not in cards), key=lambda race: race.pk in refused)
+    return cards, [(race, refused.get(race.pk, "")) for race in rest]
+
+
+def _refusals(races: Sequence[Race], reader: Racer | AnonymousUser, now: datetime) -> dict[int, str]:
+    """Why the reader may not enter, by race. A guest counts as a racer without any result."""
+    if not isinstance(reader, Racer):
+        pro = [race for race in races if race.kind == RaceKind.LEAGUE and race.division == Division.PRO]
+        closed: dict[int, UserFault] = {race.pk: UserFault("race_pro_only") for race in pro}
+        closed |= {race.pk: UserFault("race_group_only", group=race.group.name) for race in races if race.group}
+    else:
+        checked, reader = [copy(race) for race in races], copy(reader)  # checks keep what they have read
+        read_for_checks(checked, reader)
+        remember_groups(reader, sorted({race.group_id for race in races if race.group_id}))
+        faults = ((race.pk, refusal(race, reader, now)) for race in checked)
+        closed = {pk: fault for pk, fault in faults if fault is not None}
+    return {pk: explain(fault) for pk, fault in closed.items()}
+
+
+# What the table of runs shows: all columns of seven tables would take most of the page's time
+_RUN = ("public_id", "state", "reason_code", "reason_params", "queued_at", "track__name")
+_RUN_RESULT = ("result__laps", "result__best_lap_ms", "result__order")
+_RUN_RACE = ("slug", "name", "opponents", *RANKING)
+
+
+def latest_runs(racer: Racer) -> QuerySet[Evaluation]:
+    """The racer's runs that count, the latest first, with what the table of runs shows of them."""
+    races = [f"{path}__{name}" for path in ("submission__entry__race", "duel__race") for name in _RUN_RACE]
+    mine = Evaluation.objects.filter(~hidden_runs(), owner=racer, replaced_by=None)
+    mine = mine.select_related("track", "result", "submission__entry__race", "duel__race")
+    return mine.only(*_RUN, *_RUN_RESULT, *races).order_by("-queued_at")
+
+
+NEWCOMER_FOR = timedelta(days=60)
+
+
+@dataclass(frozen=True)
+class FirstSteps:
+    """What a racer has done so far: got a car, submitted it, got a place on a board, raced in the league."""
+
+    has_car: bool
+    has_sent: bool
+    has_place: bool
+    in_league: bool
+
+    @property
+    def done(self) -> int:
+        return sum((self.has_car, self.has_sent, self.has_place, self.in_league))
+
+
+def first_steps(racer: Racer, now: datetime) -> FirstSteps | None:
+    """A newcomer's progress; None after all four steps or 60 days: one query or none."""
+    if racer.is_house or now - racer.joined_at > NEWCOMER_FOR:
+        return None
+    entries = Entry.objects.filter(racer=OuterRef("pk"))
+    sent = Submission.objects.filter(entry__racer=OuterRef("pk"))
+    found = Racer.objects.filter(pk=racer.pk).values_list(
+        Exists(TrainedModel.objects.filter(owner=OuterRef("pk"))),
+        Exists(sent),
+        Exists(entries.filter(CLASSIFIED)),
+        Exists(sent.filter(entry__race__kind=RaceKind.LEAGUE)),
+    )
+    steps = FirstSteps(*found.get())
+    return None if steps.done == 4 else steps

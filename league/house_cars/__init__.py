@@ -1,0 +1,1 @@
+"""House cars: baselines on boards, and the organiser of the demo races."""

@@ -1,0 +1,1 @@
+"""Notices to racers, in the site and by e-mail."""

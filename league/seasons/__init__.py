@@ -1,0 +1,1 @@
+"""Seasons: planning, rounds, pages, API and succession."""

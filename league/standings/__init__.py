@@ -1,0 +1,1 @@
+"""Standings, divisions, fields of finales and ratings."""

@@ -1,0 +1,1 @@
+"""Standings and outcomes of rounds for reading."""

@@ -1,0 +1,1 @@
+"""Official results, and their corrections by stewards."""

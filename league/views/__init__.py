@@ -1,1 +1,0 @@
-"""The league's own pages: home, racers, account, how it works, health."""

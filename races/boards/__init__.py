@@ -1,0 +1,1 @@
+"""Ranking methods, board counts and boards."""

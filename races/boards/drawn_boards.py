@@ -1,0 +1,102 @@
+"""Tables of boards, drawn once for all readers; a reader's own line is drawn for them alone."""
+
+import threading
+import time
+from collections import OrderedDict
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+
+from django.template.loader import render_to_string
+from django.utils import timezone
+from django.utils.safestring import SafeString, mark_safe
+from django.utils.translation import get_language
+
+from accounts.models import RacerGroup
+from core.streams.shared_pieces import LIVES_S, shared_value
+
+from .qualifying_line import Cut, cut_of
+from .selectors.board import Board, BoardRow
+from .selectors.shared_boards import board_of_all
+
+PAGES = 40  # with kept lines, of one process
+
+_kept: OrderedDict[tuple, tuple[float, dict[tuple, SafeString]]] = OrderedDict()
+_lock = threading.Lock()
+
+
+@dataclass(frozen=True)
+class DrawnBoard:
+    """A page of a board with its qualifying line: as guests see it, and each line of its table as HTML."""
+
+    board: Board
+    cut: Cut | None
+    lines: tuple[SafeString, ...]
+    head: SafeString
+    facts: SafeString
+
+    def lines_for(self, board: Board) -> SafeString:
+        """All lines, for the reader of ``board``."""
+        drawn = zip(self.board.rows, board.rows, self.lines, strict=True)
+        lines = [
+            line if theirs is ours else _line(board, theirs, number, self.cut)
+            for number, (ours, theirs, line) in enumerate(drawn)
+        ]
+        return mark_safe("".join(lines))
+
+    def cut_for(self, board: Board) -> Cut | None:
+        """The qualifying line for the row of the reader of ``board``; the page's line knows the racers of the page."""
+        mine, cut = board.my_row, self.cut
+        if cut is None or mine is None or not board.my_row_is_elsewhere or (mine.rank or 0) > cut.last_rank:
+            return cut
+        return cut_of(replace(board, rows=[]))
+
+
+def drawn_board(slug: str, page: int, group: RacerGroup | None) -> DrawnBoard:
+    """A page of a race's board, of ``group`` alone where one is given: drawn once for all readers of a language and
+    time zone. A group has no qualifying line."""
+    key = ("drawn board", slug, page, group and group.pk, timezone.get_current_timezone_name())
+
+    def draw() -> DrawnBoard:
+        board = board_of_all(slug, page, group=group)
+        cut = cut_of(board) if group is None else None
+        values = {"board": board, "race": board.race}
+        head = render_to_string(f"{_folder(board)}/head.html", values)
+        facts = render_to_string("races/boards/facts.html", values)
+        return DrawnBoard(board, cut, tuple(_lines(board, cut, _lately((*key, get_language())))), head, facts)
+
+    return shared_value(key, draw)
+
+
+def _lines(board: Board, cut: Cut | None, kept: dict[tuple, SafeString]) -> Iterator[SafeString]:
+    """The lines of a page, from ``kept`` where they were drawn with the same values."""
+    for number, row in enumerate(board.rows):
+        values = (row.shown_values, board.classified_count == 1, _begins(board, number), repr(cut))
+        if values not in kept:
+            kept[values] = _line(board, row, number, cut)
+        yield kept[values]
+
+
+def _line(board: Board, row: BoardRow, number: int, cut: Cut | None) -> SafeString:
+    values = {"race": board.race, "board": board, "row": row, "cut": cut, "begins": _begins(board, number)}
+    return render_to_string(f"{_folder(board)}/line.html", values)
+
+
+def _begins(board: Board, number: int) -> bool:
+    """Whether another group of rows begins with this one."""
+    return number > 0 and board.rows[number].group != board.rows[number - 1].group
+
+
+def _folder(board: Board) -> str:
+    return "races/duels" if board.is_drawn else "races/boards"
+
+
+def _lately(key: tuple) -> dict[tuple, SafeString]:
+    """The lines of a page that were drawn in the last second. A commit changes few of them, or none."""
+    with _lock:
+        began_at, lines = _kept.pop(key, (0.0, {}))
+        if time.monotonic() - began_at > LIVES_S:
+            began_at, lines = time.monotonic(), {}
+        _kept[key] = (began_at, lines)
+        while len(_kept) > PAGES:
+            _kept.popitem(last=False)
+    return lines

@@ -1,0 +1,1 @@
+"""Boards of races, ranks on them and results of finished runs."""

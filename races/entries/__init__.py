@@ -1,0 +1,1 @@
+"""Race entries, submissions, standings and permissions."""

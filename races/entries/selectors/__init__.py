@@ -1,0 +1,1 @@
+"""Queries of entries and races: lists, terms, offers and visibility."""

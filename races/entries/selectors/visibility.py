@@ -1,0 +1,112 @@
+"""Permissions to see and act. Each predicate has an equivalent queryset; tests compare both."""
+
+from typing import TypeGuard
+
+from django.db.models import Exists, F, OuterRef, Q, QuerySet
+
+from accounts.groups.selectors import is_in
+from accounts.models import GroupMember, Racer, Viewer
+from evaluation.models import Evaluation
+
+from ...models import Duel, Entry, Race, Submission, Timekeeper, Visibility
+from ..engines import hidden_runs, is_hidden
+
+
+def can_organise(racer: Viewer, race: Race) -> bool:
+    """Whether the racer may edit and cancel the race and remove racers: its organiser and admins."""
+    return _known(racer) and (racer.is_staff or racer.pk == race.organiser_id)
+
+
+def can_see_race(racer: Viewer, race: Race) -> bool:
+    """Whether the racer may see the race. Twin of :func:`races_visible_to`. Public races: everybody. Others:
+    organisers, timekeepers, admins, entered racers and members of its group, except removed racers."""
+    if race.visibility == Visibility.PUBLIC or can_organise(racer, race):
+        return True
+    if not _known(racer):
+        return False
+    if race.physical and Timekeeper.objects.filter(race=race, racer_id=racer.pk).exists():
+        return True
+    removed = Entry.objects.filter(race=race, racer_id=racer.pk).values_list("removed_at", flat=True)
+    if removed:
+        return removed[0] is None
+    return race.group_id is not None and is_in(racer, race.group_id)
+
+
+def races_visible_to(racer: Viewer) -> QuerySet[Race]:
+    """All races that the racer may see. Twin of :func:`can_see_race`."""
+    races = Race.objects.select_related("track", "organiser")
+    if not _known(racer):
+        return races.filter(visibility=Visibility.PUBLIC)
+    if racer.is_staff:
+        return races
+    member = Exists(Entry.objects.filter(race=OuterRef("pk"), racer_id=racer.pk, removed_at=None))
+    invited = _in_its_group(racer, "")
+    times = Exists(Timekeeper.objects.filter(race=OuterRef("pk"), racer_id=racer.pk))
+    seen = Q(visibility=Visibility.PUBLIC) | Q(organiser_id=racer.pk) | Q(member) | invited
+    return races.filter(seen | Q(physical=True) & Q(times))
+
+
+def race_invited_to(token: str) -> Race | None:
+    """The race that an invitation link with this token belongs to; None for a link that was reset or never was."""
+    if not token:
+        return None
+    races = Race.objects.select_related("track", "organiser")
+    return races.filter(invitation=token, visibility=Visibility.INVITATION).first()
+
+
+def can_see_evaluation(racer: Viewer, evaluation: Evaluation) -> bool:
+    """Whether the racer may see an evaluation: laps, line, trace. Twin of :func:`evaluations_visible_to`.
+
+    Its owner, admins and the organisers of its race; runs on a board, duels and runs shown live also everybody with
+    access to that race. A rerun that does not count yet is for admins alone, a sealed run for nobody.
+    """
+    if evaluation.sealed:
+        return False
+    if _known(racer) and racer.is_staff:
+        return True
+    if is_hidden(evaluation):
+        return False
+    if _known(racer) and racer.pk == evaluation.owner_id:
+        return True
+    submission = Submission.objects.filter(evaluation=evaluation).select_related("entry__race").first()
+    if submission is None:
+        duel = Duel.objects.filter(evaluation=evaluation).select_related("race").first()
+        return duel is not None and can_see_race(racer, duel.race)
+    entry = submission.entry
+    if can_organise(racer, entry.race):
+        return True
+    shown = entry.best_id == submission.pk or submission.is_live
+    return shown and not entry.is_withdrawn and can_see_race(racer, entry.race)
+
+
+def evaluations_visible_to(racer: Viewer) -> QuerySet[Evaluation]:
+    """All evaluations that the racer may see. Twin of :func:`can_see_evaluation`."""
+    evaluations = Evaluation.objects.select_related("owner", "model", "track")
+    if _known(racer) and racer.is_staff:
+        return evaluations
+    in_race = Submission.objects.filter(evaluation=OuterRef("pk"))
+    on_board = in_race.filter(Q(entry__best=F("pk")) | Q(is_live=True), entry__withdrawn_at=None)
+    duel = Duel.objects.filter(evaluation=OuterRef("pk"))
+    seen = Q(Exists(on_board.filter(entry__race__visibility=Visibility.PUBLIC)))
+    seen |= Q(Exists(duel.filter(race__visibility=Visibility.PUBLIC)))
+    if _known(racer):
+        shared = Entry.objects.filter(race=OuterRef("entry__race"), racer_id=racer.pk, removed_at=None)
+        seen |= Q(owner_id=racer.pk)
+        seen |= Q(Exists(in_race.filter(entry__race__organiser_id=racer.pk)))
+        seen |= Q(Exists(on_board.filter(Exists(shared))))
+        seen |= Q(Exists(on_board.filter(_in_its_group(racer, "entry__race"))))
+        member = Entry.objects.filter(race=OuterRef("race"), racer_id=racer.pk, removed_at=None)
+        in_group = _in_its_group(racer, "race")
+        seen |= Q(Exists(duel.filter(Q(race__organiser_id=racer.pk) | Exists(member) | in_group)))
+    return evaluations.filter(~hidden_runs(), seen)
+
+
+def _in_its_group(racer: Racer, to_race: str) -> Q:
+    """Rows whose race, which ``to_race`` leads to, is one of a group that the racer is in and was not removed from."""
+    of_mine = GroupMember.objects.filter(racer=racer.pk, confirmed_at__isnull=False).values("group")
+    removed = Entry.objects.filter(race=OuterRef(to_race or "pk"), racer_id=racer.pk, removed_at__isnull=False)
+    return Q(**{f"{to_race}__group__in" if to_race else "group__in": of_mine}) & ~Q(Exists(removed))
+
+
+def _known(racer: Viewer) -> TypeGuard[Racer]:
+    return racer is not None and racer.is_authenticated

@@ -1,0 +1,39 @@
+"""The lock order of a race's rows: entries by id, then the race, last its board counts. A change of an entry that may
+touch its race takes both locks first; otherwise two such changes deadlock on PostgreSQL."""
+
+from collections.abc import Iterable
+from datetime import datetime
+
+from django.db.models import QuerySet
+
+from core.database.after_commit import after_commit
+from evaluation.models import Evaluation, State
+from evaluation.running.queue.services import stop_evaluation
+
+from ...models import Entry, Race
+
+
+def lock_entries(numbers: Iterable[int]) -> list[Entry]:
+    """These entries by primary key, locked in that order with their races and read fresh; in a transaction."""
+    locked = Entry.objects.select_for_update(of=("self",)).filter(pk__in=list(numbers))
+    entries = list(locked.order_by("pk"))
+    wanted = sorted({entry.race_id for entry in entries})
+    # read under their locks: what the entries' query saw of them may be older
+    races = {race.pk: race for race in Race.objects.select_for_update(no_key=True).filter(pk__in=wanted).order_by("pk")}
+    for entry in entries:
+        entry.race = races[entry.race_id]
+    return entries
+
+
+def lock_entry(entry: int) -> Entry:
+    """The same for one, by its primary key. Raises Entry.DoesNotExist."""
+    found = lock_entries([entry])
+    if not found:
+        raise Entry.DoesNotExist
+    return found[0]
+
+
+def stop_after_commit(evaluations: QuerySet[Evaluation], *, now: datetime) -> None:
+    """Stop those of ``evaluations`` that wait or drive, after the commit: the lock order is evaluation, entry, race."""
+    for evaluation in evaluations.filter(state__in=(State.QUEUED, State.RUNNING)):
+        after_commit(stop_evaluation, evaluation=evaluation, now=now)

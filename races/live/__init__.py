@@ -1,0 +1,1 @@
+"""Live events: planning, running order, sealed runs, the show, screens and commentary."""

@@ -1,0 +1,1 @@
+"""Queries of live events for pages, streams and the API."""

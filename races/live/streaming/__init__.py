@@ -1,0 +1,1 @@
+"""Chunks of positions and camera frames that spectators of a live event receive."""

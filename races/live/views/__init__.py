@@ -1,0 +1,1 @@
+"""Pages of live events: the lobby and show, screens, speed commands."""

@@ -1,0 +1,1 @@
+"""The list of races, the page of a race and what its organiser does."""

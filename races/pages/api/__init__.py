@@ -1,0 +1,1 @@
+"""The API of races: finding, organising, entering and reading boards."""

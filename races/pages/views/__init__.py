@@ -1,0 +1,1 @@
+"""Pages of races: the list, one race with its board, organising, entering."""

@@ -1,0 +1,1 @@
+"""Pages, files, videos and comparisons of one run."""

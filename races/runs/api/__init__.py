@@ -1,0 +1,1 @@
+"""The API of runs: results, files, comparisons, videos and test runs."""

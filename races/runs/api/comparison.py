@@ -1,0 +1,43 @@
+"""One lap against another, as numbers."""
+
+from drf_spectacular.utils import OpenApiParameter, extend_schema
+from rest_framework.request import Request
+from rest_framework.response import Response
+
+from core.api.documents import serializer_of
+from core.api.views import APIView
+from evaluation.models import Evaluation
+from evaluation.running.results import read_trace
+from paddock.errors import UserFault
+
+from ...web.api import visible_evaluation
+from ..comparison import LapComparison, LapLine, best_lap, compare, lap_line
+from ..selectors import refuse_incomparable
+
+
+class CompareView(APIView):
+    @extend_schema(
+        operation_id="compare_evaluations",
+        summary="The gap between a lap of one run and a lap of another, along the way",
+        description="Both runs must be on the same track in the same direction, and you must see both.",
+        parameters=[
+            OpenApiParameter("lap", int, description="Of the first run; its best one unless it is given."),
+            OpenApiParameter("other_lap", int, description="Of the other run; its best one unless it is given."),
+        ],
+        responses=serializer_of(LapComparison),
+    )
+    def get(self, request: Request, public_id: str, other_id: str) -> Response:
+        one, other = visible_evaluation(request, public_id), visible_evaluation(request, other_id)
+        refuse_incomparable(one, other)
+        lines = _line(request, "lap", one), _line(request, "other_lap", other)
+        return Response(serializer_of(LapComparison)(compare(*lines, one.track.geometry.length)).data)
+
+
+def _line(request: Request, name: str, run: Evaluation) -> LapLine:
+    laps = run.result.laps
+    asked = request.query_params.get(name, "")
+    if not asked:
+        return lap_line(read_trace(run.result), laps, best_lap(laps))
+    if not (asked.isascii() and asked.isdecimal() and len(asked) < 4):
+        raise UserFault("compare_lap", lap=asked[:20], laps=len(laps))
+    return lap_line(read_trace(run.result), laps, int(asked))

@@ -1,0 +1,130 @@
+"""Two laps against each other: where one gained on the other, from the traces of both. Pure."""
+
+import csv
+import io
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Annotated, Any
+
+import numpy as np
+
+from evaluation.running.messages import DrivenLapDocument
+from paddock.errors import UserFault
+
+POINTS = 200  # of a whole lap: each half a percent of it
+_END = 100.0  # percent
+
+
+@dataclass(frozen=True)
+class LapLine:
+    """A lap by distance: ``percent`` (rising), ``ms`` since its start, commanded ``speed`` (m/s); ``time_ms`` if
+    complete."""
+
+    number: int
+    time_ms: int | None
+    percent: np.ndarray
+    ms: np.ndarray
+    speed: np.ndarray
+
+    @property
+    def reached(self) -> float:
+        """How far it came, in percent."""
+        return float(self.percent[-1])
+
+
+@dataclass(frozen=True)
+class LapComparison:
+    """One lap against another along the way."""
+
+    lap: Annotated[int, "Of the first run."]
+    other_lap: Annotated[int, "Of the other run."]
+    length_m: Annotated[float, "Of a lap."]
+    metres: Annotated[list[float], "From the line, half a percent of a lap apart, as far as both came."]
+    gap_ms: Annotated[list[int], "How much later the other was there: more than 0 where the first run is ahead."]
+    speed: Annotated[list[float], "Commanded in the first run, m/s."]
+    other_speed: Annotated[list[float], "Commanded in the other run, m/s."]
+
+    @property
+    def last_gap_ms(self) -> int:
+        """The gap where the comparison ends."""
+        return self.gap_ms[-1]
+
+    @property
+    def is_whole(self) -> bool:
+        """Whether both finished the lap."""
+        return self.metres[-1] >= self.length_m - 1e-6
+
+    def stretch(self, *, gained: bool, length_m: float = 2.0) -> tuple[float, float, int]:
+        """The ``length_m`` metres with the largest gain or loss: from, to, and the difference in ms (0 or more)."""
+        metres, gap = np.array(self.metres), np.array(self.gap_ms, float)
+        ends = np.minimum(metres + min(length_m, metres[-1]), metres[-1])
+        change = np.interp(ends, metres, gap) - gap
+        at = int(change.argmax() if gained else change.argmin())
+        return float(metres[at]), float(ends[at]), max(0, round(float(change[at] if gained else -change[at])))
+
+
+def lap_line(trace_csv: bytes, laps: Sequence[DrivenLapDocument], number: int) -> LapLine:
+    """Lap ``number`` (from 1) from a sim-trace. At a place passed twice because of a reset the first time counts.
+    Raises UserFault("compare_lap")."""
+    lap = next((lap for lap in laps if lap["number"] == number), None)
+    if lap is None:
+        raise UserFault("compare_lap", lap=number, laps=len(laps))
+    percent, ms, speed = [0.0], [0.0], [0.0]
+    for row in csv.DictReader(io.StringIO(trace_csv.decode())):
+        at = min(float(row["progress"]), _END)
+        if int(float(row["episode"])) != number - 1 or at <= percent[-1]:
+            continue
+        percent.append(at)
+        ms.append(max(ms[-1], float(row["tstamp"]) * 1000 - lap["start_ms"]))
+        speed.append(float(row["throttle"]))
+    time_ms = lap["time_ms"] if lap["complete"] else None
+    if time_ms is not None:
+        if percent[-1] >= _END:  # the row behind the line: the time at the line is known better
+            percent.pop(), ms.pop()
+            last = speed.pop()
+        else:
+            last = speed[-1]
+        percent.append(_END)
+        ms = [min(each, time_ms) for each in ms] + [time_ms]
+        speed.append(last)
+    if len(percent) < 2:
+        raise UserFault("compare_lap", lap=number, laps=len(laps))
+    speed[0] = speed[1]
+    return LapLine(number, time_ms, np.array(percent), np.array(ms), np.array(speed))
+
+
+def compare(one: LapLine, other: LapLine, length_m: float) -> LapComparison:
+    """``one`` against ``other``, both of a lap of ``length_m`` metres."""
+    reached = min(one.reached, other.reached)
+    percent = np.linspace(0.0, reached, max(2, round(POINTS * reached / _END) + 1))
+
+    def at(line: LapLine, values: np.ndarray) -> np.ndarray:
+        return np.interp(percent, line.percent, values)
+
+    return LapComparison(
+        lap=one.number,
+        other_lap=other.number,
+        length_m=round(length_m, 3),
+        metres=[round(each * length_m / _END, 3) for each in percent.tolist()],
+        gap_ms=[round(each) for each in (at(other, other.ms) - at(one, one.ms)).tolist()],
+        speed=[round(each, 2) for each in at(one, one.speed).tolist()],
+        other_speed=[round(each, 2) for each in at(other, other.speed).tolist()],
+    )
+
+
+def best_lap(laps: Sequence[DrivenLapDocument]) -> int:
+    """The number of the lap to begin with: the fastest whole one, else that which came farthest."""
+    whole = [lap for lap in laps if lap["complete"]]
+    if whole:
+        return min(whole, key=lambda lap: lap["time_ms"])["number"]
+    return max(laps, key=lambda lap: lap["completion_percentage"])["number"] if laps else 1
+
+
+def ghost_data(replay: Mapping[str, Any], laps: Sequence[DrivenLapDocument], lap: int) -> dict[str, list]:
+    """The columns of :func:`races.runs.replay.replay_data` of one lap, whose clock begins with the lap."""
+    start = next(one["start_ms"] for one in laps if one["number"] == lap)
+    names = ("t", "x", "y", "yaw", "v", "steer", "lap", "status")
+    rows = [index for index, number in enumerate(replay["lap"]) if number == lap - 1]
+    data = {name: [replay[name][index] for index in rows] for name in names}
+    data["t"] = [max(0, moment - start) for moment in data["t"]]
+    return data

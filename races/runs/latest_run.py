@@ -1,0 +1,76 @@
+"""The last car that a racer sent to a race, for the box that watches it."""
+
+from dataclasses import dataclass
+from typing import Any
+
+from django.http import HttpRequest
+
+from evaluation.models import Evaluation, State
+from evaluation.running.queue.selectors import expected_wait_s, queue_position
+from races.boards.ranking import Standing, standing_in
+from races.models import Entry, Race, Submission
+from races.spoilers.selectors import spoilers_of
+
+_UNUSED = [f"evaluation__result__{name}" for name in ("trajectory", "metrics", "versions", "layout", "order")]
+
+
+@dataclass(frozen=True)
+class LatestRun:
+    """A submission, its place in the queue and the seconds until it is done, where these were looked up."""
+
+    entry: Entry
+    submission: Submission
+    position: int | None
+    wait_s: float | None
+
+    @property
+    def evaluation(self) -> Evaluation:
+        return self.submission.evaluation
+
+    @property
+    def standing(self) -> Standing | None:
+        """The result of its finished run in the race; None until then."""
+        result = getattr(self.evaluation, "result", None)
+        return None if result is None else standing_in(self.entry.race, result.laps)
+
+    @property
+    def counts(self) -> bool:
+        """Whether the racer's place on the board is of this run."""
+        return self.entry.best_id == self.submission.pk
+
+    @property
+    def is_held(self) -> bool:
+        """Whether its result waits for the race to be driven again with its engine."""
+        result = getattr(self.evaluation, "result", None)
+        return result is not None and result.engine != self.entry.race.engine
+
+    @property
+    def mark(self) -> str:
+        return live_mark(self.evaluation, self.position)
+
+
+def live_mark(evaluation: Evaluation, position: int | None) -> str:
+    """A short text that changes whenever an evaluation looks different while it waits or drives."""
+    if evaluation.state == State.QUEUED:
+        return f"{evaluation.public_id}-queued-{position}"
+    if evaluation.state == State.RUNNING:
+        return f"{evaluation.public_id}-running-{evaluation.progress.get('total_ms', 0)}"
+    return f"{evaluation.public_id}-{evaluation.state}"
+
+
+def latest_run(entry: Entry | None, *, queue: bool = True) -> LatestRun | None:
+    """The last submission of ``entry``, if there is one. ``queue``: look for its place there while it waits."""
+    if entry is None or not entry.last_number:
+        return None
+    runs = Submission.objects.filter(entry=entry).select_related("evaluation__model__network", "evaluation__result")
+    submission = runs.defer("evaluation__spec", *_UNUSED).order_by("-number").first()
+    if submission is None:
+        return None
+    position = queue_position(submission.evaluation) if queue else None
+    wait_s = expected_wait_s(submission.evaluation, position) if position else None
+    return LatestRun(entry, submission, position, wait_s)
+
+
+def race_page_part(request: HttpRequest, race: Race, entry: Entry | None) -> dict[str, Any]:
+    """The last run of the reader in the race, unless its results are hidden."""
+    return {"latest": None if spoilers_of(request).hides(race) else latest_run(entry, queue=False)}

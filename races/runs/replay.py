@@ -1,0 +1,164 @@
+"""Data for the page of a result: lap rows with sector colours, driven lines, the steps of a replay."""
+
+import csv
+import io
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from enum import StrEnum
+from types import MappingProxyType
+from typing import Any, Self
+
+from evaluation.running.messages import DrivenLapDocument
+from paddock.geometry.track import TrackGeometry
+from races.models import Race
+from tracks.drawing import MARGIN_M, TOP_SPEED_MPS, Trajectory
+from tracks.models import Track
+
+LAP_COLOURS = 6
+SECTORS = 3
+NO_RIVALS: Mapping[int, bytes] = MappingProxyType({})
+PURPLE, GREEN, YELLOW = "purple", "green", "yellow"
+
+
+class ColourBy(StrEnum):
+    """The meaning of a trajectory's colour."""
+
+    SPEED = "speed"
+    LAP = "lap"
+
+    @classmethod
+    def of(cls, word: str | None) -> Self:
+        """The colouring that a query names; by speed unless it names another."""
+        return cls.LAP if word == cls.LAP else cls.SPEED
+
+
+@dataclass(frozen=True)
+class LapRow:
+    """A lap as its table shows it. ``gap_ms``: to the run's best lap; ``sectors``: (time in ms, colour) each."""
+
+    lap: DrivenLapDocument
+    is_best: bool
+    gap_ms: int | None
+    sectors: list[tuple[int, str]]
+
+    @property
+    def missing(self) -> range:
+        """One for each sector that the lap has no time for."""
+        return range(SECTORS - len(self.sectors))
+
+
+def lap_rows(laps: Sequence[DrivenLapDocument], race: Race | None) -> list[LapRow]:
+    """The laps with their sector colours: purple as fast as anybody ranked in ``race``, green the run's own best,
+    yellow slower. ``race``: None without purple (:func:`.video_titles.race_of_marks`)."""
+    complete = [lap for lap in laps if lap["complete"]]
+    best_ms = min((lap["time_ms"] for lap in complete), default=None)
+    own = [min(times) for times in zip(*(lap["sector_ms"] for lap in complete if _timed(lap)), strict=False)]
+    fastest = race.fastest_sectors_ms if race is not None else (None, None, None)
+    rows = []
+    for lap in laps:
+        counts = lap["complete"] and _timed(lap)
+        sectors = [
+            (time, _colour(time, own[index], fastest[index]) if counts else "")
+            for index, time in enumerate(lap.get("sector_ms") or ())
+        ]
+        gap = lap["time_ms"] - best_ms if best_ms is not None and lap["complete"] else None
+        rows.append(LapRow(lap, gap == 0, gap or None, sectors))
+    return rows
+
+
+def _timed(lap: DrivenLapDocument) -> bool:
+    sectors = lap.get("sector_ms") or ()
+    return len(sectors) == SECTORS and all(time is not None for time in sectors)
+
+
+def _colour(time: int, own: int, fastest: int | None) -> str:
+    if fastest is not None and time <= fastest:
+        return PURPLE
+    return GREEN if time <= own else YELLOW
+
+
+def speed_scale(line: Sequence[Sequence[Sequence[float]]]) -> tuple[float, float]:
+    """The slowest and the fastest speed (m/s) of all laps, to one decimal; the standing start does not count."""
+    speeds = [point[2] for points in line for point in points if point[2] > 0]
+    return (round(min(speeds), 1), round(max(speeds), 1)) if speeds else (0.0, TOP_SPEED_MPS)
+
+
+def trajectories(
+    line: Sequence[Sequence[Sequence[float]]], colour: ColourBy, lap: int | None = None
+) -> list[Trajectory]:
+    """The driven lines of all laps (or of lap ``lap``, from 1) to draw on the map."""
+    lines = []
+    scale = speed_scale(line)
+    for index, points in enumerate(line):
+        if lap is not None and index != lap - 1:
+            continue
+        if colour == ColourBy.SPEED:
+            lines.append(Trajectory(points, [point[2] for point in points], scale=scale))
+        else:
+            lines.append(Trajectory(points, style=f"lap-{index % LAP_COLOURS}"))
+    return lines
+
+
+def map_point(track: Track, x: float, y: float) -> tuple[float, float]:
+    """A place in metres in the coordinates of the map (from its upper left corner, y down)."""
+    return map_place(track.geometry, x, y)
+
+
+def map_place(geometry: TrackGeometry, x: float, y: float) -> tuple[float, float]:
+    """The same for a track's geometry, in either direction."""
+    x_min, _, _, y_max = geometry.bounds
+    return round(x - x_min + MARGIN_M, 3), round(y_max + MARGIN_M - y, 3)
+
+
+def map_size(track: Track) -> tuple[float, float]:
+    """Width and height of the map's coordinates."""
+    x_min, y_min, x_max, y_max = track.geometry.bounds
+    return round(x_max - x_min + 2 * MARGIN_M, 2), round(y_max - y_min + 2 * MARGIN_M, 2)
+
+
+def replay_data(
+    track: Track,
+    trace_csv: bytes,
+    bots: Sequence[Sequence[Sequence[float]]] = (),
+    rivals: Mapping[int, bytes] = NO_RIVALS,
+) -> dict[str, Any]:
+    """The steps of a sim-trace as columns: ``t`` (simulated ms), ``x`` and ``y`` on the map, ``yaw`` (degrees,
+    clockwise), ``v`` (m/s), ``steer`` (degrees), ``lap``, ``status``; and those of bots (given as x, y, yaw in m and
+    rad) and rivals (traces by number)."""
+    return {
+        **_columns(track, trace_csv),
+        "bots": [_bot(track, places) for places in bots],
+        "rivals": [{"number": number, **_columns(track, trace)} for number, trace in sorted(rivals.items())],
+    }
+
+
+def _bot(track: Track, places: Sequence[Sequence[float]]) -> dict[str, list[float]]:
+    points = [map_point(track, x, y) for x, y, _ in places]
+    return {
+        "x": [x for x, _ in points],
+        "y": [y for _, y in points],
+        "yaw": [round(-math.degrees(yaw), 1) for _, _, yaw in places],
+    }
+
+
+def _columns(track: Track, trace_csv: bytes) -> dict[str, list]:
+    columns: dict[str, list] = {name: [] for name in ("t", "x", "y", "yaw", "v", "steer", "lap", "status")}
+    first: float | None = None
+    for row in csv.DictReader(io.StringIO(trace_csv.decode())):
+        stamp = float(row["tstamp"])
+        first = stamp if first is None else first
+        x, y = map_point(track, float(row["X"]), float(row["Y"]))
+        values = (
+            round((stamp - first) * 1000),
+            x,
+            y,
+            round(-float(row["yaw"]), 1),
+            round(float(row["throttle"]), 2),
+            round(float(row["steer"]), 1),
+            int(float(row["episode"])),
+            row["episode_status"],
+        )
+        for column, value in zip(columns.values(), values, strict=True):
+            column.append(value)
+    return columns

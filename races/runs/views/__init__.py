@@ -1,0 +1,1 @@
+"""Pages of one run: result, replay, comparison, camera and video."""

@@ -1,0 +1,1 @@
+"""Test runs: private evaluations of a racer that count in no race."""

@@ -1,0 +1,1 @@
+"""Races of real cars: sessions, measured laps, sensors, timekeepers and guests."""

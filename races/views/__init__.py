@@ -1,1 +1,0 @@
-"""Pages of races and of evaluations."""

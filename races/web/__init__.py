@@ -1,0 +1,1 @@
+"""Names, lookups, spectator links and serializers that pages and the API share."""

@@ -1,0 +1,107 @@
+"""Everything that addresses of the API may name, all of it Alice's, and tokens of all who may ask."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from datetime import timedelta
+
+import pytest
+from django.conf import settings as django_settings
+from django.utils import timezone
+from knox.models import AuthToken
+
+from accounts.class_accounts.services import make_class
+from accounts.groups.services import make_group
+from accounts.models import Racer
+from accounts.teams.services import found_team
+from core.events import waking
+from core.wakeups import workers as wakeup
+from league.models import Notice
+from league.notices import kinds as notice_kinds
+from league.seasons.services.seasons import create_season, schedule_round
+from league.webhooks.services import add_webhook, send_test
+from races.entries.services.entries import accept_invitation
+from races.models import Visibility
+from races.timing.services import make_sensor
+from tests.drawn_runs import a_drawing
+from tests.evaluation.reports import a_report
+from tests.factories import a_race, a_racer, drive, laps
+from tests.races.timing import a_physical_race, timed
+from tests.training.jobs import a_sweep_row, a_trained_one
+from training.vehicles.services import save_vehicle
+from videos import drawing
+from videos.services import request_video, run_next_video
+
+
+@dataclass
+class Fuzzed:
+    """``known``: what addresses may name, so that requests also get past the first 404: all of it is Alice's.
+    ``tokens``: the headers of everybody who may ask: a guest, a stranger, the owner of all that there is, an admin."""
+
+    known: dict[str, str]
+    tokens: dict[str, dict[str, str]]
+
+
+def make_fuzzed() -> Fuzzed:
+    """Without a broker, and with a video of a few bytes."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(wakeup, "publish", lambda name, **options: None)
+        patch.setattr(waking, "wake", lambda name: None)
+        patch.setattr(drawing, "write_video", a_drawing)
+        patch.setattr(drawing, "poster", lambda scene: b"a still")
+        patch.setattr(django_settings, "TRAINING", True)
+        patch.setattr(django_settings, "TRAINING_PAUSED", False)
+        alice = a_racer("alice")
+        return Fuzzed(make_known(alice), make_tokens(alice))
+
+
+def make_known(alice: Racer) -> dict[str, str]:
+    now = timezone.now()
+    race = a_race(now, slug="fuzzed", organiser=alice, visibility=Visibility.INVITATION)
+    accept_invitation(token=race.invitation, racer=a_racer("guest"), now=now)
+    season = create_season(slug="fuzzed", name="Fuzzed", starts_on=now.date(), ends_on=now.date() + timedelta(days=90))
+    times = {"opens_at": now + timedelta(days=1), "closes_at": now + timedelta(days=9)}
+    schedule_round(season=season, number=1, division="open", now=now, name="Month", track=race.track, **times)
+    submission = drive(race, alice, laps(10_000, 10_000, 10_000), now)
+    asked = request_video(evaluation=submission.evaluation, by=alice, part="1", language="en", now=now)
+    run_next_video(worker="w")
+    notice = Notice.objects.create(racer=alice, kind=notice_kinds.OPENS, about="x", params={"race": "Fuzzed"}, at=now)
+    real = a_physical_race(now, slug="real", organiser=alice)
+    sensor = make_sensor(race=real, name="Gate", by=alice, now=now)[0]
+    session = timed(real, alice, alice, now, 10_000)
+    hook = add_webhook(owner=alice, url="https://example.org/hook")
+    send_test(webhook=hook, now=now)
+    make_group(by=alice, name="Fuzzed", now=now)
+    found_team(by=alice, name="Fuzzed", now=now)
+    make_class(teacher=alice, name="Fuzzed class", plan=[], now=now)
+    return {
+        "slug": "fuzzed",
+        "tracks": "oval",
+        "classes": "fuzzed-class",
+        "alias": "guest",
+        "stage": "open-qualifier",
+        "token": race.invitation,
+        "evaluations": submission.evaluation.public_id,
+        "models": submission.evaluation.model.public_id,
+        "videos": asked.video.public_id,
+        "reports": a_report(alice, now).public_id,
+        "trainings": a_trained_one(alice, race.track, now).public_id,
+        "sweeps": a_sweep_row(alice, race.track, now).public_id,
+        "vehicles": save_vehicle(owner=alice, name="Van", sensors=["STEREO_CAMERAS"]).public_id,
+        "notices": notice.pk,
+        "webhooks": hook.pk,
+        "key": AuthToken.objects.create(user=alice)[0].token_key,
+        "id": str(session.pk),
+        "number": str(sensor.pk),
+    }
+
+
+def make_tokens(alice: Racer) -> dict[str, dict[str, str]]:
+    """Nothing compressed: the library that checks the answers does not unpack them."""
+    plain = {"Accept-Encoding": "identity"}
+
+    def header(racer: Racer) -> dict[str, str]:
+        return plain | {"Authorization": f"Token {AuthToken.objects.create(user=racer)[1]}"}
+
+    sam = a_racer("sam", is_staff=True, is_superuser=True)
+    return {"guest": plain, "stranger": header(a_racer("charlie")), "owner": header(alice), "staff": header(sam)}

@@ -1,0 +1,86 @@
+"""Deletes a class with its accounts, cars, runs, trainings, races and files.
+
+Learners race in races of their class alone and share no models, so that nothing of anybody else hangs on theirs.
+"""
+
+from collections.abc import Collection
+
+from django.db import transaction
+from django.db.models import Q
+
+from accounts.class_accounts.services import can_lead_class, can_teach
+from accounts.models import Classroom, Racer
+from evaluation.models import Evaluation, Result, RivalResult, TrainedModel
+from paddock.errors import UserFault
+from races.entries.services.standings import recompute_race
+from races.models import Duel, DuelCompetitor, LiveSlot, OwnEvaluation, Race, Redrive, Submission
+
+from ..jobs.services.deletion import delete_stored
+from ..models import TrainingJob
+from ..quotas import files_of
+
+
+@transaction.atomic
+def delete_class(*, classroom: Classroom, by: Racer) -> int:
+    """Delete a class with all content of its learners; the number of accounts. The next purge deletes unused networks.
+
+    Raises UserFault("class_not_yours").
+    """
+    if not can_lead_class(by, classroom):
+        raise UserFault("class_not_yours")
+    learners = list(classroom.learners.values_list("racer", flat=True))
+    races = list(Race.objects.filter(group=classroom.group_id).values_list("pk", flat=True))
+    _delete_left(learners, races)
+    group = classroom.group
+    Racer.objects.filter(pk__in=learners).delete()
+    classroom.delete()
+    group.delete()
+    return len(learners)
+
+
+@transaction.atomic
+def remove_learner(*, classroom: Classroom, by: Racer, racer: Racer) -> None:
+    """Delete a learner's account with all its content, and rank the boards of the class anew.
+
+    Raises UserFault("class_not_yours"), and ("class_learner_in_duels") if drawn duels, and so the results of others,
+    need their car.
+    """
+    if not can_teach(by, classroom) or not classroom.learners.filter(racer=racer).exists():
+        raise UserFault("class_not_yours")
+    drawn = DuelCompetitor.objects.filter(entry__racer=racer).select_related("entry__race").first()
+    if drawn is not None:
+        raise UserFault("class_learner_in_duels", racer=racer.alias, race=drawn.entry.race.name)
+    raced = list(Race.objects.filter(entries__racer=racer))
+    _delete_left([racer.pk], [])
+    LiveSlot.objects.filter(racer__entry__racer=racer).delete()
+    Racer.objects.filter(pk=racer.pk).delete()
+    for race in raced:
+        recompute_race(race=race)
+
+
+def _delete_left(learners: list[int], races: list[int]) -> None:
+    duels = Duel.objects.filter(race__in=races)
+    submissions = Submission.objects.filter(Q(entry__race__in=races) | Q(entry__racer__in=learners))
+    runs = set(duels.exclude(evaluation=None).values_list("evaluation", flat=True))
+    runs |= set(submissions.filter(entry__racer__in=learners).values_list("evaluation", flat=True))
+    runs |= set(Evaluation.with_sealed.filter(owner__in=learners).values_list("pk", flat=True))
+    files = _files(runs)
+    for job in TrainingJob.objects.filter(owner__in=learners):
+        files += files_of(job)
+    Redrive.objects.filter(Q(submission__in=submissions) | Q(evaluation__in=runs) | Q(replaced__in=runs)).delete()
+    shown = Q(evaluation__in=runs) | Q(speed_run__in=runs) | Q(submission__entry__race__in=races)
+    LiveSlot.objects.filter(shown).delete()
+    duels.delete()
+    TrainingJob.objects.filter(owner__in=learners).delete()
+    OwnEvaluation.objects.filter(owner__in=learners).delete()
+    submissions.delete()
+    Evaluation.with_sealed.filter(pk__in=runs).delete()
+    Race.objects.filter(pk__in=races).delete()
+    TrainedModel.objects.filter(owner__in=learners).delete()
+    transaction.on_commit(lambda: delete_stored(files), robust=True)
+
+
+def _files(runs: Collection[int]) -> list[str]:
+    results = Result.with_sealed.filter(evaluation__in=runs).values_list("trace", "bots")
+    rivals = RivalResult.objects.filter(result__evaluation__in=runs).values_list("trace")
+    return [name for names in (*results, *rivals) for name in names if name]

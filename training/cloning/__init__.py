@@ -1,0 +1,1 @@
+"""Models whose weights a training can start from."""

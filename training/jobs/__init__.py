@@ -1,0 +1,1 @@
+"""Training jobs: the queue, the run in a worker, their pages and API."""

@@ -1,0 +1,1 @@
+"""Every write to training jobs and their files."""

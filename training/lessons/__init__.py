@@ -1,0 +1,1 @@
+"""The lessons of "Learn" and their pages."""

@@ -1,0 +1,1 @@
+"""The reward laboratory: a recorded lap, rewards along it, heat maps."""

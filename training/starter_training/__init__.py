@@ -1,0 +1,1 @@
+"""A first car with one click."""

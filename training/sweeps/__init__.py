@@ -1,0 +1,1 @@
+"""Sweeps: automatic tuning of a training by successive halving."""

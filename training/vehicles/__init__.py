@@ -1,0 +1,1 @@
+"""Vehicles of the garage: services, form, pages, API."""

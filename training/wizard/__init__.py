@@ -1,0 +1,1 @@
+"""The wizard "Create a model": its form, proposals and views."""
