@@ -39,11 +39,14 @@ wheels: ## PyBullet's wheel for this Python (PYTHON=) into dist/, beside the rac
 setup run: export STEPS := 4
 test journeys soak lint bench: export STEPS := 5
 PYTEST := $(BIN)/python -m pytest -n $(WORKERS) --dist loadgroup --no-loadscope-reorder
+# RETRY=alone: failed tests run once more, one at a time. Status 1 of pytest: tests failed, nothing else went wrong
+RETRY ?=
+RETRIED := { test $$? -eq 1 -a "$(RETRY)" = alone && $(BIN)/python -m pytest --last-failed --last-failed-no-failures none; }
 test: system-test $(VENV)/.offered compiled $(VENV)/.browser ## every claim in minutes (PYTEST_ARGS= for more, WORKERS= at a time)
-	$(PYTEST) -m "not slow and not soak" $(PYTEST_ARGS)
+	$(PYTEST) -m "not slow and not soak" $(PYTEST_ARGS) || $(RETRIED)
 
 journeys: system-test $(VENV)/.offered compiled $(VENV)/.browser ## real browsers, programs and servers from end to end: what is marked slow
-	$(PYTEST) -m "slow and not soak" $(PYTEST_ARGS)
+	$(PYTEST) -m "slow and not soak" $(PYTEST_ARGS) || $(RETRIED)
 
 soak: system-test $(VENV)/.offered compiled $(VENV)/.browser ## what both leave out: minutes each, variants, many examples
 	PADDOCK_SOAK=1 $(PYTEST) -m "soak or hypothesis" --timeout 7200 $(PYTEST_ARGS)

@@ -72,6 +72,31 @@ def test_tests_have_five_steps(make):
     assert "packages browser" in ran
 
 
+@pytest.mark.parametrize(
+    ("first", "second", "retry", "passes"),
+    [
+        (0, None, "RETRY=alone", True),
+        (1, 0, "RETRY=alone", True),
+        (1, 1, "RETRY=alone", False),
+        (1, 5, "RETRY=alone", False),  # no failed test is known
+        (3, None, "RETRY=alone", False),  # pytest itself broke
+        (1, None, "RETRY=", False),
+    ],
+)
+def test_failed_tests_run_once_more_alone_in_ci(make, tmp_path, first, second, retry, passes):
+    make("setup")
+    python = tmp_path / ".venv" / "bin" / "python"
+    statuses = f"case $* in *last-failed*) exit {second} ;; *pytest*) exit {first} ;; esac\n"
+    python.write_text(python.read_text() + statuses)
+    if passes:
+        make("test", retry)
+    else:
+        with pytest.raises(subprocess.CalledProcessError):
+            make("test", retry)
+    ran = (tmp_path / "log").read_text().splitlines()
+    assert sum("--last-failed" in line and " -n " not in line for line in ran) == (second is not None)
+
+
 def test_wheels_need_no_environment(make, tmp_path):
     stub = tmp_path / "python3.13"
     stub.write_text('#!/bin/sh\necho "$*" >>log\n')
