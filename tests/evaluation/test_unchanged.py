@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import threading
 from datetime import timedelta
+from types import SimpleNamespace
 
 import pytest
 from django.db import connection, transaction
@@ -53,6 +54,22 @@ def test_a_value_expires(race, monkeypatch):
     monkeypatch.setattr("core.database.commit_cache.SLOW_S", -1.0)  # else one that was slow to make lives longer
     values, make = Unchanged[int](10), numbered()
     assert [values.get("a", -1.0, make) for _ in range(2)] == [1, 2]
+
+
+def test_a_value_that_is_slow_to_make_lives_longer(race, monkeypatch):
+    now = [0.0]
+    monkeypatch.setattr("core.database.commit_cache.time", SimpleNamespace(monotonic=lambda: now[0]))
+    values, make = Unchanged[int](10), numbered()
+
+    def make_slowly():
+        now[0] += 1.0
+        return make()
+
+    seen = []
+    for pause_s in (0.0, 2.5, 1.0):  # it lives four times the second that it took
+        now[0] += pause_s
+        seen.append(values.get("a", 0.5, make_slowly))
+    assert seen == [1, 1, 2]
 
 
 def test_a_private_value_is_not_shared(race):
