@@ -7,8 +7,12 @@ from django.contrib.auth.base_user import AbstractBaseUser
 from django.core.exceptions import PermissionDenied
 from django.http import HttpRequest
 
+from core.database.kept_queries import KeptQuery
+
 from .models import Racer
 from .signing_in.attempt_limits import racer_with
+
+_racers = KeptQuery(lambda pk: Racer.objects.select_related("learner__classroom").filter(pk=pk).order_by())
 
 
 class PasswordBackend(AuthenticationBackend):
@@ -23,8 +27,7 @@ class PasswordBackend(AuthenticationBackend):
 
     def get_user(self, user_id: Any) -> AbstractBaseUser | None:
         """The racer of a session, with their class, which pages of races ask for."""
-        found = Racer.objects.select_related("learner__classroom").filter(pk=user_id).order_by()
-        racer = next(iter(found), None)  # first() would compile an order of all these columns
+        racer = next(iter(_racers(pk=user_id)), None)
         return racer if racer is not None and self.user_can_authenticate(racer) else None
 
     def _authenticate(self, request: HttpRequest | None, **credentials: Any) -> AbstractBaseUser | None:

@@ -1,7 +1,7 @@
 """Querysets and permission checks for models: own, visible and shared."""
 
 from django.contrib.auth.models import AnonymousUser
-from django.db.models import F, Q, QuerySet
+from django.db.models import Expression, F, Q, QuerySet
 
 from accounts.models import Racer
 from core.streams.shared_pieces import shared_value
@@ -14,7 +14,12 @@ _SHARED = Q(Q(shared_at__isnull=False) | Q(owner__is_house=True), owner__is_acti
 
 def models_of(racer: Racer | AnonymousUser) -> QuerySet[TrainedModel]:
     """The racer's garage, newest first; empty for somebody who is not logged in. Twin of :func:`can_use_model`."""
-    return TrainedModel.objects.filter(owner_id=racer.pk, deleted_at=None).select_related("network", "owner")
+    return garage_of(racer.pk)
+
+
+def garage_of(racer: int | Expression | None) -> QuerySet[TrainedModel]:
+    """:func:`models_of` for the racer of an id."""
+    return TrainedModel.objects.filter(owner_id=racer, deleted_at=None).select_related("network", "owner")
 
 
 def can_use_model(racer: Racer | AnonymousUser, model: TrainedModel) -> bool:

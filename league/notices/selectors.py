@@ -8,6 +8,7 @@ from django.db.models import Q, QuerySet
 from django.utils.translation import gettext as _
 
 from accounts.models import Racer
+from core.database.kept_queries import KeptQuery
 from evaluation.models import Evaluation
 from races.models import Race
 from races.spoilers.selectors import spoilers_of_racer
@@ -15,6 +16,8 @@ from races.web.names import named
 
 from ..models import Cup, Notice, Season
 from .kinds import KINDS
+
+MOST_COUNTED = 100
 
 if TYPE_CHECKING:
     from django.contrib.auth.models import AnonymousUser
@@ -31,14 +34,22 @@ def notices_of(racer: Racer | AnonymousUser) -> QuerySet[Notice]:
     return notices.exclude(kind__in=_spoiling_kinds(), path__in=_hidden_paths(racer))
 
 
-def count_unread(racer: Racer, most: int) -> int:
-    """How many of :func:`notices_of` are unread, up to ``most``. One query, and more only if one of them may show
-    hidden results."""
-    unread = Notice.objects.filter(racer_id=racer.pk, hidden=False, read_at=None).order_by()
-    kinds = list(unread.values_list("kind", flat=True)[:most])
+_unread_kinds = KeptQuery(
+    lambda racer: (
+        Notice.objects.filter(racer_id=racer, hidden=False, read_at=None)
+        .order_by()
+        .values_list("kind", flat=True)[:MOST_COUNTED]
+    )
+)
+
+
+def count_unread(racer: Racer) -> int:
+    """How many of :func:`notices_of` are unread, up to :data:`MOST_COUNTED`. One query, and more only if one of
+    them may show hidden results."""
+    kinds = _unread_kinds(racer=racer.pk)
     if racer.hides_results_since is None or not set(kinds).intersection(_spoiling_kinds()):
         return len(kinds)
-    return notices_of(racer).filter(read_at=None).order_by()[:most].count()
+    return notices_of(racer).filter(read_at=None).order_by()[:MOST_COUNTED].count()
 
 
 def text_without_results(notice: Notice) -> str:

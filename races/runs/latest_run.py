@@ -5,6 +5,7 @@ from typing import Any
 
 from django.http import HttpRequest
 
+from core.database.kept_queries import KeptQuery
 from evaluation.models import Evaluation, State
 from evaluation.running.queue.selectors import expected_wait_s, queue_position
 from races.boards.ranking import Standing, standing_in
@@ -58,12 +59,21 @@ def live_mark(evaluation: Evaluation, position: int | None) -> str:
     return f"{evaluation.public_id}-{evaluation.state}"
 
 
+_last = KeptQuery(
+    lambda entry: (
+        Submission.objects.filter(entry_id=entry)
+        .select_related("evaluation__model__network", "evaluation__result")
+        .defer("evaluation__spec", *_UNUSED)
+        .order_by("-number")[:1]
+    )
+)
+
+
 def latest_run(entry: Entry | None, *, queue: bool = True) -> LatestRun | None:
     """The last submission of ``entry``, if there is one. ``queue``: look for its place there while it waits."""
     if entry is None or not entry.last_number:
         return None
-    runs = Submission.objects.filter(entry=entry).select_related("evaluation__model__network", "evaluation__result")
-    submission = runs.defer("evaluation__spec", *_UNUSED).order_by("-number").first()
+    submission = next(iter(_last(entry=entry.pk)), None)
     if submission is None:
         return None
     position = queue_position(submission.evaluation) if queue else None

@@ -3,14 +3,14 @@
 from collections.abc import Callable
 from typing import Any
 
-from django.db.models import Exists, OuterRef, QuerySet, Value
+from django.db.models import Exists, OuterRef, QuerySet
 from django.http import HttpRequest
 from django.utils import timezone
 
+from core.database.kept_queries import KeptQuery
 from core.forms import explain
 from core.streams.shared_pieces import shared_piece
-from evaluation.models import TrainedModel
-from evaluation.selectors import models_of
+from evaluation.selectors import garage_of
 
 from ..boards.ranking import rule_for
 from ..boards.selectors.shared_boards import shared_race
@@ -18,11 +18,12 @@ from ..entries.eligibility import refusal
 from ..entries.selectors.lists import entry_of
 from ..entries.selectors.visibility import can_organise
 from ..entries.terms import has_accepted
-from ..models import Entry, Race, RaceState
+from ..models import Entry, Race, RaceState, Submission
 from ..models.sensors import not_offered
 
 Part = Callable[[HttpRequest, Race, Entry | None], dict[str, Any]]
 _PARTS: list[Part] = []
+NO_ENTRY = 0  # no row has this id
 
 
 def register_part(part: Part) -> Part:
@@ -55,9 +56,9 @@ def race_context(request: HttpRequest, shown: Race, entry: Entry | None = None, 
         fault = refusal(shown, request.user, now)
         context["not_for_me"] = fault and explain(fault)
     if shown.physical and entry is not None:
-        context["models"] = list(_garage(request))
+        context["models"] = _garage(racer=request.user.pk, entry=entry.pk)
     elif state == RaceState.OPEN and request.user.is_authenticated and not shown.physical:
-        garage = list(_garage(request).annotate(is_sent=_is_sent(entry)))
+        garage = _garage(racer=request.user.pk, entry=entry.pk if entry else NO_ENTRY)
         fitting = [model for model in garage if not not_offered(model.sensors, shown.sensors)]
         context |= {
             "models": [model for model in fitting if not model.is_sent],
@@ -72,12 +73,11 @@ def _hero(slug: str) -> dict[str, Any]:
     return {"race": race, "state": race.state_at(timezone.now()), "ranking_rule": rule_for(race).rule(race)}
 
 
-def _garage(request: HttpRequest) -> QuerySet[TrainedModel]:
-    return models_of(request.user).select_related(None).only("public_id", "name", "metadata")
+def _models(racer: Any, entry: Any) -> QuerySet[Any]:
+    """A garage, and whether the entry has sent a model's network: the same car would only drive the same laps again."""
+    sent = Submission.objects.filter(entry_id=entry, is_void=False, network_id=OuterRef("network_id")).order_by()
+    garage = garage_of(racer).select_related(None).only("public_id", "name", "metadata")
+    return garage.annotate(is_sent=Exists(sent))
 
 
-def _is_sent(entry: Entry | None) -> Exists | Value:
-    """Whether an entry has sent a model's network: the same car would only drive the same laps again."""
-    if entry is None:
-        return Value(False)
-    return Exists(entry.submissions.filter(is_void=False, network_id=OuterRef("network_id")).order_by())
+_garage: KeptQuery[Any] = KeptQuery(_models)

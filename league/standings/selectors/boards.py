@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, TypeAlias, TypedDict
 from django.db.models import Exists, OuterRef, QuerySet
 
 from accounts.models import Racer
+from core.database.kept_queries import KeptQuery
 from core.streams.shared_pieces import shared_value
 from paddock.errors import UserFault
 from races.boards.selectors.board import Board
@@ -61,10 +62,16 @@ def round_of(race: Race, racer: Racer | None = None) -> ShownRound | None:
         _keep_round(race, copy(shared))
     found: ShownRound | None = race._round_shown
     if found is not None and racer is not None and getattr(race, "_round_reader", None) != racer.pk:
-        own = Membership.objects.filter(season=found.season_id, racer=racer).order_by()
         found = copy(found)  # other readers may share the race
-        found.reader_division = own.values_list("division", flat=True).first() or ""
+        found.reader_division = next(iter(_divisions(season=found.season_id, racer=racer.pk)), "")
     return found
+
+
+_divisions = KeptQuery(
+    lambda season, racer: (
+        Membership.objects.filter(season_id=season, racer_id=racer).order_by().values_list("division", flat=True)
+    )
+)
 
 
 def read_rounds(races: Sequence[Race], racer: Racer) -> None:

@@ -3,11 +3,13 @@
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from itertools import islice
+from typing import Any
 
 from django.db.models import OuterRef, Q, QuerySet, Subquery
 
 from accounts.groups.selectors import inside, visible_of
 from accounts.models import Racer, RacerGroup, Team, Viewer
+from core.database.kept_queries import KeptQuery
 from core.streams.shared_pieces import shared_value
 
 from ...models import Entry, Race
@@ -177,6 +179,15 @@ def _cut(page: int, rows: int, per_page: int) -> tuple[int, int, int]:
     return page, pages, (page - 1) * per_page
 
 
+_own: KeptQuery[Any] = KeptQuery(
+    lambda race, racer: with_place(
+        Entry.objects.filter(race_id=race, racer_id=racer)
+        .select_related("best__evaluation", "car_of__racer")
+        .order_by()
+    )
+)
+
+
 def as_seen_by(shown: Board, race: Race, racer: Viewer, *, pinned: bool = True) -> Board:
     """``shown``, a page as guests see it, with the racer's own row: one query for a racer on another page. ``pinned``:
     with a row also for a racer on another page."""
@@ -187,10 +198,9 @@ def as_seen_by(shown: Board, race: Race, racer: Viewer, *, pinned: bool = True) 
     my_row = next((row for row in rows if row.is_me), None)
     if my_row is not None:
         return replace(shown, race=race, rows=rows, my_row=my_row, my_entry=my_row.entry)
-    own = race.entries.filter(racer_id=view.reader_id).select_related("best__evaluation", "car_of__racer")
-    mine = next(iter(with_place(own).order_by()), None)  # first() would compile an order of all these columns
+    mine = next(iter(_own(race=race.pk, racer=view.reader_id)), None)
     if mine is not None and racer is not None:
-        mine.racer = racer
+        mine.race, mine.racer = race, racer
     if pinned and mine is not None and not mine.is_withdrawn:
         my_row = view.row(mine, 1 + mine.place if has_rank(mine) else None)
     return replace(shown, race=race, my_row=my_row, my_entry=mine)

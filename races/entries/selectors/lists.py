@@ -10,6 +10,7 @@ from operator import or_
 from django.db.models import Case, OuterRef, Q, QuerySet, Value, When
 
 from accounts.models import GroupMember, Racer, Viewer
+from core.database.kept_queries import KeptQuery
 from core.streams.shared_pieces import shared_value
 from evaluation.models import Evaluation
 from tracks.models import Track
@@ -127,12 +128,16 @@ def races_of(racer: Racer) -> QuerySet[Race]:
     return _counted(races_visible_to(racer)).filter(pk__in=mine).order_by("-closes_at", "pk")
 
 
+_entries = KeptQuery(
+    lambda race, racer: Entry.objects.filter(race_id=race, racer_id=racer).select_related("best__evaluation").order_by()
+)
+
+
 def entry_of(race: Race, racer: Viewer) -> Entry | None:
     """The racer's entry in a race, also a withdrawn one; None if there never was one."""
     if racer is None or not racer.is_authenticated:
         return None
-    found = Entry.objects.filter(race=race, racer_id=racer.pk).select_related("best__evaluation").order_by()
-    entry = next(iter(found), None)
+    entry = next(iter(_entries(race=race.pk, racer=racer.pk)), None)
     if entry is not None:
         entry.race, entry.racer = race, racer
     return entry

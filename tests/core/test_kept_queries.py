@@ -1,0 +1,90 @@
+"""Queries whose SQL is kept: other values each time, the rows of today."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
+
+import pytest
+from django.contrib.sessions.backends.db import SessionStore as DjangosStore
+from django.contrib.sessions.models import Session
+from django.db import connection
+from django.db.models import F
+from django.test import Client
+from django.utils import timezone
+
+from accounts.models import Racer
+from config.serving.sessions import SessionStore
+from core.database.kept_queries import KeptQuery
+from tests.factories import a_model, a_racer
+
+pytestmark = pytest.mark.django_db
+
+
+def test_each_call_binds_its_own_values() -> None:
+    racers = [a_racer("alice"), a_racer("bob")]
+    found = KeptQuery(lambda pk, alias: Racer.objects.filter(pk=pk, alias=alias))
+    assert [found(pk=racer.pk, alias=racer.alias) for racer in racers] == [[racer] for racer in racers]
+    assert found(pk=racers[0].pk, alias="bob") == []
+
+
+def test_rows_and_related_rows_are_as_django_reads_them() -> None:
+    model = a_model(a_racer("alice"))
+    models = type(model).objects.select_related("owner", "network").annotate(of=F("owner__alias"))
+    kept, known = KeptQuery(lambda pk: models.filter(pk=pk))(pk=model.pk)[0], models.get(pk=model.pk)
+    fields = [field.attname for field in model._meta.concrete_fields]
+    assert [getattr(kept, name) for name in fields] == [getattr(known, name) for name in fields]
+    assert (kept.of, kept._state.fields_cache.keys()) == ("alice", known._state.fields_cache.keys())
+
+
+def test_columns_are_converted() -> None:
+    racer = a_racer("alice")
+    rows = KeptQuery(lambda pk: Racer.objects.filter(pk=pk).values_list("joined_at", "is_staff"))
+    assert rows(pk=racer.pk) == [(racer.joined_at, False)]
+
+
+def test_a_value_that_the_query_drops_is_a_mistake() -> None:
+    with pytest.raises(AssertionError):
+        KeptQuery(lambda pk, forgotten: Racer.objects.filter(pk=pk))(pk=1, forgotten=2)
+
+
+def test_only_the_first_call_compiles(monkeypatch: pytest.MonkeyPatch) -> None:
+    found = KeptQuery(lambda pk: Racer.objects.filter(pk=pk))
+    found(pk=1)
+    monkeypatch.setattr("django.db.models.sql.compiler.SQLCompiler.as_sql", None)
+    assert found(pk=2) == []
+
+
+@pytest.mark.django_db(transaction=True)
+def test_threads_share_the_sql_and_not_the_connection() -> None:
+    racers = [a_racer(f"racer-{number}") for number in range(4)]
+    found = KeptQuery(lambda pk: Racer.objects.filter(pk=pk))
+
+    def read(racer: Racer) -> bool:
+        try:
+            return all(found(pk=racer.pk) == [racer] for _ in range(50))
+        finally:
+            connection.close()
+
+    with ThreadPoolExecutor(len(racers)) as threads:
+        assert all(threads.map(read, racers))
+
+
+def test_a_session_ends_with_its_log_out_and_its_date() -> None:
+    client = Client()
+    for end in (lambda key: client.logout(), lambda key: _expire(key)):
+        client.force_login(a_racer())
+        key = client.cookies["sessionid"].value
+        assert SessionStore(key).load() == DjangosStore(key).load() != {}
+        end(key)
+        ended = SessionStore(key)
+        assert ended.load() == {} and ended.session_key is None
+
+
+def _expire(key: str) -> None:
+    Session.objects.filter(pk=key).update(expire_date=timezone.now())
+
+
+def test_no_session_key_reads_nothing(django_assert_num_queries: Callable) -> None:
+    with django_assert_num_queries(0):
+        assert SessionStore().load() == {}
