@@ -142,9 +142,12 @@ TEMPLATES = [
                 "django.contrib.auth.context_processors.auth",
                 "django.contrib.messages.context_processors.messages",
             ],
+            "builtins": ["core.templatetags.kept_addresses"],
+            "libraries": {"i18n": "core.templatetags.kept_words"},
         },
     },
 ]
+SILENCED_SYSTEM_CHECKS = ["templates.W003"]  # that "i18n" is also Django's
 
 # --- database: SQLite in WAL mode that takes its write lock at BEGIN, or what DATABASE_URL names -------------------
 DATABASES = {"default": env_database("DATABASE_URL", f"sqlite:///{DATA_DIR / 'paddock.sqlite3'}")}

@@ -5,6 +5,7 @@ slow connections cost a few kilobytes and no thread of Django's. The master rest
 """
 
 import argparse
+import gc
 import logging
 import os
 import resource
@@ -159,6 +160,7 @@ def _serve(listening: socket.socket, application: str, threads: int, master: int
         end_with_parent(master, signal.SIGTERM)
         module, _, name = application.partition(":")
         loaded = getattr(import_module(module), name)
+        gc.freeze()  # what is loaded stays: a collection that looked through it would take a tenth of all time
         status = 1
         _serve_until_signal(loaded, listening, threads)
         status = 0

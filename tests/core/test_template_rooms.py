@@ -10,12 +10,15 @@ from inspect import unwrap
 from pathlib import Path
 
 from django.conf import settings
+from django.template import Engine, engines
 from django.template.backends.django import get_installed_libraries
 from django.template.loader import get_template
 from django.urls import URLPattern, URLResolver, get_resolver
 
 from core.pages import registry
 
+DJANGOS = {tag for library in Engine().template_builtins for tag in library.tags}
+DJANGOS_FILTERS = {name for library in Engine().template_builtins for name in library.filters}
 ROOT = Path(settings.BASE_DIR)
 # Folders that other applications name
 ROOM_OF_FOLDER = {
@@ -129,9 +132,11 @@ def test_templates_link_only_to_pages_of_their_rooms_and_below():
                 assert room is None or may_know(room_of(template), room), f"{template}: {address}"
 
 
-def test_no_tag_library_is_built_in():
-    """What is built in is known to every template, whatever its room."""
-    assert not settings.TEMPLATES[0]["OPTIONS"].get("builtins")
+def test_no_tag_of_a_room_is_built_in():
+    """What is built in is known to every template, whatever its room: only tags of Django's."""
+    engine = engines["django"].engine
+    ours = [library for library in engine.template_builtins if not library.tags.keys() <= DJANGOS]
+    assert ours == [] and not any(library.filters.keys() - DJANGOS_FILTERS for library in engine.template_builtins)
 
 
 def test_code_renders_only_templates_of_its_room_and_below():

@@ -1,0 +1,6 @@
+"""Another site's addresses."""
+
+from django.http import HttpResponse
+from django.urls import path
+
+urlpatterns = [path("elsewhere/", lambda request: HttpResponse(), name="races")]
