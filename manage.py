@@ -12,6 +12,11 @@ if TYPE_CHECKING:
     from paddock.errors import PlatformFault
 
 
+# Commands that load the apps only where they need them (core.management.light)
+LIGHT = {"evaluate": "races.management.commands.evaluate"}
+_NEED_DJANGO = ("--settings", "--pythonpath")
+
+
 def main() -> None:
     os.environ.setdefault("DJANGO_SETTINGS_MODULE", "config.settings")
     if sys.argv[1:2] == ["run"]:
@@ -20,11 +25,15 @@ def main() -> None:
         set_site_url(sys.argv[2:])
     else:
         gc.set_threshold(400_000)  # loading makes 175,000 objects that stay; a command ends soon
+    if sys.argv[1:] in (["version"], ["--version"]):
+        from django import get_version
+
+        print(get_version())
+        return
     from django.core.exceptions import ImproperlyConfigured
-    from django.core.management import execute_from_command_line
 
     try:
-        execute_from_command_line(sys.argv)
+        _execute(sys.argv)
     except ImproperlyConfigured as error:  # a wrong value in the environment: a sentence, not a traceback
         if "--traceback" in sys.argv:
             raise
@@ -35,6 +44,18 @@ def main() -> None:
             raise
         print(f"{fault.code}: {fault}", file=sys.stderr)
         sys.exit(3)
+
+
+def _execute(arguments: list[str]) -> None:
+    module = LIGHT.get("".join(arguments[1:2]))
+    if module and not any(argument.startswith(_NEED_DJANGO) for argument in arguments):
+        from core.management.light import run_without_apps
+
+        run_without_apps(module, arguments)
+    else:
+        from django.core.management import execute_from_command_line
+
+        execute_from_command_line(arguments)
 
 
 def _database_fault(error: Exception) -> PlatformFault | None:

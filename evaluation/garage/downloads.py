@@ -19,8 +19,8 @@ from ..running.results import read_trace
 from ..selectors import can_see_model
 from ..stored_files import open_stored, read
 from .export import export_in_sandbox
-from .services import package_limits
 from .simulation_log import METADATA, settings_lines, trace_lines
+from .uploads import package_limits
 
 
 def package_of(model: TrainedModel) -> bytes:

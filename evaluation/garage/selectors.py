@@ -1,24 +1,20 @@
-"""The garage for pages: search, sorting, last runs, choices of models, and the summary of an upload."""
+"""The garage for pages: search, sorting, last runs and choices of models."""
 
 from collections.abc import Iterable
 from typing import Any
 
 from django.contrib.auth.models import AnonymousUser
 from django.db.models import F, Max, OrderBy, OuterRef, Q, QuerySet, Subquery, TextChoices
-from django.utils.translation import gettext, ngettext
 from django.utils.translation import gettext_lazy as _
 
 from accounts.models import Racer
 from core.streams.shared_pieces import shared_value
-from paddock.packages.choose import BEST, LAST
 
 from ..models import Evaluation, TrainedModel
 from ..selectors import models_of, newest_shared, shared_models
-from .admission import AdmittedPackage
 
 LONGEST_SEARCH = 64
 SHARED_OFFERED = 100  # of the models that others share, the latest; others are offered by their addresses
-_NAMED = 12  # files that a sentence names
 
 # The field's words for what trained a network, as people say them.
 ALGORITHMS = {"clipped_ppo": "PPO", "sac": "SAC"}
@@ -96,28 +92,3 @@ def cars_of(racer: Racer, *asked: str | None) -> list[tuple[Any, Any]]:
     shared_cars = [(model.public_id, f"{model.name} · {model.owner.alias}") for model in others]
     groups = [(_("My models"), mine), (_("House cars"), house), (_("Shared with me"), shared_cars)]
     return [(name, cars) for name, cars in groups if cars]
-
-
-def upload_summary(package: AdmittedPackage | None) -> list[str]:
-    """Sentences on the chosen checkpoint, the output and the ignored files of an upload."""
-    lines: list[str] = []
-    if package is None:
-        return lines
-    if package.reason == BEST:
-        lines.append(
-            gettext("Checkpoint used: %(file)s, the best by deepracer_checkpoints.json.") % {"file": package.taken}
-        )
-    elif package.reason == LAST:
-        lines.append(gettext("Checkpoint used: %(file)s, the last of the training.") % {"file": package.taken})
-    elif package.reason:
-        lines.append(gettext("Checkpoint used: %(file)s, as chosen.") % {"file": package.taken})
-    if package.output:
-        lines.append(gettext("The network's output %(output)s drives the car.") % {"output": package.output})
-    if package.ignored:
-        names = ", ".join(package.ignored[:_NAMED]) + (", …" if len(package.ignored) > _NAMED else "")
-        count = len(package.ignored)
-        lines.append(
-            ngettext("%(count)d file ignored: %(names)s", "%(count)d files ignored: %(names)s", count)
-            % {"count": count, "names": names}
-        )
-    return lines

@@ -23,7 +23,6 @@ from core.files.atomic_storage import WholeFileStorage
 from core.files.storage_faults import storage_at_work
 from core.validators import without_invisible
 from paddock.errors import UserFault
-from paddock.packages.limits import DEFAULT_LIMITS, MEGABYTE, PackageLimits
 from paddock.packages.read import UploadPart
 
 from ..appearance.looks import COLOUR, Shell, VehicleLook
@@ -33,6 +32,7 @@ from ..stored_files import delete, heal_network, store
 from .admission import AdmittedPackage, admit
 from .original_uploads import delete_unnamed_sources, drop_source, store_source
 from .quotas import MODELS, STORAGE
+from .uploads import package_limits
 
 KEEP_DELETED = timedelta(days=1)
 NAME_LIMIT = length_of(TrainedModel, "name")
@@ -124,23 +124,6 @@ def admit_upload(
     admitted = admit(files, package_limits(), racer_pk=owner.pk, checkpoint=checkpoint.strip().lower())
     heal_network(admitted.sha256, admitted.onnx)
     return admitted
-
-
-def package_limits() -> PackageLimits:
-    million = 1_000_000
-    return replace(
-        DEFAULT_LIMITS,
-        upload_bytes=settings.UPLOAD_LIMIT_MB * MEGABYTE,
-        model_bytes=settings.NETWORK_LIMIT_MB * MEGABYTE,
-        expanded_bytes=settings.UNPACKED_LIMIT_MB * MEGABYTE,
-        archive_members=settings.ARCHIVE_FILES,
-        tensor_elements=settings.NETWORK_LAYER_MILLIONS * million,
-        macs=settings.NETWORK_MULTIPLICATIONS_MILLIONS * million,
-        elements=settings.NETWORK_VALUES_MILLIONS * million,
-        nodes=settings.NETWORK_OPERATORS,
-        slots=settings.UPLOADS_AT_ONCE,
-        slot_wait_s=settings.UPLOAD_WAIT_SECONDS,
-    )
 
 
 @contextmanager

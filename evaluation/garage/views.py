@@ -26,7 +26,8 @@ from . import services
 from .downloads import download_of, export_of, upload_of
 from .forms import DescribeForm, UploadForm
 from .quotas import MODELS
-from .selectors import LONGEST_SEARCH, GarageSort, garage_of, upload_summary, with_last_runs
+from .selectors import LONGEST_SEARCH, GarageSort, garage_of, with_last_runs
+from .uploads import upload_summary
 
 MODELS_PER_PAGE = 50
 PICTURED_TRACK = "oval"

@@ -17,11 +17,11 @@ from typing import TYPE_CHECKING, Any, TextIO, TypedDict
 
 from paddock.errors import PaddockError, UserFault
 from paddock.exact import is_pinned
-from paddock.geometry.track import TrackDocument
 
 from .files import UNREADABLE, file_faults
 
 if TYPE_CHECKING:
+    from paddock.geometry.track import TrackDocument
     from paddock.packages.own import OwnCar
     from paddock.simulator.results import CompetitorRun, LapDocument
 
@@ -34,10 +34,11 @@ class JobCar(TypedDict):
 
 
 class HomeJob(TypedDict, total=False):
-    """A run: its track and rules as their ``to_dict`` writes them, and either its ``cars`` or ``traces``, which are
-    files of sim-traces (CSV) with commands to drive again without a network."""
+    """A run: its track as its ``to_dict`` writes it or its slug in the catalogue, its rules as their ``to_dict`` writes
+    them, and either its ``cars`` or ``traces``, which are files of sim-traces (CSV) with commands to drive again
+    without a network."""
 
-    track: TrackDocument
+    track: TrackDocument | str
     look: str
     rules: Mapping[str, Any]
     cars: list[JobCar]
@@ -56,9 +57,16 @@ class HomeCar(TypedDict):
     metrics: Any
 
 
+class DrivenTrack(TypedDict):
+    name: str
+    length_m: float
+    direction: str
+
+
 class HomeResult(TypedDict):
     """The result of a run at home. ``exact``: the process was started with the pins."""
 
+    track: DrivenTrack
     engine: str
     versions: dict[str, str]
     exact: bool
@@ -86,6 +94,7 @@ def _write_line(out: TextIO, message: Mapping[str, object]) -> None:
 def _driven(job: HomeJob, folder: Path, out: TextIO) -> HomeResult:
     import cv2
 
+    from paddock.geometry.catalogue import by_slug
     from paddock.geometry.track import TrackGeometry
     from paddock.rules.race import RaceRules
     from paddock.simulator import compiled
@@ -96,8 +105,11 @@ def _driven(job: HomeJob, folder: Path, out: TextIO) -> HomeResult:
     if compiled.load() is None:
         with contextlib.suppress(OSError, RuntimeError):  # without it frames are drawn slowly, and are the same
             compiled.build()
-    track = TrackGeometry.from_dict(job["track"])
     rules = RaceRules.from_dict(job["rules"])
+    if isinstance(job["track"], str):
+        track = by_slug(job["track"]).geometry(rules.direction)
+    else:
+        track = TrackGeometry.from_dict(job["track"])
     if "traces" in job:
         try:
             result = drive_again(track, rules, [Path(name).read_bytes() for name in job["traces"]])
@@ -114,6 +126,7 @@ def _driven(job: HomeJob, folder: Path, out: TextIO) -> HomeResult:
     for number, car in enumerate(driven):
         (folder / f"{number}.csv").write_bytes(car.trace.to_csv())
     return {
+        "track": {"name": track.name, "length_m": track.length, "direction": track.direction},
         "engine": result.engine,
         "versions": result.versions,
         "exact": is_pinned(),

@@ -1,7 +1,9 @@
 """The list of all commands with their options, each with the function that runs it as ``module:function``."""
 
 import argparse
+import shutil
 from collections.abc import Callable
+from functools import cache
 from typing import Any, NoReturn
 
 from paddock.errors import UserFault
@@ -17,9 +19,22 @@ EXIT_STATUS = (
 Add = Callable[..., argparse.ArgumentParser]
 
 
+class _Formatter(argparse.HelpFormatter):
+    """Argparse makes one for each argument: the terminal is asked once."""
+
+    def __init__(self, prog: str) -> None:
+        super().__init__(prog, width=_width())
+
+
+@cache
+def _width() -> int:
+    return shutil.get_terminal_size().columns - 2
+
+
 class _Parser(argparse.ArgumentParser):
     def __init__(self, **options: Any) -> None:
-        super().__init__(**options, allow_abbrev=False)  # :mod:`.main` looks for the whole word --json
+        # :mod:`.main` looks for the whole word --json
+        super().__init__(**options, formatter_class=_Formatter, allow_abbrev=False)
 
     def error(self, message: str) -> NoReturn:
         raise UserFault("home_command_line", problem=message.rstrip("."))

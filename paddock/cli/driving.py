@@ -5,7 +5,6 @@ from __future__ import annotations
 import contextlib
 import json
 import os
-import platform
 import subprocess
 import sys
 import tempfile
@@ -16,10 +15,8 @@ from typing import TYPE_CHECKING, Any
 
 from paddock import exact
 from paddock.errors import PlatformFault, UserFault, fault_from_dict
-from paddock.geometry.catalogue import CATALOGUE
+from paddock.geometry.catalogue import CATALOGUE, CatalogueTrack
 from paddock.geometry.catalogue.names import find, nearest
-from paddock.geometry.files import FILES, MAX_BYTES, read_track
-from paddock.geometry.track import TrackGeometry
 from paddock.rules.race import LIVE_LAPS, RUN_RULES, RaceRules
 
 from .child import HomeJob, HomeResult, JobCar
@@ -28,6 +25,7 @@ from .showing import Speaker, lap_time, table
 from .site import Site
 
 if TYPE_CHECKING:
+    from paddock.geometry.track import TrackGeometry
     from paddock.simulator.results import LapDocument
 
     from .answers import Specification
@@ -39,10 +37,10 @@ _ONE_THREAD = {"OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1", "ORT_DISABLE
 
 @dataclass(frozen=True)
 class Where:
-    """The specification of a run: a track in the driven direction, its look, the rules, and the engine of the site
-    (empty without a site)."""
+    """The specification of a run: a track in the driven direction, or one of the catalogue, its look, the rules, and
+    the engine of the site (empty without a site)."""
 
-    track: TrackGeometry
+    track: TrackGeometry | CatalogueTrack
     look: str
     rules: RaceRules
     engine: str = ""
@@ -76,6 +74,8 @@ def _refuse_endless(rules: RaceRules) -> None:
 
 
 def _of_the_site(site: Site, slug: str) -> TrackGeometry:
+    from paddock.geometry.track import TrackGeometry
+
     points = site.get(f"/tracks/{slug}/")
     if points.get("centre") is None:
         raise UserFault("track_differs", track=slug)
@@ -87,6 +87,8 @@ def track_here(name: str) -> TrackGeometry:
     named = find(name)
     if named is not None:
         return named.track.geometry()
+    from paddock.geometry.files import FILES, MAX_BYTES, read_track
+
     path = Path(name)
     if path.suffix not in FILES:
         raise UserFault("track_unknown", name=name, nearest=", ".join(nearest(name)))
@@ -104,7 +106,8 @@ def driven(
     Raises the faults of reading and driving, and PlatformFault("drive_failed")."""
     with tempfile.TemporaryDirectory(prefix="paddock-") as place:
         folder = Path(place)
-        job: HomeJob = {"track": where.track.to_dict(), "look": where.look, "rules": where.rules.to_dict()}
+        track = where.track.slug if isinstance(where.track, CatalogueTrack) else where.track.to_dict()
+        job: HomeJob = {"track": track, "look": where.look, "rules": where.rules.to_dict()}
         job |= {"cars": cars or []} if traces is None else {"traces": traces}
         (folder / "job.json").write_text(json.dumps(job), encoding="utf-8")
         yield _listen(folder, speaker), folder
@@ -147,6 +150,8 @@ def _listen(folder: Path, speaker: Speaker) -> HomeResult:
 
 def is_exact(result: HomeResult) -> bool:
     """Whether the arithmetic here is the site's to the bit: x86-64 and glibc, started with the pins."""
+    import platform
+
     return (
         bool(result["exact"])
         and platform.machine() in ("x86_64", "AMD64")

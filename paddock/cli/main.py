@@ -3,19 +3,22 @@
 # Exit status 0: success. 1: the command ran, but the run failed or a hash differs. 2: refused, with the reason. 3: the
 # site or Paddock failed, or there is nothing to compare. 130: interrupted.
 
+from __future__ import annotations
+
 import argparse
 import io
 import sys
 from collections.abc import Sequence
 from importlib import import_module
-from pathlib import Path
+from typing import TYPE_CHECKING
 
 from paddock.errors import PaddockError, UserFault
 
-from .asking import Call, Command
 from .commands import parser
 from .showing import Speaker, one_line
-from .site import SiteRefusal, error_of
+
+if TYPE_CHECKING:
+    from .asking import Call, Command
 
 REFUSED, FAILED, INTERRUPTED = 2, 3, 130
 _NOT_COMPARED = ("engine_differs", "result_not_there")
@@ -30,8 +33,17 @@ def main(arguments: Sequence[str] | None = None) -> int:
         sys.stdout.reconfigure(errors="replace")  # a terminal without the letters of a name is no failure
     try:
         options = parser().parse_args(given)
+        from .asking import Call
+
         return _called(Call(speaker, options.site), options)
-    except (PaddockError, SiteRefusal) as fault:
+    except BrokenPipeError:  # the reader closed the pipe
+        sys.stderr.close()
+        return 0
+    except Exception as fault:  # all others go on
+        from .site import SiteRefusal, error_of
+
+        if not isinstance(fault, PaddockError | SiteRefusal):
+            raise
         error = error_of(fault)
         if speaker.as_json:
             speaker.result({"error": error}, "")
@@ -40,12 +52,11 @@ def main(arguments: Sequence[str] | None = None) -> int:
     except KeyboardInterrupt:
         speaker.note("Interrupted. What was sent to the site goes on there.")
         return INTERRUPTED
-    except BrokenPipeError:  # the reader closed the pipe
-        sys.stderr.close()
-        return 0
 
 
 def _called(asked: Call, options: argparse.Namespace) -> int:
+    from pathlib import Path
+
     try:
         command = _command(options.run)
         if any(Path(name).is_dir() for name in getattr(options, "model", ())):

@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import Any, TypedDict
 
 from paddock.errors import UserFault
-from paddock.geometry.catalogue.names import direction_in
+from paddock.geometry.catalogue.names import find
 from paddock.rules.race import RUN_RULES, BoxPlace, RaceRules
 from paddock.rules.speed import SpeedCommand
 from paddock.simulator.camera.theme import OFFICIAL
@@ -30,9 +30,10 @@ def evaluate(asked: Call, options: argparse.Namespace) -> int:
         site, slug = race_of(asked, options.race)
         where = where_of(site, site.get(f"/races/{slug}/specification/"))
     else:
-        direction = direction_in(options.track)
-        rules = _rules([*([f"direction={direction}"] if direction else []), *options.rule])
-        where = Where(track_here(options.track).in_direction(rules.direction), options.look or OFFICIAL.name, rules)
+        named = find(options.track)
+        rules = _rules([*([f"direction={named.direction}"] if named and named.direction else []), *options.rule])
+        track = named.track if named else track_here(options.track).in_direction(rules.direction)
+        where = Where(track, options.look or OFFICIAL.name, rules)
     own = [str(path) for path in parts_of(options.model).values()]
     cars: list[JobCar] = [{"files": own, "checkpoint": options.checkpoint}]
     cars += [{"files": [rival], "checkpoint": ""} for rival in options.rival]
@@ -41,7 +42,7 @@ def evaluate(asked: Call, options: argparse.Namespace) -> int:
             trace = (folder / "0.csv").read_bytes()
             with file_faults(UNWRITABLE, options.trace):
                 Path(options.trace).write_bytes(trace)
-    lines, value = _summary(where, came)
+    lines, value = _summary(came)
     status = 0
     if options.race:
         compared = _of_the_site(site, slug, came) if site.token else None
@@ -75,8 +76,8 @@ def _rules(given: list[str]) -> RaceRules:
         raise UserFault("rule_senseless", problem=" ".join(str(error).split())) from error
 
 
-def _summary(where: Where, came: HomeResult) -> tuple[list[str], dict[str, Any]]:
-    lines = [f"{where.track.name}, {where.track.length:.2f} m, {where.track.direction}"]
+def _summary(came: HomeResult) -> tuple[list[str], dict[str, Any]]:
+    lines = ["{name}, {length_m:.2f} m, {direction}".format_map(came["track"])]
     for number, car in enumerate(came["cars"]):
         if len(came["cars"]) > 1:
             lines.append(f"\ncar {number}, place {came['order'].index(number) + 1}")

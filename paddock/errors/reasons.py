@@ -6,8 +6,7 @@
 
 from collections import defaultdict
 from collections.abc import Mapping
-from dataclasses import dataclass
-from typing import Any
+from typing import Any, NamedTuple
 
 # The HTTP status of each kind of reason. conflict: a limit or a state that the caller can change; too_many_requests:
 # only waiting helps, and the answer contains the time; unavailable: Paddock's own fault.
@@ -28,8 +27,7 @@ def gettext_noop(text: str) -> str:
     return text
 
 
-@dataclass(frozen=True)
-class Reason:
+class Reason(NamedTuple):
     """One reason code. ``fault`` is ``user`` or ``platform``; ``subject`` is the heading that the docs list it under;
     ``status`` is the HTTP status of an answer with this code."""
 

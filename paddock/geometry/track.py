@@ -392,3 +392,6 @@ def frozen(rows: Points) -> Points:
     rows = np.array(rows, dtype=np.float64, order="C")
     rows.flags.writeable = False
     return rows
+
+
+from . import open_track as open_track  # noqa: E402  registers itself with TrackGeometry, which it imports

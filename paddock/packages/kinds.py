@@ -6,8 +6,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Callable
-from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 if TYPE_CHECKING:
     from .limits import PackageLimits
@@ -59,8 +58,7 @@ def has_network_name(name: str) -> bool:
     return name.lower().endswith(tuple(one.suffix for one in FORMATS.values() if one.by_suffix))
 
 
-@dataclass(frozen=True)
-class UploadFormat:
+class UploadFormat(NamedTuple):
     """A format of networks that may be uploaded. To add one, add it to :data:`FORMATS`.
 
     ``code``: in rows and the API; ``label``: on pages; ``text``: in the description of the API, if longer; ``begins``:

@@ -3,7 +3,6 @@
 import contextlib
 import functools
 import os
-import platform
 import sys
 
 # Raise the number with any change that can move a lap time.
@@ -31,6 +30,8 @@ def _version(distribution: str) -> str:
 
 def versions() -> dict[str, str]:
     """The versions of the libraries, the C library and Python on which a result depends."""
+    import platform
+
     return {**dict(_versions()), "libc": _libc(), "python": platform.python_version()}
 
 
@@ -50,4 +51,6 @@ def cpu_model() -> str:
                     return line.partition(":")[2].strip()
     except OSError:
         pass
+    import platform
+
     return platform.processor() or platform.machine() or "unknown"

@@ -6,6 +6,7 @@ from difflib import get_close_matches
 from typing import Any, NamedTuple
 
 from core.management.base import Refusal
+from core.management.light import load_apps
 from paddock.errors import PlatformFault, UserFault
 from paddock.geometry.catalogue.names import NEAREST
 from paddock.rules.race import (
@@ -24,8 +25,6 @@ from paddock.rules.race import (
 from paddock.rules.ranked import NEEDED, RANKED, contradiction, usually_needed
 from paddock.rules.rule import Rule
 from races.boards.ranking import laps_needed
-from races.models import Race
-from races.rules.layout import race_rules
 from tracks.management.track_lookup import FoundTrack, has_database
 
 _METAVARS = {"ms": "SECONDS", "m": "METRES", "m/s": "MPS"}
@@ -168,6 +167,10 @@ def find_race(name: str) -> FoundRace:
     and UserFault for a track without a shape."""
     if not has_database():
         raise Refusal(PlatformFault("database_not_ready", problem="there is no database yet"))
+    load_apps()
+    from races.models import Race
+    from races.rules.layout import race_rules
+
     slug = name.partition("?")[0].partition("#")[0].rstrip("/").rpartition("/races/")[2].partition("/")[0]
     race = Race.objects.select_related("track").filter(slug=slug).first() if "\0" not in slug else None
     if race is None:

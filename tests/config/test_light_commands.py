@@ -7,6 +7,7 @@ import sys
 
 import pytest
 
+from core.management.base import REFUSED
 from tests.evaluation.processes import environment
 from tests.shared import CHECKOUT
 
@@ -28,6 +29,43 @@ def test_the_evaluate_command_loads_no_library_that_it_does_not_use():
     assert (done.stdout.strip(), done.returncode) == ("[]", 0), done.stderr
 
 
+@pytest.mark.parametrize(
+    ("arguments", "status", "unused"),
+    [
+        (["version"], 0, {"core", "django.conf", "django.core.management"}),
+        (
+            ["evaluate", "nowhere.onnx", "--track", "oval"],
+            REFUSED,
+            {*HEAVY, "django.core.mail", "django.db.models", "django.http", "django.views", "races.models"},
+        ),
+    ],
+)
+def test_a_command_without_the_database_loads_no_app(arguments, status, unused, tmp_path):
+    code = f"""
+import sys, manage
+sys.argv = ["manage.py", *{arguments}]
+try:
+    manage.main()
+    status = 0
+except SystemExit as end:
+    status = end.code
+print(status, sorted({unused} & sys.modules.keys()))
+"""
+    env = environment("redis://127.0.0.1:1/0") | {"PADDOCK_DATA": str(tmp_path)}
+    done = subprocess.run([sys.executable, "-c", code], cwd=CHECKOUT, env=env, capture_output=True, text=True)
+    assert done.stdout.splitlines()[-1:] == [f"{status} []"], done.stderr
+
+
+def test_evaluate_loads_the_apps_for_a_track_of_the_database(tmp_path):
+    """It finds the database without tables: a refusal, not a fault of the apps that were not loaded before."""
+    database = tmp_path / "paddock.sqlite3"
+    database.touch()
+    command = [sys.executable, "manage.py", "evaluate", "nowhere.onnx", "--track", "back-yard"]
+    env = environment("redis://127.0.0.1:1/0") | {"DATABASE_URL": f"sqlite:///{database}"}
+    done = subprocess.run(command, cwd=CHECKOUT, env=env, capture_output=True, text=True)
+    assert "track_database" in done.stderr and done.returncode == REFUSED, done.stderr
+
+
 def test_a_wake_up_loads_the_sites_celery_app():
     """Also in a thread that has no current app of Celery."""
     code = """
@@ -46,7 +84,8 @@ thread.start(); thread.join()
 @pytest.mark.parametrize(
     ("module", "unused"),
     [
-        ("paddock.cli.main", {"http.client", "importlib.metadata", "numpy", "urllib.request"}),
+        ("paddock.cli.main", {"dataclasses", "hashlib", "importlib.metadata", "platform", "tempfile"}),
+        ("paddock.cli.rehearsing", {"difflib", "http.client", "numpy", "platform", "urllib.request"}),
         ("evaluation.garage.conversion_process", {"http.client", "urllib.request", "xml.sax"}),
     ],
 )

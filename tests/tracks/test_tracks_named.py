@@ -26,7 +26,6 @@ from paddock.rules.race import RaceRules
 from races.management.commands import evaluate as command
 from tests.evaluation.stubs import outcome_of
 from tests.shared import CHECKOUT
-from tracks.management import track_lookup as named
 from tracks.management.track_lookup import find_track
 from tracks.models import Track, TrackLook
 from tracks.services import import_track
@@ -120,7 +119,7 @@ def test_an_unreachable_database_is_named_as_the_reason(monkeypatch):
     def away(**kwargs):
         raise OperationalError("connection refused\n\tIs the server running?")
 
-    monkeypatch.setattr(named.Track.objects, "filter", away)
+    monkeypatch.setattr(Track.objects, "filter", away)
     fault = refused("track_database", "back-yard").fault
     assert fault.params["problem"] == "connection refused Is the server running?"
     assert "oval" in fault.params["known"]

@@ -3,18 +3,16 @@
 from pathlib import Path
 from typing import NamedTuple
 
-from django.core.validators import slug_re
 from django.db import DEFAULT_DB_ALIAS, Error, connections
-from django.db.backends.sqlite3.base import DatabaseWrapper
 
 from core.management.base import Refusal
+from core.management.light import load_apps
 from paddock.errors import UserFault
 from paddock.geometry.catalogue import CATALOGUE
 from paddock.geometry.catalogue.names import find, nearest
 from paddock.geometry.files import FILES, MAX_BYTES, read_track
 from paddock.geometry.track import TrackGeometry
 from paddock.simulator.camera.theme import OFFICIAL
-from tracks.models import Track
 
 TRACK_HELP = "a catalogue track by any of its names, a track of this site by its address, or an .npy file"
 
@@ -49,6 +47,11 @@ def _imported(name: str) -> FoundTrack:
     catalogue = [track.slug for track in CATALOGUE]
     own: list[str] = []
     if has_database():
+        load_apps()
+        from django.core.validators import slug_re
+
+        from tracks.models import Track
+
         try:
             # what is no address at all may not be text to a database
             track = Track.objects.filter(slug=name).first() if slug_re.match(name) else None
@@ -65,6 +68,8 @@ def _imported(name: str) -> FoundTrack:
 
 def has_database() -> bool:
     """Whether there is one to ask; an SQLite file that is not there would be made by asking."""
+    from django.db.backends.sqlite3.base import DatabaseWrapper
+
     database = connections[DEFAULT_DB_ALIAS]
     if not isinstance(database, DatabaseWrapper) or database.is_in_memory_db():
         return True

@@ -3,15 +3,18 @@
 # ``data/catalogue.csv`` lists them in the order of pages: the league's six, the oval, then the others by name.
 # ``data/`` holds their files as the official simulator has them; the NOTICE beside them names the owner.
 
+from __future__ import annotations
+
 import csv
 from dataclasses import dataclass
 from functools import cache
 from importlib.resources import files
+from typing import TYPE_CHECKING
 
 from paddock.errors.reasons import gettext_noop as _
 
-from ..files import read_npy
-from ..track import TrackGeometry
+if TYPE_CHECKING:
+    from ..track import TrackGeometry
 
 _DATA = files(__package__) / "data"
 DESCRIPTIONS: dict[str, str] = {
@@ -77,6 +80,8 @@ def _geometry(slug: str, direction: str) -> TrackGeometry:
     track = by_slug(slug)
     if direction != track.direction:
         return _geometry(slug, track.direction).in_direction(direction)
+    from ..files import read_npy  # loads numpy
+
     return read_npy(track.npy, track.name, is_open=track.is_open)
 
 

@@ -5,7 +5,6 @@
 
 import re
 from collections.abc import Iterable
-from difflib import get_close_matches
 from functools import cache
 from typing import NamedTuple
 
@@ -56,6 +55,8 @@ def nearest(name: str, others: Iterable[str] = ()) -> list[str]:
 def closest(name: str, others: Iterable[str] = (), catalogue: Iterable[CatalogueTrack] = CATALOGUE) -> dict[str, str]:
     """The closest names by address, of at most three tracks: an address, or another name with the address. ``others``:
     addresses of tracks outside the catalogue."""
+    from difflib import get_close_matches
+
     spelling = {key(one): (one, track.slug) for track in catalogue for one in reversed(track.names)}
     spelling = {key(one): (one, one) for one in others} | spelling
     close = get_close_matches(key(name[:_LONGEST]), spelling, n=4 * NEAREST, cutoff=0)

@@ -10,21 +10,22 @@ from contextlib import ExitStack
 from pathlib import Path
 from typing import Any
 
+from django.apps import apps
 from django.conf import settings
 from django.core.management.base import CommandError
 
 from core.management.base import OUR_FAULT, REFUSED, JsonCommand, Refusal
-from core.templatetags.formats import lap_time
-from evaluation.appearance.looks import VehicleLook, distinguish_looks
+from core.management.light import load_apps
+from core.times import clock
 from evaluation.garage.admission import AdmittedPackage, admit
-from evaluation.garage.selectors import upload_summary
-from evaluation.garage.services import package_limits
+from evaluation.garage.uploads import package_limits, upload_summary
 from evaluation.running.messages import FaultDocument
 from evaluation.running.pipeline import CompetitorOutcome, EvaluationOutcome, RaceJob, RivalModel, evaluate
 from evaluation.running.race_setup import check_rivals
-from paddock.errors import UserFault, fault_from_dict
+from paddock.errors import PlatformFault, UserFault, fault_from_dict
 from paddock.geometry.catalogue.names import direction_in
 from paddock.geometry.track import TrackGeometry
+from paddock.packages.kinds import FORMATS
 from paddock.packages.read import UploadPart
 from paddock.rules.race import MAX_CARS
 from paddock.simulator.camera.theme import THEMES
@@ -32,7 +33,6 @@ from paddock.simulator.layout import lay_out
 from races.boards.ranking import RULES as RANKING
 from races.management import race_options
 from tracks.management.track_lookup import TRACK_HELP, find_track
-from videos.drawing import VideoCar, VideoScene, write_video
 
 _ENDINGS = (".tar.gz", ".tgz", ".zip", ".onnx")
 
@@ -121,7 +121,7 @@ class Command(JsonCommand):
             self.stdout.write(json.dumps(report(outcome, cars, admission_s) | ranked, indent=2))
         else:
             self._table(outcome, geometry, admission_s)
-            score = "not classified" if worth.score_ms is None else lap_time(worth.score_ms)
+            score = "not classified" if worth.score_ms is None else clock(worth.score_ms)
             self.stdout.write(f"by {ranking.code}, {needed} laps in a row: {score}")
         if options["trace"] is not None:  # last: the figures are printed even if it cannot be written
             _write_traces(options["trace"], outcome)
@@ -146,11 +146,11 @@ class Command(JsonCommand):
         self.stdout.write("\nlap       time  off track  crashes  resets  status")
         for lap in car.laps:
             faults = f"{lap['off_tracks']:>10} {lap['crashes']:>8} {lap['resets']:>7}"
-            self.stdout.write(f"{lap['number']:>3} {lap_time(lap['time_ms']):>10} {faults}  {lap['status']}")
+            self.stdout.write(f"{lap['number']:>3} {clock(lap['time_ms']):>10} {faults}  {lap['status']}")
         self.stdout.write("")
         figures = car_times(car)
         for name in ("average", "best", "total"):
-            self.stdout.write(f"{name:<8}{lap_time(figures[f'{name}_lap_ms' if name != 'total' else 'total_ms']):>11}")
+            self.stdout.write(f"{name:<8}{clock(figures[f'{name}_lap_ms' if name != 'total' else 'total_ms']):>11}")
         if car.retired:
             self.stdout.write(f"retired: {car.retired['code']}: {_with_message(car.retired)['message']}")
 
@@ -228,7 +228,16 @@ def admit_files(paths: list[Path], checkpoint: str = "") -> AdmittedPackage:
             parts = [UploadPart(path.name, stack.enter_context(path.open("rb"))) for path in paths]
         except OSError as error:
             raise Refusal.unreadable(error) from error
-        return admit(parts, package_limits(), checkpoint=checkpoint.strip().lower())
+        checkpoint = checkpoint.strip().lower()
+        try:
+            return admit(parts, package_limits(), checkpoint=checkpoint)
+        except PlatformFault as fault:
+            if apps.ready or fault.code not in {one.no_process for one in FORMATS.values()}:
+                raise
+        load_apps()  # an app may register the process that reads this format
+        for part in parts:
+            part.stream.seek(0)
+        return admit(parts, package_limits(), checkpoint=checkpoint)
 
 
 def _files_of(rival: str) -> list[Path]:
@@ -255,6 +264,9 @@ def _write(path: Path, data: bytes) -> None:
 def save_video(path: Path, track: TrackGeometry, outcome: EvaluationOutcome, files: Sequence[str]) -> None:
     """Write the run as an MP4 to ``path``; ``files`` name the cars. Raises Refusal for a run that no video can show,
     CommandError for an unwritable file; then the path is unchanged."""
+    from evaluation.appearance.looks import VehicleLook, distinguish_looks
+    from videos.drawing import VideoCar, VideoScene, write_video
+
     looks = distinguish_looks([VehicleLook()] * len(files))
     results: list[EvaluationOutcome | CompetitorOutcome] = [outcome, *outcome.rivals]
     cars = [
