@@ -13,18 +13,23 @@ RACERS, RACES, RUNS = 2_000, 200, 50_000
 MONTHS_BEFORE = 150  # days since the large site's season began
 MODELS = 3  # of each racer; so many runs in a race at most
 NOTICES = 20
+OWN_RUNS, ITERATIONS = 3, 60  # of the racer with results
 BOARD = 120  # entries of the new site's long board: a further page has some
 LAP_MS = 15_000
 
 
 @dataclass(frozen=True)
 class Site:
-    """Readers by name (None: a guest), and the addresses of the pages by name."""
+    """Readers by name (None: a guest), and the addresses of the pages by name, with words for what is a reader's own."""
 
     readers: dict[str, Any]
     others: dict[str, Any]  # another reader of each kind
     paths: dict[str, str]
     month: Any  # the race of the month in the open division
+    owned: dict[int, dict[str, str]]  # by racer the words of addresses
+
+    def path(self, page: str, racer: Any) -> str:
+        return self.paths[page].format(**self.owned.get(racer and racer.pk, {}))
 
 
 def make_site(now: datetime, *, big: bool = False, racers: int = RACERS, races: int = RACES, runs: int = RUNS) -> Site:
@@ -56,11 +61,14 @@ def make_site(now: datetime, *, big: bool = False, racers: int = RACERS, races: 
         fill(board, BOARD, now)
     enter_house_cars(now=now)
     _end_queued(now)
-    others = {name: a_racer(f"other-{racer.alias}", is_staff=racer.is_staff) for name, racer in readers.items()}
-    run = [_drive(month, each["results"], now) for each in (others, readers)][-1]
+    others = {name: _like(racer) for name, racer in readers.items()}
+    other_run, run = [_drive(month, each["results"], now) for each in (others, readers)]
     for race in list(Race.objects.filter(round=None, opens_at__lte=now, closes_at__gt=now, race_type="time_trial")[:3]):
         _drive(race, readers["results"], now)
-    follow_racer(follower=readers["results"], racer=Racer.objects.get(alias="r1"), now=now)
+    for follower, followed in ((readers, others), (others, readers)):
+        follow_racer(follower=follower["results"], racer=Racer.objects.get(alias="r1"), now=now)
+        follow_racer(follower=follower["results"], racer=followed["results"], now=now)
+    owned = {each["results"].pk: _own_rows(each["results"], run, now) for each in (others, readers)}
     for waiting in (others["waiting car"], readers["waiting car"]):
         submit_model(race=month, racer=waiting, model=a_model(waiting), now=now)
     show = a_live_race(now, readers["organiser"], slug="live-show", name="Live show")
@@ -78,12 +86,56 @@ def make_site(now: datetime, *, big: bool = False, racers: int = RACERS, races: 
         "season": season.get_absolute_url(),
         "live event": f"{show.get_absolute_url()}event/",
         "notices": "/notices/",
+        "wizard": "/train/new/",
+        "wizard, clone": "/train/new/?clone={model}",
+        "training": "/train/{training}/",
+        "model": "/models/{model}/",
+        "own runs": "/runs/",
+        "new run": "/runs/new/",
+        "comparison": f"{run.get_absolute_url()}compare/{other_run.public_id}/",
+        "following": "/following/",
+        "usage": "/settings/usage/",
+        "usage of all": "/usage/",
+        "admin: races": "/admin/races/race/",
+        "admin: race": f"/admin/races/race/{month.pk}/change/",
+        "admin: racers": "/admin/accounts/racer/",
+        "admin: racer": f"/admin/accounts/racer/{readers['results'].pk}/change/",
+        "admin: runs": "/admin/evaluation/evaluation/",
+        "admin: run": f"/admin/evaluation/evaluation/{run.pk}/change/",
     }
-    return Site({"guest": None, **readers}, {"guest": None, **others}, paths, month)
+    return Site({"guest": None, **readers}, {"guest": None, **others}, paths, month, owned)
+
+
+def _own_rows(racer: Any, run: Any, now: datetime) -> dict[str, str]:
+    """Test drives and an ended training of the racer, with a graph. Returns the words of addresses."""
+    from evaluation.models import TrainedModel
+    from races.test_runs.services import drive_own
+    from tests.factories import finish, laps
+    from tests.training.jobs import a_trained_one, an_iteration
+    from training.models import JobState, TrainingIteration, TrainingJob
+
+    model = TrainedModel.objects.filter(owner=racer).order_by("pk").first()
+    for _ in range(OWN_RUNS):
+        finish(drive_own(owner=racer, model=model, track=run.track, now=now), laps(*[LAP_MS] * 3), now)
+    training = a_trained_one(racer, run.track, now)
+    ended = {"state": JobState.STOPPED, "ended_because": "stopped", "started_at": now, "ended_at": now}
+    TrainingJob.objects.filter(pk=training.pk).update(**ended)
+    numbers = range(4, ITERATIONS)
+    TrainingIteration.objects.bulk_create(
+        TrainingIteration(job=training, **an_iteration(number, is_best=number == ITERATIONS - 1).values)
+        for number in numbers
+    )
+    return {"model": model.public_id, "training": training.public_id}
 
 
 def _laps_of_the_show() -> dict[str, tuple[int, ...]]:
     return {"results": (9_000, 9_400), "carl": (8_000,), "dora": (8_500, 10_000, 8_700)}
+
+
+def _like(racer: Any) -> Any:
+    from tests.factories import a_racer
+
+    return a_racer(f"other-{racer.alias}", is_staff=racer.is_staff, is_superuser=racer.is_superuser)
 
 
 def _drive(race: Any, racer: Any, now: datetime) -> Any:

@@ -39,6 +39,14 @@ READERS: dict[str, tuple[str, ...]] = {
     "season": ("guest", "no car", "results", "organiser", "admin"),
     "live event": ("guest", "no car", "results", "organiser", "admin"),
     "notices": ("no car", "results", "admin"),
+    "wizard": ("no car", "results"),
+    **dict.fromkeys(("wizard, clone", "training", "model", "own runs"), ("results",)),
+    "new run": ("no car", "results"),
+    "comparison": ("guest", "no car", "results"),
+    "following": ("no car", "results"),
+    "usage": ("no car", "results"),
+    "usage of all": ("admin",),
+    **dict.fromkeys((f"admin: {name}" for name in ("races", "race", "racers", "racer", "runs", "run")), ("admin",)),
 }
 _KEEPING = ("SAVEPOINT", "RELEASE", "BEGIN", "COMMIT")
 
@@ -80,7 +88,7 @@ def quiet_site(now: Any, *, big: bool = False) -> Site:
 
 def request(site: Site, page: str, racer: Any) -> Callable[[], Any]:
     """Ask for a page as a racer, or as a guest."""
-    client, path = client_of(racer), site.paths[page]
+    client, path = client_of(racer), site.path(page, racer)
 
     def ask() -> Any:
         answer = client.get(path)

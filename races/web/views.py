@@ -55,13 +55,18 @@ def visible_evaluation(request: HttpRequest, public_id: str) -> Evaluation:
     return get_object_or_404(_evaluations(request.user), public_id=public_id)
 
 
-def shown_evaluation(request: HttpRequest, public_id: str) -> Evaluation:
-    """The same for a page: a finished run that guests may see is read once for all readers, and each gets a copy."""
+def public_evaluation(public_id: str) -> Evaluation | None:
+    """A finished run that guests may see: one object for all readers, so nobody may change it."""
 
-    def public() -> Evaluation | None:
+    def read() -> Evaluation | None:
         return _evaluations(None).filter(public_id=public_id, state=State.FINISHED).first()
 
-    run = shared_value(("public run", public_id), public)
+    return shared_value(("public run", public_id), read)
+
+
+def shown_evaluation(request: HttpRequest, public_id: str) -> Evaluation:
+    """:func:`visible_evaluation` for a page: a public one is read once for all readers, and each gets a copy."""
+    run = public_evaluation(public_id)
     return visible_evaluation(request, public_id) if run is None else copy(run)
 
 

@@ -1,16 +1,19 @@
 """Two runs beside each other: which, and one lap of each against the other."""
 
+from typing import Any
 from urllib.parse import urlencode
 
 from django.http import Http404, HttpRequest, HttpResponse, JsonResponse
 from django.shortcuts import redirect, render
+from django.template.loader import render_to_string
 from django.urls import reverse
 from django.utils.translation import gettext as _
 from django.views.decorators.http import require_safe
 
 from core import times
+from core.streams.shared_pieces import shared_piece
 from evaluation.appearance.looks import distinguish_looks
-from evaluation.models import Evaluation
+from evaluation.models import Evaluation, State
 from evaluation.running.results import read_trace
 from paddock.errors import UserFault
 from races.boards.selectors.results import place_of
@@ -23,7 +26,7 @@ from races.runs.selectors import direction_of, offers_to_compare, refuse_incompa
 from races.runs.video_titles import race_of
 from tracks.drawing import Trajectory
 
-from ...web.views import finished_evaluation, report_fault, visible_evaluation
+from ...web.views import finished_evaluation, public_evaluation, report_fault, shown_evaluation, visible_evaluation
 
 AHEAD = "ahead"
 
@@ -54,18 +57,34 @@ def evaluation_compare(request: HttpRequest, public_id: str) -> HttpResponse:
 
 @require_safe
 def evaluation_compared(request: HttpRequest, public_id: str, other_id: str) -> HttpResponse:
-    """A lap of a run against a lap of another; ``lap`` and ``other_lap``: which, the best of each unless they do."""
+    """A lap of a run against a lap of another; ``lap`` and ``other_lap``: which, the best of each unless they do. Two
+    public runs are compared once for all readers."""
+    public = public_evaluation(public_id), public_evaluation(other_id)
+    template = "races/runs/parts/comparison.html"
     try:
-        shown, other, numbers, compared = _compared(request, public_id, other_id)
+        shown, other, numbers = _chosen(request, public_id, other_id)
+
+        def values() -> dict[str, Any]:
+            return _comparison(shown, other, numbers)
+
+        if all(public):
+            drawn = shared_piece(template, values, key=(public_id, other_id, numbers))
+        else:
+            drawn = render_to_string(template, values())
     except UserFault as fault:
         report_fault(request, fault)
         return redirect("evaluation_compare", public_id)
-    runs = [shown, other]
-    names = _names(shown, other)
+    context = {"names": _names(shown, other), "track": shown.track, "comparison": drawn}
+    return render(request, "races/runs/compared.html", context)
+
+
+def _comparison(shown: Evaluation, other: Evaluation, numbers: tuple[int, int]) -> dict[str, Any]:
+    """The context of the comparison. Raises UserFault."""
+    runs, names, compared = [shown, other], _names(shown, other), _compared(shown, other, numbers)
     looks = distinguish_looks([run.model.look for run in runs])
     lines = [_line(run, number, f"lap-{index}") for index, (run, number) in enumerate(zip(runs, numbers, strict=True))]
     query = urlencode({"lap": numbers[0], "other_lap": numbers[1]})
-    context = {
+    return {
         "evaluation": shown,
         "other": other,
         "names": names,
@@ -78,7 +97,7 @@ def evaluation_compared(request: HttpRequest, public_id: str, other_id: str) -> 
         "lines": [line for line in lines if line],
         "boxes": driven_boxes(shown.result.layout),
         "map_size": map_size(shown.track),
-        "replay": reverse("evaluation_compared_replay", args=[public_id, other_id]) + f"?{query}",
+        "replay": reverse("evaluation_compared_replay", args=[shown.public_id, other.public_id]) + f"?{query}",
         "rows": _rows(shown, other, numbers),
         "sentence": _sentence(compared, names),
         "gained": compared.stretch(gained=True),
@@ -88,14 +107,14 @@ def evaluation_compared(request: HttpRequest, public_id: str, other_id: str) -> 
         ),
         "speed_chart": speed_chart(compared, title=_("Speed of both along the lap")),
     }
-    return render(request, "races/runs/compared.html", context)
 
 
 @require_safe
 def evaluation_compared_replay(request: HttpRequest, public_id: str, other_id: str) -> HttpResponse:
     """Every step of both laps, in the coordinates of the map; both clocks begin with the lap."""
     try:
-        shown, other, numbers, _compare = _compared(request, public_id, other_id)
+        shown, other, numbers = _chosen(request, public_id, other_id)
+        _compared(shown, other, numbers)
     except UserFault as fault:
         raise Http404 from fault
     one, ghost = (
@@ -125,18 +144,22 @@ def _house_car_ahead(entry: Entry) -> Submission | None:
     return found.best if found else None
 
 
-def _compared(
-    request: HttpRequest, public_id: str, other_id: str
-) -> tuple[Evaluation, Evaluation, tuple[int, int], LapComparison]:
-    """Both runs, the numbers of the laps, and their comparison. Raises Http404, UserFault."""
-    shown, other = finished_evaluation(request, public_id), visible_evaluation(request, other_id)
+def _chosen(request: HttpRequest, public_id: str, other_id: str) -> tuple[Evaluation, Evaluation, tuple[int, int]]:
+    """Both runs, and the numbers of the laps. Raises Http404, UserFault."""
+    shown, other = shown_evaluation(request, public_id), shown_evaluation(request, other_id)
+    if shown.state != State.FINISHED:
+        raise Http404
     refuse_incomparable(shown, other)
-    laps = [_chosen(request, "lap", shown), _chosen(request, "other_lap", other)]
+    return shown, other, (_lap(request, "lap", shown), _lap(request, "other_lap", other))
+
+
+def _compared(shown: Evaluation, other: Evaluation, numbers: tuple[int, int]) -> LapComparison:
+    """Raises UserFault for a lap that cannot be compared."""
     one, ghost = (
         lap_line(read_trace(run.result), run.result.laps, number)
-        for run, number in zip((shown, other), laps, strict=True)
+        for run, number in zip((shown, other), numbers, strict=True)
     )
-    return shown, other, (laps[0], laps[1]), compare(one, ghost, shown.track.geometry.length)
+    return compare(one, ghost, shown.track.geometry.length)
 
 
 def _names(shown: Evaluation, other: Evaluation) -> list[str]:
@@ -148,7 +171,7 @@ def _names(shown: Evaluation, other: Evaluation) -> list[str]:
     return names if names[0] != names[1] else [f"{name} ({number})" for number, name in enumerate(names, 1)]
 
 
-def _chosen(request: HttpRequest, name: str, run: Evaluation) -> int:
+def _lap(request: HttpRequest, name: str, run: Evaluation) -> int:
     asked = request.GET.get(name, "")
     return int(asked) if asked.isdecimal() and len(asked) < 4 else best_lap(run.result.laps)
 
