@@ -11,8 +11,10 @@ from django.utils.functional import Promise
 
 # Rows of (racer id, number used), which share one query with those of other quotas
 CountedRows = QuerySet[Any, tuple[int, int]]
-# Numbers used by racer id, of these racers or of all; those without use may be left out
-Count = Callable[[Collection[int] | None, datetime], Mapping[int, float] | CountedRows]
+Counted = Mapping[int, float]
+# Numbers used by racer id, of these racers or of all; those without use may be left out. Quotas with the same function
+# are counted by one call, which returns the numbers of each by its name
+Count = Callable[[Collection[int] | None, datetime], Counted | Mapping[str, Counted] | CountedRows]
 
 
 class QuotaOwner(Protocol):
@@ -93,13 +95,14 @@ def used_by(racer: QuotaOwner, name: str, now: datetime) -> float:
 def amounts(quotas: Sequence[Quota], racers: Collection[int] | None, now: datetime) -> dict[str, dict[int, float]]:
     """By quota what these racers (or all) have used of it, by racer id."""
     used: dict[str, dict[int, float]] = {quota.name: {} for quota in quotas}
+    counted = {count: count(racers, now) for count in {quota.count for quota in quotas}}
     rows = []
     for number, quota in enumerate(quotas):
-        found = quota.count(racers, now)
+        found: Any = counted[quota.count]
         if isinstance(found, QuerySet):
             rows.append(found.annotate(_quota=Value(number)))
         else:
-            used[quota.name].update(found)
+            used[quota.name].update(found.get(quota.name, found))
     for racer, value, number in rows[0].union(*rows[1:], all=True) if rows else ():
         used[quotas[number].name][racer] = value
     return used

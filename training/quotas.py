@@ -9,7 +9,7 @@ from django.db.models import Case, Q, QuerySet, Sum, Value, When
 from django.db.models.functions import Coalesce
 from django.utils.translation import gettext_lazy as _
 
-from accounts.quotas import Quota
+from accounts.quotas import CountedRows, Quota
 from accounts.usage.storage import Shelf
 from core.times import start_of_month
 from evaluation.garage.quotas import FileColumn, sizes_of_files
@@ -20,20 +20,11 @@ from .models import Checkpoint, JobState, Sweep, SweepState, TrainingIteration, 
 from .models.choices import UNDER_WAY
 
 
-def _at_once(racers: Collection[int] | None, now: datetime) -> Mapping[int, float]:
-    """Trainings that wait or run; a sweep is one of them until it ends."""
-    return used_quotas(racers, now)[AT_ONCE.name]
-
-
-def _minutes(racers: Collection[int] | None, now: datetime) -> Mapping[int, float]:
-    """Minutes of the trainers since the month began (in the site's time zone): what ended counts as long as it held
+def used_quotas(racers: Collection[int] | None, now: datetime) -> dict[str, Mapping[int, float]]:
+    """The use of both quotas by their names, in one query. Trainings that wait or run; a sweep is one of them until it
+    ends. Minutes of the trainers since the month began (in the site's time zone): what ended counts as long as it held
     one, what waits or runs for as long as it may, and a running sweep for its budget. What failed through our fault
     counts for nothing; what was deleted counts on."""
-    return used_quotas(racers, now)[MINUTES.name]
-
-
-def used_quotas(racers: Collection[int] | None, now: datetime) -> dict[str, Mapping[int, float]]:
-    """The use of both quotas by their names. One query."""
     month, ours = start_of_month(now), Q(state=JobState.FAILED, reason_code__in=platform_codes())
     jobs = _jobs(racers).filter(Q(created_at__gte=month) & ~ours | Q(state__in=UNDER_WAY, stop_seconds=None))
     whole = Case(When(state__in=UNDER_WAY, stop_seconds=None, then=1), default=0)
@@ -53,7 +44,7 @@ def used_quotas(racers: Collection[int] | None, now: datetime) -> dict[str, Mapp
     return {AT_ONCE.name: at_once, MINUTES.name: minutes}
 
 
-def _files(racers: Collection[int] | None) -> Mapping[int, float]:
+def _files(racers: Collection[int] | None) -> list[CountedRows]:
     """Checkpoints, sim-traces and models as stable-baselines3 saves them. Networks that became models are on the shelf
     of networks."""
     tables: list[FileColumn] = [
@@ -92,7 +83,7 @@ def _have_training() -> bool:
 
 
 FILES = Shelf(3, "trainings", _("Trainings: checkpoints, sim-traces, models for stable-baselines3"), _files)
-AT_ONCE = Quota(5, "trainings_at_once", "TRAININGS_AT_ONCE", _("Trainings in progress"), _at_once, _have_training)
+AT_ONCE = Quota(5, "trainings_at_once", "TRAININGS_AT_ONCE", _("Trainings in progress"), used_quotas, _have_training)
 MINUTES = Quota(
-    6, "training_minutes", "TRAINING_MINUTES_A_MONTH", _("Minutes of training this month"), _minutes, _have_training
+    6, "training_minutes", "TRAINING_MINUTES_A_MONTH", _("Minutes of training this month"), used_quotas, _have_training
 )

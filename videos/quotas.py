@@ -1,6 +1,6 @@
 """The quotas of videos and the size of their files."""
 
-from collections.abc import Collection, Mapping
+from collections.abc import Collection
 from datetime import datetime, timedelta
 
 from django.conf import settings
@@ -31,9 +31,8 @@ def _videos(racers: Collection[int] | None) -> QuerySet[Video]:
     return asked if racers is None else asked.filter(asked_by__in=racers)
 
 
-def _video_files(racers: Collection[int] | None) -> Mapping[int, float]:
-    ready = _videos(racers).filter(size__gt=0)
-    return dict(ready.order_by().values_list("asked_by").annotate(Sum("size")))
+def _video_files(racers: Collection[int] | None) -> list[CountedRows]:
+    return [_videos(racers).filter(size__gt=0).order_by().values_list("asked_by").annotate(Sum("size"))]
 
 
 def _have_videos() -> bool:

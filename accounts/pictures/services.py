@@ -1,7 +1,7 @@
 """Keeping, changing and removing a racer's picture."""
 
 import logging
-from collections.abc import Collection, Mapping
+from collections.abc import Collection
 from datetime import datetime
 from functools import partial
 from typing import IO
@@ -17,7 +17,7 @@ from core.files.storage_faults import storage_at_work
 from paddock.errors import PlatformFault, UserFault
 
 from ..models import Racer
-from ..quotas import limit_of, used_by
+from ..quotas import CountedRows, limit_of, used_by
 from ..usage.storage import Shelf
 
 logger = logging.getLogger(__name__)
@@ -85,11 +85,11 @@ def _delete(name: str) -> None:
         logger.warning("The picture %s could not be deleted: %s", name, fault)
 
 
-def _pictures(racers: Collection[int] | None) -> Mapping[int, float]:
+def _pictures(racers: Collection[int] | None) -> list[CountedRows]:
     found: QuerySet[Racer] = Racer.objects.filter(avatar__isnull=False)
     if racers is not None:
         found = found.filter(pk__in=racers)
-    return dict(found.values_list("pk").annotate(Sum("avatar_bytes")))
+    return [found.order_by().values_list("pk").annotate(Sum("avatar_bytes"))]
 
 
 PICTURES = Shelf(6, "pictures", _("Your picture"), _pictures)

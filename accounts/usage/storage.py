@@ -1,17 +1,20 @@
-"""The ledger of racers' stored files: a quota counts the sum (``storage_mb``), pages show its parts."""
+"""The ledger of racers' stored files: a quota counts the sum, pages show its parts."""
 
 from collections import defaultdict
-from collections.abc import Callable, Collection, Mapping
+from collections.abc import Callable, Collection, Iterator, Mapping
 from dataclasses import dataclass
 from datetime import datetime
 
+from django.db.models import Value
 from django.utils.functional import Promise
 
 from ..models import Racer
+from ..quotas import CountedRows
 
 MEGABYTE = 1024 * 1024
-# Bytes by racer id, of these racers or of all; those without files may be left out.
-Weigh = Callable[[Collection[int] | None], Mapping[int, float]]
+STORAGE_QUOTA = "storage_mb"
+# Bytes by racer id, of these racers or of all; those without files may be left out, and others be there several times.
+Weigh = Callable[[Collection[int] | None], list[CountedRows]]
 
 
 @dataclass(frozen=True)
@@ -40,19 +43,25 @@ def register(shelf: Shelf) -> None:
     _shelves[shelf.name] = shelf
 
 
+def _weighed(racers: Collection[int] | None) -> Iterator[tuple[int, str, float]]:
+    """Racer id, shelf and MB of what is stored, in any order. One query."""
+    rows = [part.annotate(_shelf=Value(name)) for name, shelf in _shelves.items() for part in shelf.weigh(racers)]
+    for racer, size, name in rows[0].union(*rows[1:], all=True) if rows else ():
+        yield racer, name, size / MEGABYTE
+
+
 def megabytes(racers: Collection[int] | None, now: datetime) -> Mapping[int, float]:
     """MB on all shelves by racer id: the count of the quota."""
     total: dict[int, float] = defaultdict(float)
-    for shelf in _shelves.values():
-        for racer, size in shelf.weigh(racers).items():
-            total[racer] += size / MEGABYTE
+    for racer, _name, mb in _weighed(racers):
+        total[racer] += mb
     return total
 
 
 def stored_by(racer: Racer) -> list[Stored]:
     """What one racer has on each shelf that holds anything of theirs."""
-    weighed = (
-        Stored(shelf, shelf.weigh([racer.pk]).get(racer.pk, 0) / MEGABYTE)
-        for shelf in sorted(_shelves.values(), key=lambda shelf: shelf.place)
-    )
-    return [stored for stored in weighed if stored.mb]
+    mb: dict[str, float] = defaultdict(float)
+    for _racer, name, size in _weighed([racer.pk]):
+        mb[name] += size
+    shelves = sorted(_shelves.values(), key=lambda shelf: shelf.place)
+    return [Stored(shelf, mb[shelf.name]) for shelf in shelves if mb[shelf.name]]

@@ -12,7 +12,7 @@ from ..models import Racer
 from ..quotas import all_quotas
 from ..request_racer import racer_of
 from .selectors import racers_by_use, usage_of, usage_rows
-from .storage import stored_by
+from .storage import STORAGE_QUOTA, stored_by
 
 RACERS_PER_PAGE = 50
 
@@ -20,7 +20,10 @@ RACERS_PER_PAGE = 50
 @login_required
 @require_safe
 def usage(request: HttpRequest) -> HttpResponse:
-    context = {"usage": usage_of(racer_of(request), timezone.now()), "stored": stored_by(racer_of(request))}
+    racer = racer_of(request)
+    stored = stored_by(racer)
+    counted = {STORAGE_QUOTA: {racer.pk: sum(each.mb for each in stored)}}
+    context = {"usage": usage_of(racer, timezone.now(), counted=counted), "stored": stored}
     return render(request, "accounts/usage/usage.html", context)
 
 

@@ -1,16 +1,15 @@
 """Quotas and sizes of models, networks, uploads and traces for each racer."""
 
-from collections import defaultdict
 from collections.abc import Collection, Iterable, Mapping
 from datetime import datetime
 from typing import Any
 
-from django.db.models import Count, F, Model, OuterRef, QuerySet, Subquery, Sum
+from django.db.models import Count, Exists, F, Model, OuterRef, QuerySet, Subquery, Sum
 from django.db.models.functions import Coalesce
 from django.utils.translation import gettext_lazy as _
 
 from accounts.quotas import CountedRows, Quota
-from accounts.usage.storage import Shelf, megabytes
+from accounts.usage.storage import STORAGE_QUOTA, Shelf, megabytes
 
 from ..models import Result, RivalResult, StoredFile, TrainedModel
 
@@ -22,20 +21,18 @@ def _models(racers: Collection[int] | None, now: datetime) -> CountedRows:
     return _of(racers).filter(deleted_at=None).order_by().values_list("owner").annotate(Count("pk"))
 
 
-def _networks(racers: Collection[int] | None) -> Mapping[int, float]:
+def _networks(racers: Collection[int] | None) -> list[CountedRows]:
     """With deleted models, whose networks are still stored. A network in several models of a racer counts once."""
-    used: dict[int, float] = defaultdict(float)
-    networks = _of(racers).order_by().values_list("owner", "network", "network__size").distinct()
-    for owner, _network, size in networks:
-        used[owner] += size
-    return used
+    again = TrainedModel.objects.filter(owner=OuterRef("owner"), network=OuterRef("network"), pk__lt=OuterRef("pk"))
+    models = _of(racers).filter(~Exists(again)).order_by()
+    return [models.values(_racer=F("owner")).annotate(_sum=Sum("network__size")).values_list("_racer", "_sum")]
 
 
-def _uploads(racers: Collection[int] | None) -> Mapping[int, float]:
+def _uploads(racers: Collection[int] | None) -> list[CountedRows]:
     return sizes_of_files([(TrainedModel, "source_file", "owner", {})], racers)
 
 
-def _traces(racers: Collection[int] | None) -> Mapping[int, float]:
+def _traces(racers: Collection[int] | None) -> list[CountedRows]:
     """Of all cars of a run, for its owner."""
     unsealed = {"result__evaluation__sealed": False}  # the size of a trace reveals how long its car drove
     tables: list[FileColumn] = [
@@ -46,9 +43,8 @@ def _traces(racers: Collection[int] | None) -> Mapping[int, float]:
     return sizes_of_files(tables, racers)
 
 
-def sizes_of_files(columns: Iterable[FileColumn], racers: Collection[int] | None) -> Mapping[int, float]:
-    """Bytes of the files that these columns name, by racer id. One query, of the sizes noted when the files were
-    written."""
+def sizes_of_files(columns: Iterable[FileColumn], racers: Collection[int] | None) -> list[CountedRows]:
+    """Bytes of the files that these columns name, from the sizes noted when the files were written."""
     of_each = []
     for model, column, owner, only in columns:
         rows = model._default_manager.filter(**only).exclude(**{column: ""})
@@ -57,10 +53,7 @@ def sizes_of_files(columns: Iterable[FileColumn], racers: Collection[int] | None
         size = Subquery(StoredFile.objects.filter(name=OuterRef(column)).values("size")[:1])
         sums = rows.order_by().annotate(_bytes=Coalesce(size, 0)).values(_racer=F(owner)).annotate(_sum=Sum("_bytes"))
         of_each.append(sums.values_list("_racer", "_sum"))
-    used: dict[int, float] = defaultdict(float)
-    for racer, size in of_each[0].union(*of_each[1:], all=True):
-        used[racer] += size
-    return used
+    return of_each
 
 
 def _of(racers: Collection[int] | None) -> QuerySet[TrainedModel]:
@@ -68,7 +61,7 @@ def _of(racers: Collection[int] | None) -> QuerySet[TrainedModel]:
 
 
 MODELS = Quota(1, "models", "MODELS_PER_RACER", _("Models in the garage"), _models)
-STORAGE = Quota(2, "storage_mb", "STORAGE_PER_RACER_MB", _("Stored files, MB"), megabytes)
+STORAGE = Quota(2, STORAGE_QUOTA, "STORAGE_PER_RACER_MB", _("Stored files, MB"), megabytes)
 NETWORKS = Shelf(1, "networks", _("Networks"), _networks)
 UPLOADS = Shelf(5, "uploads", _("Uploaded files of models"), _uploads)
 TRACES = Shelf(2, "traces", _("Sim-traces of runs"), _traces)
