@@ -1,6 +1,5 @@
 """Following racers. Only the follower and admins see whom a racer follows; the followed racer sees the number."""
 
-from collections.abc import Collection
 from datetime import datetime
 
 from django.db import transaction
@@ -13,7 +12,7 @@ from paddock.errors import UserFault
 
 from .class_accounts.services import can_teach
 from .models import Classroom, Follow, Racer, Viewer
-from .quotas import CountedRows, Quota, limit_of
+from .quotas import CountedRows, Quota, Racers, limit_of, only
 
 COUNTED = 20  # others see the number of followers up to here, then "20+"
 
@@ -60,10 +59,8 @@ def followers_shown(viewer: Viewer, racer: Racer) -> str:
     return f"{COUNTED}+" if count > COUNTED and not is_exact else str(count or "")
 
 
-def _followed(racers: Collection[int] | None, now: datetime) -> CountedRows:
-    found = Follow.objects.order_by()
-    if racers is not None:
-        found = found.filter(follower__in=racers)
+def _followed(racers: Racers, now: datetime) -> CountedRows:
+    found = only(Follow.objects.order_by(), "follower", racers)
     return found.values_list("follower").annotate(Count("pk"))
 
 

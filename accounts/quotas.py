@@ -3,18 +3,24 @@
 from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass
 from datetime import datetime
-from typing import Any, Protocol
+from functools import cache
+from typing import Any, Protocol, TypeVar
 
 from django.conf import settings
-from django.db.models import QuerySet, Value
+from django.db.models import Expression, Model, QuerySet, Value
 from django.utils.functional import Promise
 
+from core.database.kept_queries import KeptQuery
+
+M = TypeVar("M", bound=Model)
 # Rows of (racer id, number used), which share one query with those of other quotas
 CountedRows = QuerySet[Any, tuple[int, int]]
+# Ids of racers, an expression for the id of one, or None: all
+Racers = Collection[int] | Expression | None
 Counted = Mapping[int, float]
 # Numbers used by racer id, of these racers or of all; those without use may be left out. Quotas with the same function
 # are counted by one call, which returns the numbers of each by its name
-Count = Callable[[Collection[int] | None, datetime], Counted | Mapping[str, Counted] | CountedRows]
+Count = Callable[[Racers, datetime], Counted | Mapping[str, Counted] | CountedRows]
 
 
 class QuotaOwner(Protocol):
@@ -29,7 +35,8 @@ class QuotaOwner(Protocol):
 @dataclass(frozen=True)
 class Quota:
     """A limit for each racer. ``setting``: the site's limit; ``label``: the counted thing with its unit; ``shown``:
-    whether the site has that thing at all; ``place``: the order on pages."""
+    whether the site has that thing at all; ``place``: the order on pages; ``counts_rows``: whether ``count`` returns a
+    queryset."""
 
     place: int
     name: str
@@ -37,6 +44,7 @@ class Quota:
     label: str | Promise
     count: Count
     shown: Callable[[], bool] = lambda: True
+    counts_rows: bool = True
 
 
 @dataclass(frozen=True)
@@ -87,25 +95,49 @@ def limit_of(racer: QuotaOwner, name: str) -> int:
     return site_limit(quota) if own is None else own
 
 
+def only(rows: QuerySet[M], owner: str, racers: Racers) -> QuerySet[M]:
+    """The rows of these racers; ``owner``: their column or the way to it."""
+    if racers is None:
+        return rows
+    return rows.filter(**{owner if isinstance(racers, Expression) else f"{owner}__in": racers})
+
+
+def one_of(racers: Racers) -> int | None:
+    """The id, if it is one racer's."""
+    return next(iter(racers)) if isinstance(racers, Collection) and len(racers) == 1 else None
+
+
 def used_by(racer: QuotaOwner, name: str, now: datetime) -> float:
     """How much of the quota ``name`` the racer has used. Raises KeyError for an unknown quota."""
     return amounts([_quotas[name]], [racer.pk], now)[name].get(racer.pk, 0)
 
 
-def amounts(quotas: Sequence[Quota], racers: Collection[int] | None, now: datetime) -> dict[str, dict[int, float]]:
+def amounts(quotas: Sequence[Quota], racers: Racers, now: datetime) -> dict[str, dict[int, float]]:
     """By quota what these racers (or all) have used of it, by racer id."""
     used: dict[str, dict[int, float]] = {quota.name: {} for quota in quotas}
-    counted = {count: count(racers, now) for count in {quota.count for quota in quotas}}
-    rows = []
-    for number, quota in enumerate(quotas):
-        found: Any = counted[quota.count]
-        if isinstance(found, QuerySet):
-            rows.append(found.annotate(_quota=Value(number)))
-        else:
-            used[quota.name].update(found.get(quota.name, found))
-    for racer, value, number in rows[0].union(*rows[1:], all=True) if rows else ():
-        used[quotas[number].name][racer] = value
+    counts = {quota.count for quota in quotas if not quota.counts_rows}
+    counted: dict[Count, Any] = {count: count(racers, now) for count in counts}
+    for quota in quotas:
+        if not quota.counts_rows:
+            used[quota.name].update(counted[quota.count].get(quota.name, counted[quota.count]))
+    if with_rows := tuple(quota for quota in quotas if quota.counts_rows):
+        one = one_of(racers)
+        rows = _rows(with_rows, racers, now) if one is None else _rows_of_one(with_rows)(racer=one, now=now)
+        for racer, value, name in rows:
+            used[name][racer] = value
     return used
+
+
+def _rows(quotas: Sequence[Quota], racers: Any, now: Any) -> QuerySet[Any, Any]:
+    """Racer id, number used and the name of a quota. One query."""
+    counted: Any = [quota.count(racers, now) for quota in quotas]
+    rows = [found.annotate(_quota=Value(quota.name)) for quota, found in zip(quotas, counted, strict=True)]
+    return rows[0].union(*rows[1:], all=True)
+
+
+@cache
+def _rows_of_one(quotas: tuple[Quota, ...]) -> KeptQuery[Any]:
+    return KeptQuery(lambda racer, now=None: _rows(quotas, racer, now))
 
 
 def _in_order() -> list[Quota]:

@@ -20,7 +20,7 @@ LAP_MS = 15_000
 
 @dataclass(frozen=True)
 class Site:
-    """Readers by name (None: a guest), and the addresses of the pages by name, with words for what is a reader's own."""
+    """Readers by name (None: a guest), and the addresses of pages by name, with words for what is a reader's own."""
 
     readers: dict[str, Any]
     others: dict[str, Any]  # another reader of each kind

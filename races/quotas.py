@@ -1,12 +1,11 @@
 """Quotas of a racer: races they organise and their test drives."""
 
-from collections.abc import Collection
 from datetime import datetime, timedelta
 
 from django.db.models import Count, Q, QuerySet
 from django.utils.translation import gettext_lazy as _
 
-from accounts.quotas import CountedRows, Quota
+from accounts.quotas import CountedRows, Quota, Racers, only
 from evaluation.models import State
 from paddock.errors.reasons import platform_codes
 
@@ -15,21 +14,19 @@ from .models import OwnEvaluation, Race, RaceKind
 A_DAY = timedelta(days=1)
 
 
-def _races(racers: Collection[int] | None, now: datetime) -> CountedRows:
+def _races(racers: Racers, now: datetime) -> CountedRows:
     """Community races that are neither over nor cancelled."""
     held = Race.objects.filter(kind=RaceKind.COMMUNITY, cancelled_at=None, closes_at__gt=now).exclude(organiser=None)
-    if racers is not None:
-        held = held.filter(organiser__in=racers)
-    return held.order_by().values_list("organiser").annotate(Count("pk"))
+    return only(held, "organiser", racers).order_by().values_list("organiser").annotate(Count("pk"))
 
 
-def _own_at_once(racers: Collection[int] | None, now: datetime) -> CountedRows:
+def _own_at_once(racers: Racers, now: datetime) -> CountedRows:
     """Own runs that wait or drive."""
     under_way = _own(racers).filter(evaluation__state__in=(State.QUEUED, State.RUNNING))
     return under_way.values_list("owner").annotate(Count("pk"))
 
 
-def _own_a_day(racers: Collection[int] | None, now: datetime) -> CountedRows:
+def _own_a_day(racers: Racers, now: datetime) -> CountedRows:
     """Test drives of the last 24 hours, deleted ones too, without platform failures and those stopped before they
     began."""
     nothing = Q(evaluation__state=State.FAILED, evaluation__reason_code__in=platform_codes())
@@ -38,9 +35,8 @@ def _own_a_day(racers: Collection[int] | None, now: datetime) -> CountedRows:
     return asked.values_list("owner").annotate(Count("pk"))
 
 
-def _own(racers: Collection[int] | None) -> QuerySet[OwnEvaluation]:
-    own = OwnEvaluation.objects.order_by()
-    return own if racers is None else own.filter(owner__in=racers)
+def _own(racers: Racers) -> QuerySet[OwnEvaluation]:
+    return only(OwnEvaluation.objects.order_by(), "owner", racers)
 
 
 RACES = Quota(4, "races", "RACES_PER_RACER", _("Simultaneous races"), _races)

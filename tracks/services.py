@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import hashlib
 import re
-from collections.abc import Collection
 from datetime import datetime
 from typing import TYPE_CHECKING
 
@@ -14,7 +13,7 @@ from django.utils import timezone
 from django.utils.text import slugify
 from django.utils.translation import gettext_lazy as _
 
-from accounts.quotas import CountedRows, Quota, limit_of, used_by
+from accounts.quotas import CountedRows, Quota, Racers, limit_of, only, used_by
 from core.database.columns import length_of
 from core.database.locks import hold
 from paddock.errors import UserFault
@@ -37,11 +36,9 @@ RESERVED_SLUGS = frozenset({"import", "new", "to-choose"})
 _SLUG = re.compile(r"[a-z0-9]+(?:-[a-z0-9]+)*\Z")
 
 
-def _tracks(racers: Collection[int] | None, now: datetime) -> CountedRows:
+def _tracks(racers: Racers, now: datetime) -> CountedRows:
     mine = Track.objects.exclude(owner=None)
-    if racers is not None:
-        mine = mine.filter(owner__in=racers)
-    return mine.order_by().values_list("owner").annotate(Count("pk"))
+    return only(mine, "owner", racers).order_by().values_list("owner").annotate(Count("pk"))
 
 
 TRACKS = Quota(3, "tracks", "TRACKS_PER_RACER", _("Imported tracks"), _tracks)

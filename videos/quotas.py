@@ -1,13 +1,12 @@
 """The quotas of videos and the size of their files."""
 
-from collections.abc import Collection
 from datetime import datetime, timedelta
 
 from django.conf import settings
 from django.db.models import Count, QuerySet, Sum
 from django.utils.translation import gettext_lazy as _
 
-from accounts.quotas import CountedRows, Quota
+from accounts.quotas import CountedRows, Quota, Racers, only
 from accounts.usage.storage import Shelf
 
 from .models import UNDER_WAY, Video
@@ -15,23 +14,22 @@ from .models import UNDER_WAY, Video
 A_DAY = timedelta(days=1)
 
 
-def _videos_at_once(racers: Collection[int] | None, now: datetime) -> CountedRows:
+def _videos_at_once(racers: Racers, now: datetime) -> CountedRows:
     waiting = _videos(racers).filter(state__in=UNDER_WAY)
     return waiting.order_by().values_list("asked_by").annotate(Count("pk"))
 
 
-def _videos_a_day(racers: Collection[int] | None, now: datetime) -> CountedRows:
+def _videos_a_day(racers: Racers, now: datetime) -> CountedRows:
     """The requests of each racer in the 24 hours before ``now``."""
     asked = _videos(racers).filter(asked_at__gt=now - A_DAY)
     return asked.order_by().values_list("asked_by").annotate(Sum("asks"))
 
 
-def _videos(racers: Collection[int] | None) -> QuerySet[Video]:
-    asked = Video.objects.exclude(asked_by=None)
-    return asked if racers is None else asked.filter(asked_by__in=racers)
+def _videos(racers: Racers) -> QuerySet[Video]:
+    return only(Video.objects.exclude(asked_by=None), "asked_by", racers)
 
 
-def _video_files(racers: Collection[int] | None) -> list[CountedRows]:
+def _video_files(racers: Racers) -> list[CountedRows]:
     return [_videos(racers).filter(size__gt=0).order_by().values_list("asked_by").annotate(Sum("size"))]
 
 

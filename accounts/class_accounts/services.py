@@ -17,7 +17,7 @@ from paddock.errors import UserFault
 
 from ..groups.services import free_slug
 from ..models import ClassLearner, Classroom, ClassTeacher, GroupMember, Racer, RacerGroup, Viewer
-from ..quotas import CountedRows, Quota, limit_of, used_by
+from ..quotas import CountedRows, Quota, Racers, limit_of, only, used_by
 from ..signing_in.reserved_aliases import is_reserved
 
 MOST_NAME = 80
@@ -67,10 +67,9 @@ def is_learner(racer: object) -> bool:
     return isinstance(racer, Racer) and ClassLearner.objects.filter(racer=racer).exists()
 
 
-def _learners(racers: Collection[int] | None, now: datetime) -> CountedRows:
+def _learners(racers: Racers, now: datetime) -> CountedRows:
     found = ClassLearner.objects.filter(classroom__group__leader__isnull=False).order_by()
-    if racers is not None:
-        found = found.filter(classroom__group__leader__in=racers)
+    found = only(found, "classroom__group__leader", racers)
     return found.values_list("classroom__group__leader").annotate(Count("pk"))
 
 

@@ -1,7 +1,6 @@
 """Keeping, changing and removing a racer's picture."""
 
 import logging
-from collections.abc import Collection
 from datetime import datetime
 from functools import partial
 from typing import IO
@@ -9,7 +8,7 @@ from typing import IO
 from django.core.files.base import ContentFile
 from django.core.files.storage import default_storage
 from django.db import transaction
-from django.db.models import QuerySet, Sum
+from django.db.models import Sum
 from django.utils.crypto import get_random_string
 from django.utils.translation import gettext_lazy as _
 
@@ -17,7 +16,7 @@ from core.files.storage_faults import storage_at_work
 from paddock.errors import PlatformFault, UserFault
 
 from ..models import Racer
-from ..quotas import CountedRows, limit_of, used_by
+from ..quotas import CountedRows, Racers, limit_of, only, used_by
 from ..usage.storage import Shelf
 
 logger = logging.getLogger(__name__)
@@ -85,10 +84,8 @@ def _delete(name: str) -> None:
         logger.warning("The picture %s could not be deleted: %s", name, fault)
 
 
-def _pictures(racers: Collection[int] | None) -> list[CountedRows]:
-    found: QuerySet[Racer] = Racer.objects.filter(avatar__isnull=False)
-    if racers is not None:
-        found = found.filter(pk__in=racers)
+def _pictures(racers: Racers) -> list[CountedRows]:
+    found = only(Racer.objects.filter(avatar__isnull=False), "pk", racers)
     return [found.order_by().values_list("pk").annotate(Sum("avatar_bytes"))]
 
 

@@ -1,20 +1,23 @@
 """The ledger of racers' stored files: a quota counts the sum, pages show its parts."""
 
 from collections import defaultdict
-from collections.abc import Callable, Collection, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
 from datetime import datetime
+from typing import Any
 
-from django.db.models import Value
+from django.db.models import QuerySet, Value
 from django.utils.functional import Promise
 
+from core.database.kept_queries import KeptQuery
+
 from ..models import Racer
-from ..quotas import CountedRows
+from ..quotas import CountedRows, Racers, one_of
 
 MEGABYTE = 1024 * 1024
 STORAGE_QUOTA = "storage_mb"
 # Bytes by racer id, of these racers or of all; those without files may be left out, and others be there several times.
-Weigh = Callable[[Collection[int] | None], list[CountedRows]]
+Weigh = Callable[[Racers], list[CountedRows]]
 
 
 @dataclass(frozen=True)
@@ -43,14 +46,22 @@ def register(shelf: Shelf) -> None:
     _shelves[shelf.name] = shelf
 
 
-def _weighed(racers: Collection[int] | None) -> Iterator[tuple[int, str, float]]:
+def _weighed(racers: Racers) -> Iterator[tuple[int, str, float]]:
     """Racer id, shelf and MB of what is stored, in any order. One query."""
-    rows = [part.annotate(_shelf=Value(name)) for name, shelf in _shelves.items() for part in shelf.weigh(racers)]
-    for racer, size, name in rows[0].union(*rows[1:], all=True) if rows else ():
+    one = one_of(racers)
+    for racer, size, name in _rows(racers) if one is None else _rows_of_one(racer=one):
         yield racer, name, size / MEGABYTE
 
 
-def megabytes(racers: Collection[int] | None, now: datetime) -> Mapping[int, float]:
+def _rows(racers: Racers) -> QuerySet[Any, Any]:
+    parts = [part.annotate(_shelf=Value(name)) for name, shelf in _shelves.items() for part in shelf.weigh(racers)]
+    return parts[0].union(*parts[1:], all=True)
+
+
+_rows_of_one: KeptQuery[Any] = KeptQuery(lambda racer: _rows(racer))
+
+
+def megabytes(racers: Racers, now: datetime) -> Mapping[int, float]:
     """MB on all shelves by racer id: the count of the quota."""
     total: dict[int, float] = defaultdict(float)
     for racer, _name, mb in _weighed(racers):

@@ -3,7 +3,8 @@
 import inspect
 from collections.abc import Callable
 from copy import copy
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from datetime import datetime, timedelta
 from types import SimpleNamespace
 from typing import Any, Generic, TypeVar
 
@@ -16,9 +17,17 @@ T = TypeVar("T")
 
 @dataclass(frozen=True)
 class _Place:
-    """Of a value among the parameters of the SQL."""
+    """Of a value among the parameters of the SQL; ``before``: so much less than a time."""
 
     name: str
+    before: timedelta = timedelta(0)
+
+
+class _Parameter(Value):
+    """Stands for a value. A time may be the one so long before."""
+
+    def __sub__(self, other: Any) -> Any:
+        return _Parameter(replace(self.value, before=self.value.before + other))
 
 
 @dataclass(frozen=True)
@@ -33,18 +42,26 @@ class KeptQuery(Generic[T]):
     """A query whose SQL is kept, and run with other values each time.
 
     ``build`` returns a queryset in which its parameters, expressions, stand for the values. Everything else in it must
-    be the same each time. A value is passed by the parameter's name, as the database takes it: a number or a text."""
+    be the same each time. A value is passed by the parameter's name: a number, a text or a time. The query may do
+    without a parameter that has a default."""
 
     def __init__(self, build: Callable[..., QuerySet[Any, T]]) -> None:
         self._build = build
         self._compiled: dict[str, _Compiled] = {}
 
-    def __call__(self, **values: int | str | None) -> list[T]:
+    def __call__(self, **values: int | str | datetime | None) -> list[T]:
         connection = connections[DEFAULT_DB_ALIAS]
         kept = self._compiled.get(connection.vendor)
         if kept is None:
             kept = self._compiled[connection.vendor] = self._compile(connection)
-        params = tuple(values[each.name] if isinstance(each, _Place) else each for each in kept.params)
+
+        def bound(place: _Place) -> Any:
+            value = values[place.name]
+            if isinstance(value, datetime):
+                return connection.ops.adapt_datetimefield_value(value - place.before)
+            return value
+
+        params = tuple(bound(each) if isinstance(each, _Place) else each for each in kept.params)
         compiler: Any = copy(kept.compiler)
         compiler.connection = connection  # of this thread
         compiler.as_sql = lambda: (kept.sql, params)
@@ -56,8 +73,9 @@ class KeptQuery(Generic[T]):
 
     def _compile(self, connection: Any) -> _Compiled:
         names = inspect.signature(self._build).parameters
-        rows = self._build(*(Value(_Place(name)) for name in names))
+        rows = self._build(*(_Parameter(_Place(name)) for name in names))
         compiler = rows.query.get_compiler(connection=connection)
         sql, params = compiler.as_sql()
-        assert {each.name for each in params if isinstance(each, _Place)} == set(names), sql
+        needed = {name for name, parameter in names.items() if parameter.default is parameter.empty}
+        assert {each.name for each in params if isinstance(each, _Place)} >= needed, sql
         return _Compiled(rows, compiler, sql, tuple(params))

@@ -1,7 +1,7 @@
 """Invitations to a race by e-mail: reading address lists, sending, accepting, withdrawing."""
 
 import re
-from collections.abc import Collection, Iterable, Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from datetime import datetime, timedelta
 
@@ -18,7 +18,7 @@ from django.utils.translation import gettext as _
 from django.utils.translation import gettext_lazy
 
 from accounts.models import Racer
-from accounts.quotas import CountedRows, Quota, limit_of, used_by
+from accounts.quotas import CountedRows, Quota, Racers, limit_of, only, used_by
 from core.database.columns import length_of
 from core.database.locks import hold
 from core.jobs.kinds import register
@@ -51,12 +51,10 @@ class Invitations(MailKind[MailInvitation]):
 INVITATIONS = register(Invitations())
 
 
-def _asked(racers: Collection[int] | None, now: datetime) -> CountedRows:
+def _asked(racers: Racers, now: datetime) -> CountedRows:
     """Invitations that were asked for in the last 24 hours; each address is written to once a day at most."""
     asked = MailInvitation.objects.filter(asked_at__gt=now - A_DAY, made_by__isnull=False).order_by()
-    if racers is not None:
-        asked = asked.filter(made_by__in=racers)
-    return asked.values_list("made_by").annotate(Count("pk"))
+    return only(asked, "made_by", racers).values_list("made_by").annotate(Count("pk"))
 
 
 INVITED_A_DAY = Quota(

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
+from datetime import timedelta
 
 import pytest
 from django.contrib.sessions.backends.db import SessionStore as DjangosStore
@@ -35,6 +36,18 @@ def test_rows_and_related_rows_are_as_django_reads_them() -> None:
     fields = [field.attname for field in model._meta.concrete_fields]
     assert [getattr(kept, name) for name in fields] == [getattr(known, name) for name in fields]
     assert (kept.of, kept._state.fields_cache.keys()) == ("alice", known._state.fields_cache.keys())
+
+
+def test_a_time_may_be_one_so_long_before() -> None:
+    now = timezone.now()
+    racers = {days: a_racer(joined_at=now - timedelta(days=days)) for days in (1, 3, 5)}
+    found = KeptQuery(lambda now: Racer.objects.filter(joined_at__gt=now - timedelta(days=1) - timedelta(days=1)))
+    assert found(now=now + timedelta(hours=1)) == [racers[1]]
+    assert set(found(now=now - timedelta(days=2))) == {racers[1], racers[3]}
+
+
+def test_a_parameter_with_a_default_may_be_unused() -> None:
+    assert KeptQuery(lambda pk, now=None: Racer.objects.filter(pk=pk))(pk=1, now=timezone.now()) == []
 
 
 def test_columns_are_converted() -> None:
