@@ -1,14 +1,17 @@
 """A first car with one click: proposed values, no form, a race to submit to."""
 
 import itertools
+from collections.abc import Collection
 from dataclasses import dataclass
 from datetime import datetime
-from typing import Any, cast
+from typing import Any
 
 from django.contrib.auth import get_user_model
-from django.db.models import Exists, OuterRef, Q, QuerySet, Subquery
+from django.db.models import Exists, OuterRef, Q, QuerySet, Subquery, Value
+from django.db.models.functions import Coalesce
 
 from accounts.models import Racer
+from core.database.kept_queries import KeptQuery
 from core.streams.shared_pieces import shared_value
 from evaluation.models import TrainedModel
 from paddock.rules.training import TrainingSettings
@@ -71,21 +74,30 @@ class Begun:
 
 
 def begun_by(racer: Racer, now: datetime) -> Begun:
-    """One query; two more for a racer without both."""
+    """One query."""
+    rows = _begun(racer=racer.pk, now=now)
+    has_car, training, gone = any(row[0] for row in rows), max(row[1] for row in rows), {row[2] for row in rows}
+    name = None if has_car or training else _name_of_race(racer, gone, now)
+    return Begun(has_car, training or None, name)
+
+
+def _begun_rows(racer: Any, now: Any) -> QuerySet[Any, Any]:
+    """Whether the racer has a car, and the training of the first one; then the races that take no further car."""
     models = TrainedModel.objects.filter(owner=OuterRef("pk"), deleted_at=None)
-    first = _on_their_way(OuterRef("pk")).values("public_id")[:1]
-    asked = get_user_model().objects.filter(pk=racer.pk).values_list(Exists(models), Subquery(first))
-    has_car, training = cast(tuple[bool, str | None], asked.get())
-    name = None if has_car or training else _name_of_race(racer, now)
-    return Begun(has_car, training, name)
+    first = Coalesce(Subquery(_on_their_way(OuterRef("pk")).values("public_id")[:1]), Value(""))
+    begun = get_user_model().objects.filter(pk=racer).order_by().values_list(Exists(models), first, Value(0))
+    gone = gone_from(racer).filter(race__closes_at__gt=now).order_by()
+    return begun.union(gone.values_list(Value(False), Value(""), "race"), all=True)
 
 
-def _name_of_race(racer: Racer, now: datetime) -> str | None:
-    """The race of :func:`race_of_first_car`, if the first one takes the car: one query, and one for all racers."""
+_begun = KeptQuery(_begun_rows)
+
+
+def _name_of_race(racer: Racer, gone: Collection[int], now: datetime) -> str | None:
+    """The race of :func:`race_of_first_car`, if the first one takes the car: one query for all racers."""
     races = shared_value(("races of a first car",), lambda: list(_races(None, now)[:_LOOKED_AT]))
-    if not races or hasattr(racer, "learner"):
+    if hasattr(racer, "learner"):
         return None
-    gone = set(gone_from(racer).filter(race__in=[race.pk for race in races]).values_list("race", flat=True))
     race = next((race for race in races if race.pk not in gone), None)
     return None if race is None or not_offered(default_sensors(), race.sensors) else race.name
 

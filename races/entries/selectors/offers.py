@@ -1,13 +1,14 @@
 """The races that accept a model now, those most like its training first."""
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable
 from dataclasses import dataclass
 from datetime import datetime
-from typing import Protocol
+from typing import Any, Protocol
 
-from django.db.models import Case, Exists, F, FilteredRelation, OuterRef, Q, QuerySet, Value, When
+from django.db.models import Case, Exists, Expression, F, FilteredRelation, OuterRef, Q, QuerySet, Value, When
 
 from accounts.models import ClassLearner, Racer
+from core.database.kept_queries import KeptQuery
 from core.streams.shared_pieces import shared_value
 from evaluation.models import TrainedModel
 from paddock.rules.race import EASIER_FIRST
@@ -51,7 +52,8 @@ def offers_for(*, model: TrainedModel, racer: Racer, now: datetime, learned: Lea
     races = [race for race in open_races(now, racer) if not race.physical]
     if learned is not None:
         races = likest_first(races, learned)
-    entries = _entries_with(model, racer, races)
+    found = _entries_with(racer=racer.pk, network=model.network_id, now=now)
+    entries = {entry.race_id: entry for entry in found}
     looked_at = [race for race in races if race.pk not in entries or not _is_gone(entries[race.pk], race)][:LOOKED_AT]
     read_for_checks(looked_at, racer)
     taken = [
@@ -61,13 +63,15 @@ def offers_for(*, model: TrainedModel, racer: Racer, now: datetime, learned: Lea
     return [Offer(race, sent.get(race.pk), _distance(race, learned) == 0) for race in taken]
 
 
-def _entries_with(model: TrainedModel, racer: Racer, races: Sequence[Race]) -> dict[int, Entry]:
-    """The racer's entries by race, each with the first submission of the model there."""
-    of_model = Q(submissions__network_id=model.network_id, submissions__is_void=False)
-    entries = Entry.objects.filter(racer_id=racer.pk, race__in=[race.pk for race in races])
+def _open_entries(racer: Any, network: Any, now: Any) -> QuerySet[Entry]:
+    """The racer's entries in races that are not over, the last with the first submission of the network there."""
+    of_model = Q(submissions__network_id=network, submissions__is_void=False)
+    entries = Entry.objects.filter(racer_id=racer, race__closes_at__gt=now)
     entries = entries.annotate(of_model=FilteredRelation("submissions", condition=of_model))
-    entries = entries.select_related("of_model__evaluation").order_by("-of_model__submitted_at", "-of_model__pk")  # type: ignore[misc]
-    return {entry.race_id: entry for entry in entries}
+    return entries.select_related("of_model__evaluation").order_by("-of_model__submitted_at", "-of_model__pk")  # type: ignore[misc]
+
+
+_entries_with = KeptQuery(_open_entries)
 
 
 def _sent(entry: Entry) -> Submission | None:
@@ -96,15 +100,15 @@ def beginners_races(
         kind=RaceKind.COMMUNITY,
     )
     if racer is not None:
-        races = races.filter(~Exists(gone_from(racer).filter(race=OuterRef("pk"))))
+        races = races.filter(~Exists(gone_from(racer.pk).filter(race=OuterRef("pk"))))
         races = races.filter(~Exists(ClassLearner.objects.filter(racer=racer.pk)))
     return races.order_by(house_first, *EASIER_FIRST, "closes_at", "pk")
 
 
-def gone_from(racer: Racer) -> QuerySet[Entry]:
+def gone_from(racer: int | Expression) -> QuerySet[Entry]:
     """The racer's entries that take no further car: withdrawn, or without submissions left."""
     gone = Q(withdrawn_at__isnull=False) | Q(submission_count__gte=F("race__max_submissions"))
-    return Entry.objects.filter(gone, racer_id=racer.pk)
+    return Entry.objects.filter(gone, racer_id=racer)
 
 
 def enterable_now(now: datetime, racer: Racer) -> list[Race]:
