@@ -131,6 +131,16 @@ class MarkedPiece:
         return mark_safe("".join((*parts, self.html[begin:])))
 
 
+def hole(name: str) -> SafeString:
+    """A place in a piece of :func:`shared_piece` for what is a reader's own, put in by :func:`filled`."""
+    return mark_safe(f"[{_TOKEN} {name}]")
+
+
+def filled(piece: SafeString, **parts: SafeString) -> SafeString:
+    """The piece with these parts in its holes of their names."""
+    return mark_safe(re.sub(rf"\[{_TOKEN} (\w+)\]", lambda found: parts[found[1]], piece))
+
+
 def marked(racer: int, html: str) -> str:
     """``html`` within a piece of :func:`marked_piece`, for this racer alone."""
     return f"[{_TOKEN} {racer}]{html}[/{_TOKEN}]"

@@ -8,9 +8,11 @@ from django.db.models import F, Max, OrderBy, OuterRef, Q, QuerySet, Subquery, T
 from django.utils.translation import gettext_lazy as _
 
 from accounts.models import Racer
+from core.database.kept_queries import KeptQuery
 from core.streams.shared_pieces import shared_value
 
 from ..models import Evaluation, TrainedModel
+from ..selectors import garage_of as models_of_racer
 from ..selectors import models_of, newest_shared, shared_models
 
 LONGEST_SEARCH = 64
@@ -78,10 +80,15 @@ def algorithm_of(metadata: dict) -> str:
     return ALGORITHMS.get(named, named) if isinstance(named, str) else ""
 
 
+_names: KeptQuery[tuple[str, str]] = KeptQuery(
+    lambda racer: models_of_racer(racer).select_related(None).order_by("name").values_list("public_id", "name")
+)
+
+
 def cars_of(racer: Racer, *asked: str | None) -> list[tuple[Any, Any]]:
     """The cars that a racer may choose from, for a select: their own, the house's, the latest shared ones, and those
     ``asked`` for by their public ids."""
-    mine = [(model.public_id, model.name) for model in models_of(racer).order_by("name")]
+    mine = _names(racer=racer.pk)
     shared = shared_models(racer)
     cars = shared_value("cars of the house", lambda: list(shared.filter(owner__is_house=True).order_by("name")))
     house = [(model.public_id, model.name) for model in cars if model.owner_id != racer.pk]

@@ -3,6 +3,7 @@
 import json
 from collections.abc import Hashable, Sequence
 from functools import lru_cache
+from typing import Any
 
 from django import template
 from django.db.models import QuerySet
@@ -13,6 +14,7 @@ from django.utils.safestring import SafeString, mark_safe
 from django.utils.translation import gettext as _
 from django.utils.translation import gettext_noop
 
+from core.database.kept_queries import KeptQuery
 from core.streams.shared_pieces import shared_value
 from core.times import clock
 from evaluation.models import Evaluation, TrainedModel
@@ -95,16 +97,21 @@ def runs_of(context: Context, model: TrainedModel) -> list[Evaluation]:
     """The latest evaluations of a model visible to the reader: of other racers' models those on boards."""
     reader = context["user"]
 
-    def latest(runs: QuerySet[Evaluation]) -> list[Evaluation]:
-        related = ("owner", "model", "track", "result", "submission__entry__race", "duel__race")
-        runs = runs.filter(~hidden_runs(), model=model, replaced_by=None).select_related(*related)
-        return list(runs.order_by("-queued_at")[:RUNS_OF_A_MODEL])
-
     if reader.pk == model.owner_id:
-        runs = latest(Evaluation.objects.all())
+        runs = _all_runs(model=model.pk)
         if all(run.owner_id == reader.pk for run in runs):  # by far the most; the check in SQL is costly
             return runs
-    return latest(evaluations_visible_to(reader))
+    return list(_latest_runs(evaluations_visible_to(reader), model.pk))
+
+
+def _latest_runs(runs: QuerySet[Evaluation], model: Any) -> QuerySet[Evaluation]:
+    related = ("owner", "model", "track", "result", "submission__entry__race", "duel__race")
+    runs = runs.filter(~hidden_runs(), model_id=model, replaced_by=None).select_related(*related)
+    unused = (f"result__{name}" for name in ("trajectory", "metrics", "versions", "layout"))
+    return runs.defer("track__npy", *unused).order_by("-queued_at")[:RUNS_OF_A_MODEL]
+
+
+_all_runs = KeptQuery(lambda model: _latest_runs(Evaluation.objects.all(), model))
 
 
 @register.simple_tag

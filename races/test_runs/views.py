@@ -1,14 +1,16 @@
 """A racer's own runs: the list, the form, driving one again, deleting one."""
 
+from collections.abc import Iterable
+from operator import itemgetter
 from typing import Any
 
 from django.contrib import messages
 from django.contrib.auth.decorators import login_required
-from django.core.paginator import Paginator
-from django.db.models import Model, QuerySet
 from django.http import Http404, HttpRequest, HttpResponse
 from django.shortcuts import redirect, render
+from django.template.loader import render_to_string
 from django.utils import timezone
+from django.utils.safestring import SafeString
 from django.utils.translation import gettext as _
 from django.views.decorators.http import require_http_methods, require_POST, require_safe
 
@@ -16,8 +18,12 @@ from accounts.models import Racer
 from accounts.quotas import Usage
 from accounts.request_racer import racer_of
 from accounts.usage.selectors import usage_of
-from evaluation.models import Evaluation, State, TrainedModel
+from core.database.kept_queries import KeptQuery
+from core.pages.pager import LeanPaginator
+from core.streams.shared_pieces import filled, hole, shared_piece
+from evaluation.models import Evaluation, State
 from paddock.errors import UserFault
+from paddock.rules.ranked import RANKED
 from races.boards.ranking import Standing, standing_in
 from races.entries.selectors.lists import open_races
 from races.entries.selectors.visibility import races_visible_to
@@ -26,12 +32,25 @@ from races.quotas import OWN_RUNS_A_DAY, OWN_RUNS_AT_ONCE
 from races.test_runs.forms import AsInForm, OwnForm, own_preview, values_of, values_of_race, values_of_rivals
 from races.test_runs.selectors import is_own_of, own_runs_of, seen_race_of, usable_race
 from races.test_runs.services import delete_own, drive_own, drive_own_again, options_of
-from tracks.models import Track
 
 from ..web.views import faults_reported, report_fault, visible_evaluation
 
 PER_PAGE = 30
 RACES_OFFERED = 60
+# What the list shows of a run
+_SHOWN = (
+    *("asked_at", "owner_id", *RANKED),
+    *(f"evaluation__{name}" for name in ("public_id", "state", "reason_code", "reason_params", "spec")),
+    *("evaluation__track__name", "evaluation__model__name", "evaluation__model__owner__alias"),
+    *("evaluation__result__laps", "race__slug", "race__name"),
+)
+# The tracks and models of a racer's own runs: slugs, names, ids, names
+_DRIVEN = [f"evaluation__{name}" for name in ("track__slug", "track__name", "model__public_id", "model__name")]
+_driven: KeptQuery[tuple[str, str, str, str]] = KeptQuery(
+    lambda racer: (
+        OwnEvaluation.objects.filter(owner_id=racer, deleted_at=None).order_by().values_list(*_DRIVEN).distinct()
+    )
+)
 
 
 @login_required
@@ -39,15 +58,15 @@ RACES_OFFERED = 60
 def own_runs(request: HttpRequest) -> HttpResponse:
     """My runs, the latest first; by state, type of race, track and model."""
     racer, asked = racer_of(request), request.GET
-    mine = own_runs_of(racer)
+    driven = _driven(racer=racer.pk)
     choices: dict[str, list[tuple[Any, Any]]] = {
         "state": list(State.choices),
         "race_type": list(RaceType.choices),
-        "track": _driven(mine, Track, "track", "slug"),
-        "model": _driven(mine, TrainedModel, "model", "public_id"),
+        "track": _by_name(row[:2] for row in driven),
+        "model": _by_name(row[2:] for row in driven),
     }
     only = {name: asked[name] for name, known in choices.items() if asked.get(name) in dict(known)}
-    page = Paginator(own_runs_of(racer, **only), PER_PAGE).get_page(asked.get("page"))
+    page = LeanPaginator(own_runs_of(racer, **only).only(*_SHOWN), PER_PAGE).get_page(asked.get("page"))
     context = {
         "page": page,
         "rows": [(own, _worth(own), seen_race_of(own)) for own in page],
@@ -85,7 +104,7 @@ def own_new(request: HttpRequest) -> HttpResponse:
             return redirect(own.evaluation)
     context: dict[str, Any] = {"form": form, "race": race, "quotas": _quotas(racer), "is_own": True}
     if isinstance(form, OwnForm):
-        context["layout"] = own_preview(form, submitted=form.is_bound)
+        context["rule_fields"] = _rule_fields(form)
         context["races"] = open_races(timezone.now(), racer)[:RACES_OFFERED]
     return render(request, "races/test_runs/new.html", context, status=422 if form.errors else 200)
 
@@ -142,6 +161,22 @@ def _quotas(racer: Racer) -> list[Usage]:
     return usage_of(racer, timezone.now(), only=wanted)
 
 
+def _rule_fields(form: OwnForm) -> SafeString:
+    """The fields of track and rules: drawn once for all readers of the same values, with each one's cars as rivals."""
+    template = "races/test_runs/rule_fields.html"
+    rivals = render_to_string("races/test_runs/rivals.html", {"form": form})
+
+    def context(shown: OwnForm, rivals: SafeString) -> dict[str, Any]:
+        return {"form": shown, "rivals": rivals, "layout": own_preview(shown, submitted=form.is_bound), "is_own": True}
+
+    if form.is_bound:
+        return render_to_string(template, context(form, rivals))
+    shared = [name for name in OwnForm.base_fields if name != "model"]
+    values = {name: form.get_initial_for_field(form.fields[name], name) for name in shared}
+    piece = shared_piece(template, lambda: context(OwnForm(initial=values), hole("rivals")), key=repr(values))
+    return filled(piece, rivals=rivals)
+
+
 def _initial(request: HttpRequest, racer: Racer) -> dict[str, Any]:
     """Initial values: of an own run or a race, then those in the address."""
     asked, initial = request.GET, {}
@@ -163,7 +198,5 @@ def _named(request: HttpRequest, *names: str) -> dict[str, str]:
     return {name: request.GET[name][:80] for name in names if request.GET.get(name)}
 
 
-def _driven(mine: QuerySet[OwnEvaluation], model: type[Model], name: str, key: str) -> list[tuple[str, str]]:
-    """The tracks or models of these runs as choices."""
-    wanted = mine.order_by().values(f"evaluation__{name}").distinct()
-    return list(model._default_manager.filter(pk__in=wanted).order_by("name").values_list(key, "name"))
+def _by_name(choices: Iterable[tuple[str, str]]) -> list[tuple[str, str]]:
+    return sorted(set(choices), key=itemgetter(1))

@@ -6,7 +6,7 @@ from typing import Any, Literal
 
 from django.contrib import messages
 from django.contrib.auth.decorators import login_required
-from django.db.models import Q, Subquery
+from django.db.models import Q, QuerySet, Subquery
 from django.http import Http404, HttpRequest, HttpResponse, HttpResponseBase
 from django.shortcuts import get_object_or_404, redirect, render
 from django.utils import timezone
@@ -15,6 +15,7 @@ from django.views.decorators.http import require_http_methods, require_POST, req
 
 from accounts.request_racer import racer_of
 from accounts.usage.storage import MEGABYTE
+from core.database.kept_queries import KeptQuery
 from core.forms import explain
 from core.pages.pager import LeanPaginator
 from core.streams.shared_pieces import shared_value
@@ -30,6 +31,7 @@ from training.jobs.progress_graph import SMOOTHINGS, draw_graph, points_of
 from training.jobs.queue_order import place_of
 from training.jobs.selectors import (
     can_delete_training,
+    can_see_training,
     can_stop_training,
     closed_because,
     how_it_ended,
@@ -160,11 +162,19 @@ def training_evaluate(request: HttpRequest, public_id: str) -> HttpResponse:
 
 def _last(job: TrainingJob) -> TrainingIteration | None:
     """The newest iteration. The training keeps the best one beside it, see :func:`_best`: one query for both."""
-    numbers = job.iterations.order_by("-number").values("number")[:1]
-    rows = job.iterations.filter(Q(is_best=True) | Q(number=Subquery(numbers))).defer("episodes", "eval_trials")
-    shown = list(rows.order_by("number"))
+    shown = _shown_iterations(job=job.pk)
     job._best = next((row for row in shown if row.is_best), None)
     return shown[-1] if shown else None
+
+
+def _best_and_last(job: Any) -> QuerySet[TrainingIteration]:
+    iterations = TrainingIteration.objects.filter(job_id=job)
+    numbers = iterations.order_by("-number").values("number")[:1]
+    rows = iterations.filter(Q(is_best=True) | Q(number=Subquery(numbers))).defer("episodes", "eval_trials")
+    return rows.order_by("number")
+
+
+_shown_iterations = KeptQuery(_best_and_last)
 
 
 def _best(job: TrainingJob, last: TrainingIteration | None) -> TrainingIteration | None:
@@ -244,21 +254,20 @@ def _boxes(job: TrainingJob) -> tuple[BoxMark, ...]:
 
 def visible_training(request: HttpRequest, public_id: str, *, whole: bool = True) -> TrainingJob:
     """The training, or 404. ``whole=False``: only the columns that polling needs; the others load on access."""
-    jobs = visible_trainings(request.user)
     if whole:
-        related = (
-            "track",
-            "owner",
-            "best_model__network",
-            "last_model__network",
-            "cloned_from",
-            "submit_to_race",
-            "trial__sweep",
-        )
-        jobs = jobs.select_related(*related, "own_evaluation__evaluation__track")
-    else:
-        jobs = jobs.defer("log", "driving", "reward_code", "operator_detail")
+        job = next(iter(_whole(public_id=public_id)), None)
+        if job is None or not can_see_training(request.user, job):
+            raise Http404
+        return job
+    jobs = visible_trainings(request.user).defer("log", "driving", "reward_code", "operator_detail")
     return get_object_or_404(jobs, public_id=public_id)
+
+
+_RELATED = (
+    *("track", "owner", "best_model__network", "last_model__network", "cloned_from", "submit_to_race"),
+    *("trial__sweep", "own_evaluation__evaluation__track"),
+)
+_whole = KeptQuery(lambda public_id: TrainingJob.objects.filter(public_id=public_id).select_related(*_RELATED))
 
 
 @login_required

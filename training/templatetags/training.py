@@ -5,12 +5,13 @@ from typing import Any, Literal
 from urllib.parse import urlencode
 
 from django import template
-from django.db.models import Q
+from django.db.models import Q, QuerySet
 from django.middleware.csrf import get_token
 from django.template import Context
 from django.utils import timezone
 from django.utils.translation import gettext as _
 
+from core.database.kept_queries import KeptQuery
 from evaluation.models import TrainedModel
 from evaluation.selectors import can_see_model
 from evaluation.templatetags.garage import sensor_name
@@ -100,12 +101,19 @@ def training_of(model: TrainedModel) -> TrainingJob | None:
     return next(iter(_trainings_of(model)), None)
 
 
+def _jobs_of(model: Any) -> QuerySet[TrainingJob]:
+    made = TrainingJob.objects.filter(Q(best_model_id=model) | Q(last_model_id=model))
+    return made.defer("log", "driving").select_related("cloned_from__owner")
+
+
+_made = KeptQuery(_jobs_of)
+
+
 def _trainings_of(model: TrainedModel) -> list[TrainingJob]:
     """The trainings whose best or last model this is, the latest first; the model keeps them."""
     found: list[TrainingJob] | None = getattr(model, "_trainings", None)
     if found is None:
-        made = TrainingJob.objects.filter(Q(best_model=model) | Q(last_model=model)).defer("log", "driving")
-        found = list(made.select_related("cloned_from__owner"))
+        found = _made(model=model.pk)
         model._trainings = found  # type: ignore[attr-defined]
     return found
 
