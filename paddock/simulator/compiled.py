@@ -8,10 +8,7 @@ import ctypes
 import hashlib
 import os
 import platform
-import shutil
-import subprocess
 import sys
-import tempfile
 from pathlib import Path
 
 _HERE = Path(__file__).parent
@@ -46,6 +43,10 @@ def load(library: Path = LIBRARY) -> ctypes.CDLL | None:
 def build(library: Path = LIBRARY) -> None:
     """Compile the sources. Raises OSError without a compiler or in a read-only folder, RuntimeError with the compiler's
     output."""
+    import shutil
+    import subprocess
+    import tempfile
+
     compiler = os.environ.get("CC") or next(filter(None, map(shutil.which, _COMPILERS)), None)
     if compiler is None:
         raise OSError(f"no C compiler: none of {', '.join(_COMPILERS)}")

@@ -86,6 +86,7 @@ thread.start(); thread.join()
     [
         ("paddock.cli.main", {"dataclasses", "hashlib", "importlib.metadata", "platform", "tempfile"}),
         ("paddock.cli.rehearsing", {"difflib", "http.client", "numpy", "platform", "urllib.request"}),
+        ("paddock.simulator.race", {"subprocess", "tempfile"}),
         ("evaluation.garage.conversion_process", {"http.client", "urllib.request", "xml.sax"}),
     ],
 )
