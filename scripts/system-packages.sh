@@ -61,7 +61,10 @@ else
     want gcc have_compiler # draws what cars see, several times faster
 fi
 if [ "$mode" = test ]; then
-    ! has_chromium || need chromium have_browser
+    if has_chromium; then
+        need chromium have_browser
+        want chromium-headless-shell have chromium-headless-shell # the same pages for half of the processor time
+    fi
     need postgresql have_postgres
     need redis-server have redis-server
     need fontconfig have fc-list

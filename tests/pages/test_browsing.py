@@ -26,14 +26,17 @@ def machine(tmp_path, monkeypatch):
 
 
 NEW, OLD = (f"playwright/chromium-{number}/chrome-linux/chrome" for number in (1200, 1100))
+SHELL = "playwright/chromium_headless_shell-1200/chrome-linux/headless_shell"
 
 
 @pytest.mark.parametrize(
     ("programs", "found"),
     [
         (("bin/google-chrome", "bin/chromium", NEW), "bin/chromium"),
-        (("bin/google-chrome", NEW), "bin/google-chrome"),
+        (("bin/chromium", "bin/chromium-headless-shell"), "bin/chromium-headless-shell"),
+        (("bin/google-chrome", NEW, SHELL), "bin/google-chrome"),
         ((OLD, NEW), NEW),
+        ((NEW, SHELL), SHELL),
         (("bin/firefox",), None),
     ],
 )
