@@ -23,6 +23,7 @@ from tests import costs, database, emptied, kept, postgres
 from tests.pages import browsing
 
 PACK = 20
+LONGEST = ("training", "run")
 
 
 def pytest_configure(config: pytest.Config) -> None:
@@ -45,18 +46,21 @@ def pytest_unconfigure(config: pytest.Config) -> None:
 
 @pytest.hookimpl(tryfirst=True)
 def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
-    """How ``make test`` deals tests out to its workers: first those in a browser, which share one site; then slow ones,
-    each by itself, so that no worker is left with a long one at the end; then the others, in packs of a file, which is
-    cheaper than one by one.
+    """How ``make test`` deals tests out to its workers: first the longest groups; then those in a browser, by file;
+    then slow ones, each by itself, so that no worker is left with a long one at the end; then the others, in packs of
+    a file, which is cheaper than one by one.
 
-    Tests that share what their module makes once stay together: elsewhere every worker would make it anew.
+    Tests that share what their module or package makes once stay together: elsewhere every worker would make it anew.
     """
     quick_ones: Counter[str] = Counter()
     for item in items:
         if item.get_closest_marker("xdist_group") is not None:
             continue
         file = item.nodeid.partition("::")[0]
-        if _shares_with_its_module(item):
+        scopes = _scopes(item)
+        if "package" in scopes:
+            item.add_marker(pytest.mark.xdist_group(file.rpartition("/")[0]))
+        elif "module" in scopes or item.get_closest_marker("browser") is not None:
             item.add_marker(pytest.mark.xdist_group(file))
         elif _is_quick(item):
             item.add_marker(pytest.mark.xdist_group(f"{file} {quick_ones[file] // PACK}"))
@@ -105,18 +109,22 @@ def pytest_runtest_setup(item: pytest.Item) -> None:
 
 
 def _turn(item: pytest.Item) -> int:
-    if item.get_closest_marker("browser") is not None:
+    group = item.get_closest_marker("xdist_group")
+    if group is not None and group.args[0] in LONGEST:
         return 0
-    return 2 if _is_quick(item) else 1
+    if item.get_closest_marker("browser") is not None:
+        return 1
+    return 3 if _is_quick(item) else 2
 
 
 def _is_quick(item: pytest.Item) -> bool:
     return item.get_closest_marker("slow") is None and item.get_closest_marker("soak") is None
 
 
-def _shares_with_its_module(item: pytest.Item) -> bool:
+def _scopes(item: pytest.Item) -> set[str]:
+    """For how long what it asks for is kept."""
     known = item._fixtureinfo.name2fixturedefs if isinstance(item, pytest.Function) else {}
-    return any(found.scope == "module" for definitions in known.values() for found in definitions)
+    return {definitions[-1].scope for definitions in known.values()}
 
 
 @pytest.fixture(scope="session")
