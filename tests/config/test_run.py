@@ -260,9 +260,9 @@ def one_dies(run: Run, name: str, words: str) -> None:
     """Kill one program of a run: it is started again, the run says which it was, and the site answers all the while."""
     killed = run.pid_of(words)
     os.kill(killed, signal.SIGKILL)
-    wait_for(lambda: f"{name} ended by itself (signal 9). It is started again in 1 s." in run.said, 10, run.log)
+    wait_for(lambda: f"{name} ended by itself (signal 9). It is started again in 1 s." in run.said, 30, run.log)
     assert run.answer() == 200
-    wait_for(lambda: has(run, words) and run.pid_of(words) != killed, 20, run.log)
+    wait_for(lambda: has(run, words) and run.pid_of(words) != killed, 60, run.log)
     assert run.process.poll() is None
 
 
@@ -283,7 +283,7 @@ def test_a_first_start_ends_at_once_at_any_point_and_the_next_one_continues(tmp_
             family = run.family()
             assert len(family) == 2, run.said
             run.process.send_signal(signum)
-            assert run.process.wait(5) == 128 + signum
+            assert run.process.wait(30) == 128 + signum
             assert not any(is_running(pid) for pid in family)
             assert run.said.endswith("\nStopped.\n")  # on a line of its own
             assert "Traceback" not in run.said
@@ -305,8 +305,8 @@ def test_a_first_start_that_is_killed_at_any_point_is_completed_by_the_next(firs
             family = run.family()
             run.process.poll() or threading.Event().wait(later_s)
             run.process.kill()
-            assert run.process.wait(5) == -signal.SIGKILL, run.said
-            wait_for(lambda family=family: not any(is_running(pid) for pid in family), 5, run.log)
+            assert run.process.wait(30) == -signal.SIGKILL, run.said
+            wait_for(lambda family=family: not any(is_running(pid) for pid in family), 30, run.log)
     done = manage(data, "setup", "--no-input")
     assert (done.returncode, done.stderr) == (0, "")
     for query in WHOLE:
@@ -331,5 +331,5 @@ def test_a_killed_preparation_is_named(tmp_path):
         wait_for(lambda: " database ..." in run.said, 400, run.log)
         (child,) = run.family() - {run.process.pid}
         os.kill(child, signal.SIGKILL)
-        assert run.process.wait(10) == 137
+        assert run.process.wait(30) == 137
         assert "The preparation was killed (signal 9). The next start continues it." in run.said

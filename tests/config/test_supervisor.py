@@ -164,7 +164,7 @@ def test_nothing_outlives_a_killed_supervisor(programs):
     pids = [run.started("web"), run.started("worker")]
     run.process.kill()
     run.process.wait()
-    wait_for(lambda: not any(is_running(pid) for pid in pids), 5)
+    wait_for(lambda: not any(is_running(pid) for pid in pids), 30)
 
 
 def test_all_end_in_order_when_nobody_reads_the_log_any_more(tmp_path):

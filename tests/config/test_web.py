@@ -213,8 +213,8 @@ def test_sigterm_finishes_requests_then_stops_everything(small):
         server.process.send_signal(signal.SIGTERM)
         with connection.makefile("rb") as answer:
             assert answer.read().endswith(b"7\r\nat last\r\n0\r\n\r\n"), "to its last byte"
-        assert server.process.wait(10) == 0
-        wait_for(lambda: not any(is_running(pid) for pid in family), 5)
+        assert server.process.wait(30) == 0
+        wait_for(lambda: not any(is_running(pid) for pid in family), 30)
         connection.close()
 
 
@@ -262,7 +262,7 @@ def test_a_server_killed_while_it_loads_leaves_no_process(monkeypatch, tmp_path)
         assert process.stdout.readline() == "loading\n"
         family = family_of(process.pid)
         process.kill()
-        wait_for(lambda: not any(is_running(pid) for pid in family), 1)
+        wait_for(lambda: not any(is_running(pid) for pid in family), 30)
         assert is_free(port)
 
 

@@ -277,18 +277,18 @@ def test_a_killed_or_stopped_run_leaves_no_sandboxed_process(alice, oval, contro
         assert WorkerNode.objects.get().proof["exact"], "it proved itself before it took work"
         (pool_process,) = (pid for pid in family if parent_of(pid) == worker.pid)
         os.kill(pool_process, signal.SIGKILL)
-        wait_for(lambda: gone(family), 5, control.log)
+        wait_for(lambda: gone(family), 30, control.log)
 
         lose_patience()
         sweep_now()
         family = on_track(worker, attempt=2)
         (pool_process,) = (pid for pid in family if parent_of(pid) == worker.pid)
         assert stop_evaluation(evaluation=evaluation, now=timezone.now())
-        wait_for(lambda: gone(family - {pool_process}), 10, control.log)
+        wait_for(lambda: gone(family - {pool_process}), 30, control.log)
         assert is_running(pool_process)
 
         queue_evaluation(**run, now=timezone.now())
         family = on_track(worker, attempt=1) | {worker.pid}
         os.kill(worker.pid, signal.SIGKILL)
-        wait_for(lambda: gone(family), 5, control.log)
+        wait_for(lambda: gone(family), 30, control.log)
     assert not Result.objects.exists()

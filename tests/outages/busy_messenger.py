@@ -21,14 +21,14 @@ from evaluation.running import worker_nodes as nodes  # noqa: E402
 
 celery = app
 FOLDER = Path(os.environ["MARKS"])
-heartbeat.HUNG_AFTER_S, nodes.BEAT_EVERY_S = 20, 0.5
+heartbeat.HUNG_AFTER_S, nodes.BEAT_EVERY_S = int(os.environ["HUNG_AFTER_S"]), 0.5
 signal.signal(signal.SIGUSR2, lambda *_: threading.Event().wait())
 
 
 @app.task(name="busy")
-def busy() -> None:
+def busy(seconds: float = 1.0) -> None:
     """Take a while, so that a message is not acknowledged yet."""
-    threading.Event().wait(1.0)
+    threading.Event().wait(seconds)
 
 
 @app.task(name="mark")

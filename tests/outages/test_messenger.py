@@ -14,6 +14,7 @@ import pytest
 from celery import Celery
 from redis import Redis
 
+import config.celery  # noqa: F401 — every program has its transport
 from config.serving import broker, broker_transport
 from evaluation.running import heartbeat
 from tests import servers
@@ -45,7 +46,7 @@ class Place:
             process.wait()
 
     @contextmanager
-    def program(self, *arguments: str, app: str = "config") -> Iterator[subprocess.Popen]:
+    def program(self, *arguments: str, app: str = "config", **more: str) -> Iterator[subprocess.Popen]:
         environment = {
             **os.environ,
             "PADDOCK_DATA": str(self.data),
@@ -53,6 +54,7 @@ class Place:
             "CELERY_BROKER_URL": self.url,
             "CACHE_URL": broker.cache_url(self.path),
             "MARKS": str(self.data.parent),
+            **more,
         }
         with self.log.open("ab") as output:
             process = subprocess.Popen(
@@ -66,13 +68,14 @@ class Place:
             process.wait()
 
     @contextmanager
-    def messenger(self) -> Iterator[subprocess.Popen]:
+    def messenger(self, hung_after_s: int = 20) -> Iterator[subprocess.Popen]:
         options = ("--pool", "threads", "--concurrency", "8", "--queues", QUEUE, "--hostname", "messenger@here")
-        with self.program("worker", *options, app="tests.outages.busy_messenger") as process:
+        patience = {"HUNG_AFTER_S": str(hung_after_s)}
+        with self.program("worker", *options, app="tests.outages.busy_messenger", **patience) as process:
             self.reaches("up")
             yield process
 
-    def send(self, task: str, *arguments: str) -> None:
+    def send(self, task: str, *arguments: str | float) -> None:
         self.app.send_task(task, arguments, queue=QUEUE, retry=False)
 
     def reaches(self, mark: str) -> None:
@@ -97,7 +100,7 @@ def test_a_busy_messenger_outlives_killed_brokers(place: Place) -> None:
         messenger = stack.enter_context(place.messenger())
         for number, pause_s in enumerate((0.0, 0.2, 1.5, 3.0, 0.0, 1.0, 0.0, 0.1)):
             for _ in range(3 if number % 2 else 24):  # some threads are free and wait for more, or none is
-                place.send("busy")
+                place.send("busy", 1.5 if number % 2 else 0.4)
             wait_for(lambda: place.server.hlen("unacked") >= 3, 20, place.log)
             server.kill()
             server.wait()
@@ -113,7 +116,7 @@ def test_a_busy_messenger_outlives_killed_brokers(place: Place) -> None:
 
 
 def test_a_messenger_that_stands_still_is_ended(place: Place) -> None:
-    with place.valkey(), place.messenger() as messenger:
+    with place.valkey(), place.messenger(hung_after_s=6) as messenger:
         messenger.send_signal(signal.SIGUSR2)
         assert messenger.wait(60) == -signal.SIGALRM
 
@@ -128,7 +131,7 @@ def test_a_messenger_that_takes_nothing_ends(place: Place) -> None:
 
 def test_an_idle_messenger_goes_on(place: Place) -> None:
     with place.valkey(), place.messenger() as messenger, pytest.raises(subprocess.TimeoutExpired):
-        messenger.wait(8)
+        messenger.wait(4)  # twice as long as one that takes nothing has
 
 
 def test_the_scheduler_has_a_heartbeat(place: Place) -> None:

@@ -37,7 +37,7 @@ def test_input_comes_back_unchanged(level):
     with start("echo", level) as process:
         write_message(process.stdin, {"a": 1}, [b"x" * 300_000], process.deadline)
         assert read_message(process.stdout, process.deadline) == ({"a": 1}, [b"x" * 300_000])
-        assert process.wait(5) == 0
+        assert process.wait(30) == 0
 
 
 def test_the_launchers_environment_stays_outside(level, monkeypatch):
@@ -98,7 +98,7 @@ def test_cpu_time_is_limited(level):
 def test_a_flood_on_stderr_is_capped_and_stops_nobody(level):
     with start("flood_stderr", level) as process:
         assert read_message(process.stdout, process.deadline)[0] == {"done": True}
-        assert process.wait(5) == 0
+        assert process.wait(30) == 0
         assert 0 < len(process.stderr_text()) <= STDERR_LIMIT
 
 
@@ -113,7 +113,7 @@ def test_an_endless_flood_blocks_only_itself(level):
 
 def test_control_characters_do_not_reach_an_operators_terminal(level):
     with start("paint_the_terminal", level) as process:
-        process.wait(5)
+        process.wait(30)
         assert process.stderr_text() == "?]0;owned?\N{REPLACEMENT CHARACTER}\nplain"
 
 
@@ -192,13 +192,13 @@ def test_a_module_that_cannot_be_imported_says_so(level):
     with launch("never_imports", limits=SMALL, python_path=[PAYLOADS], level=level) as process:
         with pytest.raises(FrameClosed):
             read_message(process.stdout, process.deadline)
-        assert process.wait(5) == EXIT_IMPORT
+        assert process.wait(30) == EXIT_IMPORT
         assert "nothing here" in process.stderr_text()
 
 
 def test_a_process_with_two_threads_does_not_pass_the_lock(level):
     with launch("has_a_thread", limits=SMALL, python_path=[PAYLOADS], level=level) as process:
-        assert process.wait(5) == EXIT_NOT_LOCKED
+        assert process.wait(30) == EXIT_NOT_LOCKED
         assert "thread" in process.stderr_text()
 
 
@@ -211,7 +211,7 @@ def test_only_levels_from_the_minimum_to_the_hosts_start(asked):
 
 def test_a_module_outside_the_given_path_cannot_run(level):
     with launch("tests.shared", limits=SMALL, level=level) as process:
-        status = process.wait(5)
+        status = process.wait(30)
     if level >= LEVEL_NAMESPACES:
         assert status == EXIT_IMPORT
     else:
