@@ -1,4 +1,4 @@
-"""Tables of boards, drawn once for all readers; a reader's own line is drawn for them alone."""
+"""Tables of boards, drawn once for all readers."""
 
 import threading
 import time
@@ -8,11 +8,11 @@ from dataclasses import dataclass, replace
 
 from django.template.loader import render_to_string
 from django.utils import timezone
-from django.utils.safestring import SafeString, mark_safe
+from django.utils.safestring import SafeString
 from django.utils.translation import get_language
 
 from accounts.models import RacerGroup
-from core.streams.shared_pieces import LIVES_S, shared_value
+from core.streams.shared_pieces import LIVES_S, MarkedPiece, shared_value
 
 from .qualifying_line import Cut, cut_of
 from .selectors.board import Board, BoardRow
@@ -26,22 +26,14 @@ _lock = threading.Lock()
 
 @dataclass(frozen=True)
 class DrawnBoard:
-    """A page of a board with its qualifying line: as guests see it, and each line of its table as HTML."""
+    """A page of a board with its qualifying line as guests see it, and the lines of its table as HTML, with what
+    single racers get within them."""
 
     board: Board
     cut: Cut | None
-    lines: tuple[SafeString, ...]
+    lines: MarkedPiece
     head: SafeString
     facts: SafeString
-
-    def lines_for(self, board: Board) -> SafeString:
-        """All lines, for the reader of ``board``."""
-        drawn = zip(self.board.rows, board.rows, self.lines, strict=True)
-        lines = [
-            line if theirs is ours else _line(board, theirs, number, self.cut)
-            for number, (ours, theirs, line) in enumerate(drawn)
-        ]
-        return mark_safe("".join(lines))
 
     def cut_for(self, board: Board) -> Cut | None:
         """The qualifying line for the row of the reader of ``board``; the page's line knows the racers of the page."""
@@ -62,7 +54,8 @@ def drawn_board(slug: str, page: int, group: RacerGroup | None) -> DrawnBoard:
         values = {"board": board, "race": board.race}
         head = render_to_string(f"{_folder(board)}/head.html", values)
         facts = render_to_string("races/boards/facts.html", values)
-        return DrawnBoard(board, cut, tuple(_lines(board, cut, _lately((*key, get_language())))), head, facts)
+        lines = MarkedPiece.read("".join(_lines(board, cut, _lately((*key, get_language())))))
+        return DrawnBoard(board, cut, lines, head, facts)
 
     return shared_value(key, draw)
 
@@ -78,6 +71,7 @@ def _lines(board: Board, cut: Cut | None, kept: dict[tuple, SafeString]) -> Iter
 
 def _line(board: Board, row: BoardRow, number: int, cut: Cut | None) -> SafeString:
     values = {"race": board.race, "board": board, "row": row, "cut": cut, "begins": _begins(board, number)}
+    values["is_marked"] = True
     return render_to_string(f"{_folder(board)}/line.html", values)
 
 

@@ -9,6 +9,7 @@ from django.utils.safestring import SafeString
 
 from accounts.models import RacerGroup, Viewer
 from core.streams.shared_pieces import shared_piece
+from races.boards.selectors.shared_boards import shared_race
 from races.entries.selectors.visibility import races_visible_to
 from races.models import Race
 from races.pages.selectors import OnTrack, on_track, track_of
@@ -16,6 +17,15 @@ from races.streams import RACES
 
 register = template.Library()
 _TRACK_NOW = "races/pages/parts/track_now.html"
+
+
+@register.simple_tag(takes_context=True)
+def race_piece(context: Context, template: str, **values: str | int | None) -> SafeString:
+    """A part of a page of a race that depends on nothing but the race and ``values``: drawn once for all readers."""
+    slug = context["race"].slug
+    key = (slug, tuple(values.items()))
+    assert all(isinstance(value, str | int | None) for value in values.values()), values
+    return shared_piece(template, lambda: {**values, "race": shared_race(slug)}, key=key)
 
 
 @register.simple_tag(takes_context=True)

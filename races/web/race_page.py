@@ -44,6 +44,7 @@ def race_context(request: HttpRequest, shown: Race, entry: Entry | None = None, 
         "race": shown,
         "state": state,
         "entry": entry,
+        "is_entered": entry is not None,
         "hero": shared_piece("races/web/hero.html", lambda: _hero(shown.slug), key=(shown.slug, state)),
         "can_organise": can_organise(request.user, shown),
         "left": left,
@@ -65,6 +66,7 @@ def race_context(request: HttpRequest, shown: Race, entry: Entry | None = None, 
             "all_sent": bool(fitting),
             "garage_is_empty": not garage,
         }
+    context["can_send"] = bool(context.get("models")) and not context["used_up"]
     return context
 
 

@@ -9,6 +9,7 @@ from dataclasses import dataclass
 
 import pytest
 from django.db import connection
+from django.template import Context, Engine
 from django.test import Client
 from django.test.utils import CaptureQueriesContext
 from django.utils import timezone
@@ -148,3 +149,10 @@ def queries(call: Callable[[], object]) -> list[str]:
     with CaptureQueriesContext(connection) as captured:
         call()
     return [query["sql"] for query in captured]
+
+
+def test_a_shared_part_of_a_race_takes_nothing_of_a_reader(race, readers):
+    template = Engine.get_default().from_string('{% load boards %}{% race_piece "races/web/tabs.html" tab=value %}')
+    assert "<nav" in template.render(Context({"race": race, "value": "board"}))
+    with pytest.raises(AssertionError):
+        template.render(Context({"race": race, "value": readers[0].racer}))

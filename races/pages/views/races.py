@@ -86,7 +86,7 @@ def race(request: HttpRequest, slug: str) -> HttpResponse:
         "tab": "board",
         "board": standings,
         "drawn": drawn,
-        "lines": drawn.lines_for(standings),
+        "lines": drawn.lines.for_reader(request.user.pk),
         "cut": drawn.cut,
         "my_cut": drawn.cut_for(standings),
         "groups": groups,
