@@ -1,9 +1,7 @@
 """Tables of boards, drawn once for all readers."""
 
 import threading
-import time
 from collections import OrderedDict
-from collections.abc import Iterator
 from dataclasses import dataclass, replace
 
 from django.template.loader import render_to_string
@@ -12,15 +10,17 @@ from django.utils.safestring import SafeString
 from django.utils.translation import get_language
 
 from accounts.models import RacerGroup
-from core.streams.shared_pieces import LIVES_S, MarkedPiece, shared_value
+from core.streams.shared_pieces import MarkedPiece, shared_value
 
+from ..models import Race
 from .qualifying_line import Cut, cut_of
 from .selectors.board import Board, BoardRow
 from .selectors.shared_boards import board_of_all
 
 PAGES = 40  # with kept lines, of one process
+LINES_LIVE_S = 60  # a line says in minutes how old a result is
 
-_kept: OrderedDict[tuple, tuple[float, dict[tuple, SafeString]]] = OrderedDict()
+_kept: OrderedDict[tuple, dict[tuple, SafeString]] = OrderedDict()
 _lock = threading.Lock()
 
 
@@ -54,19 +54,30 @@ def drawn_board(slug: str, page: int, group: RacerGroup | None) -> DrawnBoard:
         values = {"board": board, "race": board.race}
         head = render_to_string(f"{_folder(board)}/head.html", values)
         facts = render_to_string("races/boards/facts.html", values)
-        lines = MarkedPiece.read("".join(_lines(board, cut, _lately((*key, get_language())))))
+        lines = MarkedPiece.read("".join(_lines(board, cut, (*key, get_language()))))
         return DrawnBoard(board, cut, lines, head, facts)
 
     return shared_value(key, draw)
 
 
-def _lines(board: Board, cut: Cut | None, kept: dict[tuple, SafeString]) -> Iterator[SafeString]:
-    """The lines of a page, from ``kept`` where they were drawn with the same values."""
+def _lines(board: Board, cut: Cut | None, key: tuple) -> list[SafeString]:
+    """The lines of a page. Those that were drawn with the same values last time, in the same minute of the result's
+    age, are not drawn again: a commit changes few of them, or none."""
+    with _lock:
+        before = _kept.pop(key, {})
+    now, race = timezone.now(), board.race
+    of_all = (repr([race.__dict__[field.attname] for field in Race._meta.concrete_fields]), repr(cut))
+    kept, lines = {}, []
     for number, row in enumerate(board.rows):
-        values = (row.shown_values, board.classified_count == 1, _begins(board, number), repr(cut))
-        if values not in kept:
-            kept[values] = _line(board, row, number, cut)
-        yield kept[values]
+        age = int((now - (row.entry.achieved_at or row.entry.entered_at)).total_seconds()) // LINES_LIVE_S
+        values = (row.shown_values, age, *of_all, board.classified_count == 1, _begins(board, number))
+        kept[values] = before.get(values) or _line(board, row, number, cut)
+        lines.append(kept[values])
+    with _lock:
+        _kept[key] = kept
+        while len(_kept) > PAGES:
+            _kept.popitem(last=False)
+    return lines
 
 
 def _line(board: Board, row: BoardRow, number: int, cut: Cut | None) -> SafeString:
@@ -82,15 +93,3 @@ def _begins(board: Board, number: int) -> bool:
 
 def _folder(board: Board) -> str:
     return "races/duels" if board.is_drawn else "races/boards"
-
-
-def _lately(key: tuple) -> dict[tuple, SafeString]:
-    """The lines of a page that were drawn in the last second. A commit changes few of them, or none."""
-    with _lock:
-        began_at, lines = _kept.pop(key, (0.0, {}))
-        if time.monotonic() - began_at > LIVES_S:
-            began_at, lines = time.monotonic(), {}
-        _kept[key] = (began_at, lines)
-        while len(_kept) > PAGES:
-            _kept.popitem(last=False)
-    return lines

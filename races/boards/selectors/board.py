@@ -58,11 +58,11 @@ class BoardRow:
 
     @property
     def shown_values(self) -> tuple:
-        """All values that the line shows: equal values draw equal lines."""
-        entry, racer, race = self.entry, self.entry.racer, self.entry.race
+        """All values of the row that its line shows: equal values draw equal lines in the same race and minute."""
+        entry, racer = self.entry, self.entry.racer
         of_entry = repr([entry.__dict__[field.attname] for field in Entry._meta.concrete_fields])
         of_racer = (racer.alias, racer.has_page, racer.country, racer.avatar)
-        about = (entry.best and entry.best.evaluation.public_id, race.ranking_method, race.race_type)
+        about = (entry.best and entry.best.evaluation.public_id, entry.car_of and entry.car_of.racer.alias)
         return of_entry, *of_racer, *about, self.rank, self.gap_ms, self.sector_colours, self.has_fastest_lap
 
     @property
