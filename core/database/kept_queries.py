@@ -36,6 +36,7 @@ class _Compiled:
     compiler: SQLCompiler
     sql: str
     params: tuple[Any, ...]
+    converters: dict[int, Any]
 
 
 class KeptQuery(Generic[T]):
@@ -65,6 +66,7 @@ class KeptQuery(Generic[T]):
         compiler: Any = copy(kept.compiler)
         compiler.connection = connection  # of this thread
         compiler.as_sql = lambda: (kept.sql, params)
+        compiler.get_converters = lambda expressions: kept.converters
         query = copy(kept.rows.query)
         query.get_compiler = lambda *args, **kwargs: compiler
         # what Django's iterables of rows ask of their queryset
@@ -78,4 +80,5 @@ class KeptQuery(Generic[T]):
         sql, params = compiler.as_sql()
         needed = {name for name, parameter in names.items() if parameter.default is parameter.empty}
         assert {each.name for each in params if isinstance(each, _Place)} >= needed, sql
-        return _Compiled(rows, compiler, sql, tuple(params))
+        converters = compiler.get_converters([column[0] for column in compiler.select[: compiler.col_count]])
+        return _Compiled(rows, compiler, sql, tuple(params), converters)

@@ -11,6 +11,7 @@ from accounts.groups.selectors import inside, visible_of
 from accounts.models import Racer, RacerGroup, Team, Viewer
 from core.database.kept_queries import KeptQuery
 from core.streams.shared_pieces import shared_value
+from evaluation.models import Evaluation
 
 from ...models import Entry, Race
 from ...ranks import MOST_DRIVEN, NOT_CLASSIFIED
@@ -179,10 +180,22 @@ def _cut(page: int, rows: int, per_page: int) -> tuple[int, int, int]:
     return page, pages, (page - 1) * per_page
 
 
+# of related rows, of which a line shows only an address and a name
+_NOT_SHOWN = [
+    f"{path}__{field.name}"
+    for path, model, shown in (
+        ("best__evaluation", Evaluation, {"id", "public_id"}),
+        ("car_of", Entry, {"id", "racer"}),
+        ("car_of__racer", Racer, {"id", "alias"}),
+    )
+    for field in model._meta.concrete_fields
+    if field.name not in shown
+]
 _own: KeptQuery[Any] = KeptQuery(
     lambda race, racer: with_place(
         Entry.objects.filter(race_id=race, racer_id=racer)
         .select_related("best__evaluation", "car_of__racer")
+        .defer(*_NOT_SHOWN)
         .order_by()
     )
 )
