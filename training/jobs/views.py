@@ -43,6 +43,7 @@ from training.jobs.services.deletion import delete_training, models_of
 from training.jobs.services.queue import stop_training
 from training.jobs.services.results import evaluate_training
 from training.models import TrainingIteration, TrainingJob
+from training.models.job import TrainingTrack
 from training.quotas import bytes_of
 
 PER_PAGE = 30
@@ -65,7 +66,8 @@ def trainings(request: HttpRequest) -> HttpResponse:
 @require_safe
 def training(request: HttpRequest, public_id: str) -> HttpResponse:
     job = visible_training(request, public_id)
-    mine, tracks, last = request.user.pk == job.owner_id, job.tracks, _last(job)
+    mine, last = request.user.pk == job.owner_id, _last(job)
+    tracks = [job.track, *(one.track for one in _more_tracks(job=job.pk))]
     context = {
         "tracks": tracks,
         "more_tracks": len(tracks) - 1,
@@ -175,6 +177,11 @@ def _best_and_last(job: Any) -> QuerySet[TrainingIteration]:
 
 
 _shown_iterations = KeptQuery(_best_and_last)
+
+
+_more_tracks = KeptQuery(
+    lambda job: TrainingTrack.objects.filter(job_id=job).select_related("track").defer("track__npy").order_by("place")
+)
 
 
 def _best(job: TrainingJob, last: TrainingIteration | None) -> TrainingIteration | None:

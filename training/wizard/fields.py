@@ -3,20 +3,26 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from datetime import datetime
+from functools import cached_property
+from operator import itemgetter
 from typing import Any
 
 from django import forms
+from django.db.models import QuerySet, Value
 from django.utils.translation import gettext as _
 from django.utils.translation import gettext_lazy
 from django.utils.translation import gettext_lazy as _lazy
 
 from accounts.models import Racer
+from core.database.kept_queries import KeptQuery
 from evaluation.models import TrainedModel
-from evaluation.selectors import models_of, newest_shared, visible_models
+from evaluation.selectors import garage_of, newest_shared, visible_models
 from paddock.rules.rule import Rule
-from races.models import Race
 from races.web.names import named, names_track
 from training.jobs.settings_checks import ACTION_COUNTS
+from training.models import TrainingJob, Vehicle
 
 MOST = ACTION_COUNTS[1]
 SPARE_ROWS = 3
@@ -103,7 +109,42 @@ def strength_field(rule: Rule) -> forms.IntegerField:
 
 
 OWN_LISTED = 100
+REWARDS_LISTED = 8
 SHARED_LISTED = 30
+MODEL, TRAINING = "model", "training"
+# MODEL, public id, name and nothing; or TRAINING, public id, name and reward function
+OwnRow = tuple[str, str, str, str, datetime]
+
+
+def _own(racer: Any) -> QuerySet[Any, OwnRow]:
+    in_order = "-created_at", "-pk"
+    models = garage_of(racer).order_by(*in_order).values("pk")[:OWN_LISTED]
+    jobs = TrainingJob.objects.filter(owner_id=racer, deleted_at=None, trial=None).order_by(*in_order).values("pk")
+    rows = TrainedModel.objects.filter(pk__in=models).order_by()
+    others = TrainingJob.objects.filter(pk__in=jobs[:REWARDS_LISTED]).order_by()
+    return rows.values_list(Value(MODEL), "public_id", "name", Value(""), "created_at").union(
+        others.values_list(Value(TRAINING), "public_id", "name", "reward_code", "created_at"), all=True
+    )
+
+
+_rows: KeptQuery[OwnRow] = KeptQuery(_own)
+_vehicles = KeptQuery(lambda racer: Vehicle.objects.filter(owner_id=racer))
+
+
+@dataclass
+class OwnRows:
+    """What the fields of the wizard offer of the racer's own: read once a request."""
+
+    racer: Racer
+
+    @cached_property
+    def vehicles(self) -> list[Vehicle]:
+        return _vehicles(racer=self.racer.pk)
+
+    @cached_property
+    def rows(self) -> list[OwnRow]:
+        """The newest models and reward functions, the latest first."""
+        return sorted(_rows(racer=self.racer.pk), key=itemgetter(4), reverse=True)
 
 
 class _Groups(forms.models.ModelChoiceIterator):
@@ -114,22 +155,18 @@ class _Groups(forms.models.ModelChoiceIterator):
     def __iter__(self) -> Iterator[tuple[str, Any]]:
         field = self.field
         yield "", field.empty_label
-        if field.owner is None:
+        if field.owner is None or field.own is None:
             return
-        own = list(models_of(field.owner).order_by("-created_at", "-pk")[:OWN_LISTED])
-        others = newest_shared(field.owner, SHARED_LISTED)
-        chosen = self._chosen_beside(own + others)
-        if chosen is not None:
-            (own if chosen.owner_id == field.owner.pk else others).append(chosen)
+        own = [(public_id, name) for kind, public_id, name, *_code in field.own.rows if kind == MODEL]
+        others = [(one.public_id, field.label_from_instance(one)) for one in newest_shared(field.owner, SHARED_LISTED)]
+        if field.chosen and field.chosen not in dict([*own, *others]):
+            chosen = self.queryset.filter(public_id=field.chosen).first()
+            if chosen is not None:
+                listed = (chosen.public_id, field.label_from_instance(chosen))
+                own, others = ([*own, listed], others) if chosen.owner == field.owner else (own, [*others, listed])
         for title, models in ((_("My models"), own), (_("Shared models"), others)):
             if models:
-                yield title, [self.choice(model) for model in models]
-
-    def _chosen_beside(self, listed: list[TrainedModel]) -> TrainedModel | None:
-        chosen = self.field.chosen
-        if not chosen or any(model.public_id == chosen for model in listed):
-            return None
-        return self.queryset.filter(public_id=chosen).first()
+                yield title, list(models)
 
 
 class CloneField(forms.ModelChoiceField):
@@ -137,6 +174,7 @@ class CloneField(forms.ModelChoiceField):
 
     def __init__(self, **kwargs: Any) -> None:
         self.owner: Racer | None = None
+        self.own: OwnRows | None = None
         self.chosen = ""
         super().__init__(
             queryset=TrainedModel.objects.none(),
@@ -151,9 +189,9 @@ class CloneField(forms.ModelChoiceField):
             **kwargs,
         )
 
-    def offer(self, owner: Racer, chosen: Any) -> None:
-        self.owner, self.chosen = owner, str(chosen or "").replace("\x00", "")[:12]
-        self.queryset = visible_models(owner)
+    def offer(self, own: OwnRows, chosen: Any) -> None:
+        self.own, self.owner, self.chosen = own, own.racer, str(chosen or "").replace("\x00", "")[:12]
+        self.queryset = visible_models(own.racer)
 
     def label_from_instance(self, model: TrainedModel) -> str:
         if self.owner is not None and model.owner_id == self.owner.pk:
@@ -161,28 +199,33 @@ class CloneField(forms.ModelChoiceField):
         return f"{model.name} ({model.owner.alias})"
 
 
-class _RaceChoices(forms.models.ModelChoiceIterator):
-    field: RaceField
+class _Offered(forms.models.ModelChoiceIterator):
+    field: OfferedField
 
     def __iter__(self) -> Iterator[tuple[Any, Any]]:
         yield "", self.field.empty_label
         yield from map(self.choice, self.field.offered)
 
 
-class RaceField(forms.ModelChoiceField):
-    """One of the races that the form has read, by its address."""
+class OfferedField(forms.ModelChoiceField):
+    """One of the rows that the form has read."""
 
-    iterator = _RaceChoices
-    offered: Sequence[Race] = ()
+    iterator = _Offered
+    offered: Sequence[Any] = ()
 
-    def to_python(self, value: Any) -> Race | None:
+    def to_python(self, value: Any) -> Any:
         if value in self.empty_values:
             return None
-        for race in self.offered:
-            if value in (race.slug, race):
-                return race
+        for one in self.offered:
+            if value in (getattr(one, str(self.to_field_name)), one):
+                return one
         raise forms.ValidationError(self.error_messages["invalid_choice"], "invalid_choice", {"value": value})
 
+    def label_from_instance(self, row: Any) -> str:
+        return row.name
+
+
+class RaceField(OfferedField):
     def label_from_instance(self, race: Any) -> str:
         name = named(race.name)
         return name if names_track(race.name, race.track.name) else f"{name} · {race.track.name}"

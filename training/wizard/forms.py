@@ -38,9 +38,8 @@ from training.jobs.settings_checks import (
 )
 from training.models import Algorithm, RewardSignature, Vehicle
 from training.rewards.views import RewardCodeField
-from training.vehicles.services import vehicles_of
 
-from .fields import ActionsField, CloneField, RaceField, RaceSelect, strength_field
+from .fields import ActionsField, CloneField, OfferedField, OwnRows, RaceField, RaceSelect, strength_field
 from .hyperparameters import SHOWN, HyperparametersForm
 
 RANGES = ("steering_low", "steering_high", "speed_low", "speed_high")
@@ -231,7 +230,7 @@ class SettingsForm(HyperparametersForm, LayoutForm, _Ending):  # type: ignore[mi
 class TrainingForm(SettingsForm):
     """Everything that a training is made of."""
 
-    vehicle = forms.ModelChoiceField(
+    vehicle = OfferedField(
         label=_("Vehicle"),
         queryset=Vehicle.objects.none(),
         to_field_name="public_id",
@@ -258,13 +257,13 @@ class TrainingForm(SettingsForm):
         help_text=_("The best model is submitted automatically."),
     )
 
-    def __init__(self, *args: Any, owner: Racer, now: datetime, **kwargs: Any) -> None:
+    def __init__(self, *args: Any, owner: Racer, now: datetime, read: OwnRows | None = None, **kwargs: Any) -> None:
         super().__init__(*args, **kwargs)
-        self.fields["vehicle"].queryset = vehicles_of(owner)
-        self.fields["vehicle"].label_from_instance = lambda vehicle: vehicle.name
+        read = read or OwnRows(owner)
+        self.fields["vehicle"].offered = read.vehicles
         if not house_cars():
             self.fields["start"].choices = [one for one in STARTS.items() if one[0] != FROM_HOUSE]
-        self.fields["clone"].offer(owner, self["clone"].value())
+        self.fields["clone"].offer(read, self["clone"].value())
         self.fields["submit_to_race"].offered = likest_first(enterable_now(now, owner), self._driven_race())
 
     def _driven_race(self) -> Race:

@@ -1,6 +1,6 @@
 """Initial values of the wizard, from the query of its address."""
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from typing import Any
 
 from accounts.models import Racer
@@ -22,6 +22,7 @@ from ..starter_training.services import free_name
 from ..trainer.network import CONSOLE
 from ..vehicles.services import vehicles_of
 from . import all_round
+from .fields import OwnRows
 from .forms import FROM_HOUSE, FROM_MODEL, FROM_NOTHING, GRANULARITIES, INITIAL
 
 LONGEST = 255
@@ -41,7 +42,7 @@ NAMED = (
 )
 
 
-def proposals(owner: Racer, asked: Mapping[str, str]) -> dict[str, Any]:
+def proposals(owner: Racer, asked: Mapping[str, str], read: OwnRows | None = None) -> dict[str, Any]:
     """Initial values of the wizard, which starts from a house car unless the address names something to learn.
 
     ``recipe=all-round``: :mod:`.all_round`, as far as this site has the tracks.
@@ -58,7 +59,7 @@ def proposals(owner: Racer, asked: Mapping[str, str]) -> dict[str, Any]:
     wanted = asked.get("clone")
     model = visible_models(owner).filter(public_id=wanted).first() if wanted else None
     if model is not None:
-        initial |= _of_model(owner, model)
+        initial |= _of_model(read or OwnRows(owner), model)
         if build_of_model(model) == CONSOLE:
             initial.setdefault("lr", CONSOLE_LR)
     for example in EXAMPLES:
@@ -108,18 +109,18 @@ def _of_job(job: TrainingJob) -> dict[str, Any]:
     initial["track"] = job.track.slug
     initial["more_tracks"] = [track.slug for track in job.tracks[1:]]
     # of a vehicle that is deleted since: another one like it
-    initial["vehicle"] = job.vehicle.public_id if job.vehicle else _fitting(job.owner, job.metadata) or ""
+    initial["vehicle"] = job.vehicle.public_id if job.vehicle else _fitting(vehicles_of(job.owner), job.metadata) or ""
     initial["box_choice"] = FIXED if job.boxes else DRAWN
     initial |= {name: INITIAL[name] for name in (BOX_COUNT, "bots") if not initial[name]}
     return initial
 
 
-def _of_model(owner: Racer, model: TrainedModel) -> dict[str, Any]:
+def _of_model(own: OwnRows, model: TrainedModel) -> dict[str, Any]:
     metadata = model.metadata
     initial = {"clone": model.public_id, "action_space_type": metadata.get("action_space_type", DISCRETE)}
     initial["algorithm"] = "sac" if metadata.get("training_algorithm") == "sac" else "ppo"
     initial |= _of_actions(metadata["action_space"])
-    fitting = _fitting(owner, metadata)
+    fitting = _fitting(own.vehicles, metadata)
     if fitting is None:
         initial[LACKS_VEHICLE] = model
     else:
@@ -127,10 +128,10 @@ def _of_model(owner: Racer, model: TrainedModel) -> dict[str, Any]:
     return initial
 
 
-def _fitting(owner: Racer, metadata: Mapping[str, Any]) -> str | None:
-    """The wizard's value of the racer's first vehicle that fits a model's metadata, "" for the original car; or
+def _fitting(vehicles: Iterable[Vehicle], metadata: Mapping[str, Any]) -> str | None:
+    """The wizard's value of the first vehicle that fits a model's metadata, "" for the original car; or
     None."""
-    cars = [("", Vehicle()), *((vehicle.public_id, vehicle) for vehicle in vehicles_of(owner))]
+    cars = [("", Vehicle()), *((vehicle.public_id, vehicle) for vehicle in vehicles)]
     return next((name for name, vehicle in cars if fits(vehicle, metadata)), None)
 
 

@@ -17,11 +17,12 @@ from paddock.rules.training import TrainingSettings, taken_from
 from races.rules.form_fields import PlainNumberField
 
 from ..jobs.settings_checks import SPEED_MPS, names_of
-from ..models import Sweep, TrainingJob
+from ..models import Sweep
 from ..models.sweep import SETTINGS_LEAST, SETTINGS_MOST, ActionSpaceChoice
 from ..rewards.check_slots import refusals
 from ..rewards.examples import EXAMPLES
 from ..sweeps.services import SearchFields, create_sweep
+from .fields import TRAINING, OwnRows
 from .forms import TrainingForm
 from .hyperparameters import SmallNumberField
 
@@ -41,7 +42,6 @@ SPEEDS = {
     "1.25": gettext_lazy("speeds × 1.25"),
     "1.5": gettext_lazy("speeds × 1.5"),
 }
-OWN_LISTED = 8
 _IN_ORDER = sorted(HYPERPARAMETERS.values(), key=lambda one: one.place)
 
 
@@ -76,7 +76,7 @@ class SweepForm(forms.Form):
         label=gettext_lazy("Other reward functions"), required=False, widget=forms.CheckboxSelectMultiple
     )
 
-    def __init__(self, *args: Any, owner: Racer | None, **kwargs: Any) -> None:
+    def __init__(self, *args: Any, owner: Racer | None, read: OwnRows | None = None, **kwargs: Any) -> None:
         """``owner``: whose reward functions are offered, beside the examples."""
         super().__init__(*args, **{"prefix": "sweep", "initial": {"vary": ["lr"]}} | kwargs)
         fields: Any = self.fields
@@ -86,10 +86,8 @@ class SweepForm(forms.Form):
                 kind = forms.IntegerField if HYPERPARAMETERS[name].type is int else SmallNumberField
                 self.fields[f"{name}_{end}"] = kind(required=False, initial=value)
         self._codes = {one.slug: one.code for one in EXAMPLES}
-        own = TrainingJob.objects.filter(owner_id=owner and owner.pk, deleted_at=None, trial=None).order_by(
-            "-created_at", "-pk"
-        )
-        jobs = list(own.values_list("public_id", "name", "reward_code")[:OWN_LISTED])
+        own = [] if owner is None else (read or OwnRows(owner)).rows
+        jobs = [(public_id, name, code) for kind, public_id, name, code, _at in own if kind == TRAINING]
         self._codes |= {public_id: code for public_id, _name, code in jobs}
         named = _("of my training %(name)s")
         fields["rewards"].choices = [

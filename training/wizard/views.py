@@ -22,7 +22,7 @@ from training.jobs.services.creation import create_training, refusals_of, refuse
 from training.models import TrainingJob, Vehicle
 from training.rewards.check_slots import refusals
 from training.rewards.views import report_of
-from training.wizard.fields import MOST
+from training.wizard.fields import MOST, OwnRows
 from training.wizard.forms import RESET_RANGES, TrainingForm
 from training.wizard.hyperparameters import FILLS
 from training.wizard.parts import parts_of
@@ -49,13 +49,14 @@ def training_new(request: HttpRequest) -> HttpResponse:
     now = timezone.now()
     owner = racer_of(request)
     status, checked, lacking = 200, None, None
-    tried = SweepForm(request.POST if request.method == "POST" else None, owner=owner)
+    read = OwnRows(owner)
+    tried = SweepForm(request.POST if request.method == "POST" else None, owner=owner, read=read)
     if request.method == "POST":
         step = request.POST.get("do")
         data = request.POST.copy()
         if step in _FILLED:
             data.update(_FILLED[step](request.POST))  # of two values of a name the last counts
-        form = TrainingForm(data, owner=owner, now=now)
+        form = TrainingForm(data, owner=owner, now=now, read=read)
         if step != "sweep":
             tried.errors.clear()
         if step in _FILLED:
@@ -74,9 +75,9 @@ def training_new(request: HttpRequest) -> HttpResponse:
                 messages.success(request, _("Training queued. This page updates itself."))
                 return redirect(job)
     else:
-        initial = proposals(owner, request.GET)
+        initial = proposals(owner, request.GET, read)
         lacking = initial.pop(LACKS_VEHICLE, None)
-        form = TrainingForm(owner=owner, now=now, initial=initial)
+        form = TrainingForm(owner=owner, now=now, read=read, initial=initial)
     context = {
         "form": form,
         "tried": tried,

@@ -74,6 +74,11 @@ _divisions = KeptQuery(
 )
 
 
+_memberships: KeptQuery[tuple[int, str]] = KeptQuery(
+    lambda racer: Membership.objects.filter(racer_id=racer).order_by().values_list("season", "division")
+)
+
+
 def read_rounds(races: Sequence[Race], racer: Racer) -> None:
     """Read what a page asks :func:`round_of` about each of these races with ``racer``: one query of the racer's own."""
     league = [race for race in races if race.kind == RaceKind.LEAGUE]
@@ -81,8 +86,7 @@ def read_rounds(races: Sequence[Race], racer: Racer) -> None:
         return
     pks = tuple(race.pk for race in league)
     rounds = shared_value(("rounds", pks), lambda: {round_.race_id: round_ for round_ in _rounds(pks)})
-    seasons = {round_.season_id for round_ in rounds.values()}
-    own = dict(Membership.objects.filter(season__in=seasons, racer=racer).order_by().values_list("season", "division"))
+    own = dict(_memberships(racer=racer.pk))
     for race in league:
         round_ = copy(rounds.get(race.pk))
         if round_ is not None:
