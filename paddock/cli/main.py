@@ -6,6 +6,7 @@
 from __future__ import annotations
 
 import argparse
+import gc
 import io
 import sys
 from collections.abc import Sequence
@@ -27,6 +28,8 @@ _STRANGE = (TypeError, ValueError, LookupError, AttributeError, ArithmeticError)
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
+    if arguments is None:
+        gc.set_threshold(100_000)  # all that the parser and the imports make stays
     given = list(sys.argv[1:] if arguments is None else arguments)
     speaker = Speaker("--json" in given)
     if isinstance(sys.stdout, io.TextIOWrapper):

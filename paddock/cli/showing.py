@@ -1,6 +1,5 @@
 """Prints tables, lap times and progress with the number formats of the site."""
 
-import json
 import sys
 import time
 from collections.abc import Sequence
@@ -50,7 +49,11 @@ class Speaker:
 
     def result(self, value: Any, text: str) -> None:
         self._end()
-        print(json.dumps(value, indent=2) if self.as_json else _plain(text))
+        if self.as_json:
+            import json
+
+            text = json.dumps(value, indent=2)
+        print(text if self.as_json else _plain(text))
 
     def progress(self, text: str, share: float | None = None) -> None:
         """Show the progress; equal messages in a row are shown once."""

@@ -21,10 +21,11 @@ EXPORTS = (CAR, OPENVINO)
 HEAD = 512  # bytes that :func:`sniff` and :func:`network_kind` want to see
 
 _BYTE_ORDER_MARK = b"\xef\xbb\xbf"
-_BZIP2 = re.compile(rb"BZh[1-9](1AY&SY|\x17rE8P\x90)")  # a first block, or the end of an empty stream
-_PICKLED = re.compile(rb"\x80[\x02-\x05]")  # a pickle of protocol 2 and later: what torch wrote before its zips
+# compiled at first use: most commands read no file
+_BZIP2 = rb"BZh[1-9](1AY&SY|\x17rE8P\x90)"  # a first block, or the end of an empty stream
+_PICKLED = rb"\x80[\x02-\x05]"  # a pickle of protocol 2 and later: what torch wrote before its zips
 # torch writes car.onnx.data, onnx's own helper any name; optimum model.onnx_data
-_WEIGHTS = re.compile(r".*(\.onnx\.data|\.data|\.onnx_data|\.bin|\.weights)\Z", re.IGNORECASE | re.DOTALL)
+_WEIGHTS = r"(?is).*(\.onnx\.data|\.data|\.onnx_data|\.bin|\.weights)\Z"
 
 
 def sniff(head: bytes) -> str:
@@ -33,7 +34,7 @@ def sniff(head: bytes) -> str:
         return GZIP
     if head.startswith(b"\xfd7zXZ\0"):
         return XZ
-    if _BZIP2.match(head):
+    if re.match(_BZIP2, head):
         return BZIP2
     if head.startswith((b"PK\x03\x04", b"PK\x05\x06", b"PK\x07\x08")):
         return ZIP
@@ -138,9 +139,9 @@ def foreign_format(head: bytes) -> str:
 
 def is_pickle(head: bytes) -> bool:
     """Whether a file begins as a pickle: Python objects, which are never opened."""
-    return _PICKLED.match(head) is not None
+    return re.match(_PICKLED, head) is not None
 
 
 def is_weights_file(name: str) -> bool:
     """Whether a file of this name may contain the external weights of an ONNX file, whatever its content."""
-    return _WEIGHTS.match(name) is not None
+    return re.match(_WEIGHTS, name) is not None
