@@ -121,17 +121,14 @@ def test_a_messenger_that_stands_still_is_ended(place: Place) -> None:
         assert messenger.wait(60) == -signal.SIGALRM
 
 
-def test_a_messenger_that_takes_nothing_ends(place: Place) -> None:
+def test_an_idle_messenger_goes_on_and_one_that_takes_nothing_ends(place: Place) -> None:
     with place.valkey(), place.messenger() as messenger:
+        with pytest.raises(subprocess.TimeoutExpired):
+            messenger.wait(4)  # twice as long as one that takes nothing has
         place.app.control.cancel_consumer(QUEUE)
         wait_for(lambda: place.send("busy") or place.server.llen(QUEUE) > 3, 30, place.log)
         assert messenger.wait(60) == 1
         assert place.row("messenger")[0], "it did not stop in good order"
-
-
-def test_an_idle_messenger_goes_on(place: Place) -> None:
-    with place.valkey(), place.messenger() as messenger, pytest.raises(subprocess.TimeoutExpired):
-        messenger.wait(4)  # twice as long as one that takes nothing has
 
 
 def test_the_scheduler_has_a_heartbeat(place: Place) -> None:

@@ -99,11 +99,11 @@ def test_web_processes_agree(tmp_path: Path, new_data: Callable[..., Path]) -> N
     files.mkdir(exist_ok=True)
     said: list[tuple[float, bool]] = []  # when the look was taken, and what it found of the storage
     with web(data, 2) as (_, ask):
-        for number in range(90):  # each state lasts longer than an answer is shared
-            if number == 30:
+        for number in range(70):  # each state that comes lasts longer than an answer is shared
+            if number == 10:
                 files.rename(aside)
                 files.write_text("in the way")
-            elif number == 60:
+            elif number == 40:
                 files.unlink()
                 aside.rename(files)
             found = json.loads(ask("/health/ready")[1])

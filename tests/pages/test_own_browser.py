@@ -35,6 +35,10 @@ def choose(page, label: str, keys: str) -> None:
     page.keyboard.type(keys)
 
 
+def is_layout(answer) -> bool:
+    return answer.url.endswith("/runs/layout/")
+
+
 def test_a_car_is_driven_from_the_page_of_a_track(browser, live_server, alice, wakes):
     now = timezone.now()
     a_model(alice, name="Lightning")
@@ -50,12 +54,16 @@ def test_a_car_is_driven_from_the_page_of_a_track(browser, live_server, alice, w
         page.keyboard.press("Tab")  # into the types of race
         page.keyboard.press("ArrowRight")
         assert page.get_by_label("object avoidance").is_checked()
+        drawing = page.locator("[data-places] svg").first
+        drawing.wait_for()
         choose(page, "Laps driven", "")
         page.keyboard.press("Control+A")
         page.keyboard.type("2")
+        with page.expect_response(is_layout):  # else the map is replaced while it is clicked on
+            page.keyboard.press("Tab")
+        page.wait_for_function("() => !document.querySelector('.htmx-request, .htmx-swapping, .htmx-settling')")
 
         # boxes by a click on the map, in a lane; a click on one takes it away
-        drawing = page.locator("[data-places] svg").first
         place = """(map, [lane, index]) => {
           const point = new DOMPoint(...JSON.parse(map.closest("[data-places]").dataset.places)[lane][index]);
           const at = point.matrixTransform(map.getScreenCTM());
@@ -63,7 +71,7 @@ def test_a_car_is_driven_from_the_page_of_a_track(browser, live_server, alice, w
         }"""
         drawing.scroll_into_view_if_needed()
         for lane, index, boxes in (("inner", 60, 1), ("outer", 100, 2), ("inner", 60, 1)):
-            with page.expect_response(lambda answer: answer.url.endswith("/runs/layout/")):
+            with page.expect_response(is_layout):
                 page.mouse.click(*drawing.evaluate(place, [lane, index]))
             page.wait_for_function("count => document.querySelectorAll('.layout-boxes li').length === count", arg=boxes)
         page.get_by_role("button", name="Drive", exact=True).press("Enter")
