@@ -2,6 +2,7 @@
 
 from dataclasses import dataclass
 
+from ..database.kept_queries import KeptQuery
 from ..events.models import Event, EventCursor
 from ..events.reading import number_new
 from .topics import topics_of
@@ -25,7 +26,12 @@ def newest() -> int:
 
 def last_numbered() -> int:
     """The same without numbering new events: later queries see every event up to it."""
-    return EventCursor.objects.filter(pk=EventCursor.NUMBERED).values_list("position", flat=True).first() or 0
+    return next(iter(_position()), 0)
+
+
+_position = KeptQuery(
+    lambda: EventCursor.objects.filter(pk=EventCursor.NUMBERED).values_list("position", flat=True).order_by()
+)
 
 
 def after(position: int) -> tuple[int, list[Moved]]:
