@@ -19,9 +19,11 @@ from league.models import Cup, CupPlace, Mail, Notice, NoticeChoice
 from league.notices.sentences import sentence
 from league.stewarding.official_results import close_round
 from races.entries.services.entries import withdraw
+from races.events import RACE_OFFICIAL
 from races.models import Visibility
 from tests.factories import a_race, a_racer, drive, laps
 from tests.happened import tell_what_happened
+from tests.kept_parts import parts_are_kept
 from tests.league.seasons import a_round, a_season, after, board, racers
 from tests.pages.test_queries import queries
 
@@ -129,6 +131,39 @@ def test_more_doings_cost_the_page_no_more_queries(alice, wakes):
             sent.append(len(queries(client, "/following/")))
     promoted = [one for one in doings(alice, now) if one.what == "promoted"]
     assert len(promoted) == 6 and set(sent) == {sent[0]}
+
+
+def test_more_wins_and_cups_cost_the_page_no_more_queries(alice, now, wakes):
+    client, sent = Client(), []
+    client.force_login(alice, backend=BACKEND)
+    for number in range(3):
+        day, winner = now.date() - timedelta(days=number), a_racer(f"winner-{number}")
+        won, cup_race = a_race(now, name=f"Won {number}"), a_race(now)
+        for racer, time in ((winner, 9_000), (a_racer(), 9_500)):
+            timed(won, racer, time, now)
+        record(RACE_OFFICIAL, at=now, race=won.pk, subject=won.slug, once=f"{won.pk}")
+        cup = Cup.objects.create(day=day, race=cup_race, over_at=now)
+        CupPlace.objects.create(cup=cup, division=1, racer=winner, place=1, qualified=1)
+        record(CUP_OVER, at=now, race=cup_race.pk, subject=str(day), once=str(day), cars=2)
+        follow_racer(follower=alice, racer=winner, now=now)
+        sent.append(len(queries(client, "/following/")))
+        found = {(one.what, one.racer) for one in doings(alice, now)}
+        assert found >= {("won", winner), ("cup", winner), ("best", winner)}
+    assert sent[0] == sent[1] == sent[2] <= 8, sent
+
+
+def test_a_win_in_a_private_race_is_for_those_in_it(alice, bob, charlie, now, wakes):
+    secret = a_race(now)
+    for racer, time in ((bob, 9_000), (charlie, 9_500)):
+        timed(secret, racer, time, now)
+    secret.visibility = Visibility.INVITATION
+    secret.save(update_fields=["visibility"])
+    record(RACE_OFFICIAL, at=now, race=secret.pk, subject=secret.slug, once="closed")
+    for follower in (alice, charlie):
+        follow_racer(follower=follower, racer=bob, now=now)
+    with parts_are_kept():
+        seen = {who: {one.what for one in doings(who, now)} for who in (charlie, alice)}
+    assert seen == {charlie: {"won", "best"}, alice: set()}
 
 
 def test_the_pages(alice, bob, charlie, now, wakes):

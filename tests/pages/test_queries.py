@@ -20,12 +20,15 @@ from league.models import Membership, Notice, Round, RoundPoints, Stage
 from league.seasons.services.seasons import create_season
 from races.models import Entry, Race
 from races.pages.views.races import LISTS
-from tests.factories import a_model, a_race, a_racer, drive, laps
+from races.test_runs.services import drive_own
+from tests.factories import a_model, a_race, a_racer, drive, finish, laps
 from tests.kept import Kept
 from tests.kept_parts import parts_are_kept
 from tests.live_shows import a_live_race, an_ended_show
 from tests.pages.conftest import World
 from tests.pages.test_pages import address
+from tests.training.jobs import a_training
+from training.models import Vehicle
 
 # one of them says up to which event the page shows everything; a race asks for its live event, the reader's groups and
 # class
@@ -162,6 +165,10 @@ def _more_rows(site: Site) -> Site:
         drive(race, racer, laps(19_000, 19_100, 19_200), now)
         drive(site.month, mine, laps(18_000 + number, 18_100, 18_200), now)
         a_model(mine)
+        a_training(mine, race.track, now, name=f"another-{number}")
+        Vehicle.objects.create(owner=mine, name=f"Another {number}", sensors=["FRONT_FACING_CAMERA"])
+        own = drive_own(owner=mine, model=a_model(mine), track=race.track, now=now)
+        finish(own, laps(9_000, 9_000, 9_000), now)
         follow_racer(follower=mine, racer=racer, now=now)
         Notice.objects.create(racer=mine, kind="result", about=f"{number}", params={"race": race.name}, at=now)
         years = (now + timedelta(days=1000 + 400 * number)).date()

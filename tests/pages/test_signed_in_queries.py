@@ -66,7 +66,9 @@ PATHS = (
     "/evaluations/{finished}/compare/",
     "/races/show/event/",
     "/races/show/event/state.json",
-    *("/settings/", "/settings/notices/", "/settings/webhooks/", "/settings/tokens/"),
+    "/following/",
+    "/train/new/?clone={model}",
+    *("/settings/", "/settings/usage/", "/settings/notices/", "/settings/webhooks/", "/settings/tokens/"),
 )
 
 
@@ -171,7 +173,7 @@ def test_two_racers_at_once_never_see_each_others_races() -> None:
 
 PAGES_OF_TWO = (
     *(f"/racers/{alias}/" for alias in ("carol", "ann", "ben")),
-    *("/races/show/event/", "/seasons/year/", "/seasons/year/standings/"),
+    *("/races/show/event/", "/seasons/year/", "/seasons/year/standings/", "/runs/new/", "/models/", "/train/new/"),
 )
 MY_ROW = re.compile(r'<(?:tr|li)[^>]* class="[^"]*\bme".*?/racers/([\w-]+)/"', re.DOTALL)
 NAMES = ("For everybody", "Private of ann", "Private of ben", "Car of ann", "Car of ben")

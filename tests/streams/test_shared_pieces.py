@@ -9,10 +9,20 @@ from django.db import transaction
 from django.test import Client
 from django.urls import reverse
 from django.utils import timezone, translation
+from django.utils.safestring import mark_safe
 from django.utils.translation import gettext
 
 from core.streams import reading, shared_pieces
-from core.streams.shared_pieces import MarkedPiece, marked, reading_since, shared_piece, shared_value, shown_position
+from core.streams.shared_pieces import (
+    MarkedPiece,
+    filled,
+    hole,
+    marked,
+    reading_since,
+    shared_piece,
+    shared_value,
+    shown_position,
+)
 from races.events import record_board
 from races.models import Race
 from tests.factories import a_race, a_racer, drive, laps
@@ -183,6 +193,15 @@ def test_a_refused_change_and_a_program_set_no_cookie():
     assert Client(enforce_csrf_checks=True).post(login).status_code == 403
     assert "wrote" not in Client(enforce_csrf_checks=True).post(login).cookies
     assert "wrote" not in Client().post("/theme/", {"theme": "dark"}, headers={"Authorization": "Bearer x"}).cookies
+
+
+def test_a_hole_is_filled_for_each_reader_and_not_by_a_text_that_looks_like_one():
+    piece = mark_safe(f"<p>{hole('car')}</p>[car] {hole('car')}")
+    looks_like_one = mark_safe("[car] \\1")
+    assert [filled(piece, car=car) for car in (mark_safe("mine"), looks_like_one)] == [
+        "<p>mine</p>[car] mine",
+        "<p>[car] \\1</p>[car] [car] \\1",
+    ]
 
 
 def test_a_marked_piece_has_for_each_reader_what_is_theirs_alone():
