@@ -114,7 +114,7 @@ def _own_rows(racer: Any, run: Any, now: datetime) -> dict[str, str]:
     from tests.training.jobs import a_trained_one, an_iteration
     from training.models import JobState, TrainingIteration, TrainingJob
 
-    model = TrainedModel.objects.filter(owner=racer).order_by("pk").first()
+    model = TrainedModel.objects.filter(owner=racer).earliest("pk")
     for _ in range(OWN_RUNS):
         finish(drive_own(owner=racer, model=model, track=run.track, now=now), laps(*[LAP_MS] * 3), now)
     training = a_trained_one(racer, run.track, now)
