@@ -10,7 +10,7 @@ register.tags.update(i18n.register.tags)
 register.filters.update(i18n.register.filters)
 
 
-class _Words(Node):
+class _FixedText(Node):
     def __init__(self, node: Node) -> None:
         self.node = node
         self._kept: dict[str | None, str] = {}
@@ -27,14 +27,14 @@ def translate(parser: Parser, token: Token) -> Node:
     node = i18n.do_translate(parser, token)
     value, about = node.filter_expression, node.message_context
     is_fixed = value.var.lookups is None and not value.filters and (about is None or isinstance(about.var, str))
-    return _Words(node) if is_fixed and node.asvar is None else node
+    return _FixedText(node) if is_fixed and node.asvar is None else node
 
 
 def blocktranslate(parser: Parser, token: Token) -> Node:
     node = i18n.do_block_translate(parser, token)
     has_values = node.extra_context or node.countervar or node.message_context or node.asvar
     is_fixed = not has_values and all(each.token_type == TokenType.TEXT for each in node.singular)
-    return _Words(node) if is_fixed else node
+    return _FixedText(node) if is_fixed else node
 
 
 for _name in ("translate", "trans"):

@@ -18,7 +18,7 @@ from .selectors.board import Board, BoardRow
 from .selectors.shared_boards import board_of_all
 
 PAGES = 40  # with kept lines, of one process
-LINES_LIVE_S = 60  # a line says in minutes how old a result is
+LINES_LIVE_S = 60  # a line shows the age of a result in minutes
 
 _kept: OrderedDict[tuple, dict[tuple, SafeString]] = OrderedDict()
 _lock = threading.Lock()
