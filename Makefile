@@ -45,6 +45,7 @@ RETRIED := { test $$? -eq 1 -a "$(RETRY)" = alone && $(BIN)/python -m pytest --l
 test: system-test $(VENV)/.offered compiled $(VENV)/.browser ## every claim in minutes (PYTEST_ARGS= for more, WORKERS= at a time)
 	$(PYTEST) -m "not slow and not soak" $(PYTEST_ARGS) || $(RETRIED)
 
+journeys: WORKERS := $(shell echo $$(($(WORKERS) + 1))) # nearly half of a journey is waiting
 journeys: system-test $(VENV)/.offered compiled $(VENV)/.browser ## real browsers, programs and servers from end to end: what is marked slow
 	$(PYTEST) -m "slow and not soak" $(PYTEST_ARGS) || $(RETRIED)
 

@@ -7,12 +7,13 @@ from django.db.models import Case, Q, QuerySet, When
 from django.utils import timezone
 
 from accounts.models import Racer, Viewer
+from core.database.kept_queries import KeptQuery
 from core.streams.shared_pieces import shared_value
 from evaluation.models import Evaluation, State
 from evaluation.running.queue.order import ORDER
 
 from ..entries.selectors.visibility import races_visible_to
-from ..live.selectors.events import LiveNow, live_for_all, live_now
+from ..live.selectors.events import LiveNow, live_for_all, live_now, live_of_race
 from ..models import DuelCompetitor, Race, Visibility
 
 SHOWN = 5
@@ -48,7 +49,7 @@ def track_of(race: int) -> OnTrack:
     """The cars on track in one race, for every reader who may see it: no query for a single reader."""
 
     def read() -> OnTrack:
-        return _on_track(_runs(None, [race]), live_for_all(timezone.now(), [race]), for_all=True)
+        return _on_track(_runs_of_race(race=race), live_of_race(race, timezone.now()), for_all=True)
 
     return shared_value(("track of a race", race), read)
 
@@ -74,16 +75,26 @@ def _in_public(races: Sequence[int] | None) -> OnTrack:
 
 def _runs(seen: QuerySet[Race] | None, races: Sequence[int] | None) -> list[Evaluation]:
     """The first runs that drive or wait, in the order of the queue. ``seen``: only of these races."""
-    alone = Q(submission__entry__withdrawn_at=None, submission__is_void=False)
-    alone, duels = alone & Q(submission__isnull=False), Q(duel__isnull=False)
+    runs = _queue(seen)
+    if races is not None:
+        runs = runs.filter(Q(submission__entry__race__in=races) | Q(duel__race__in=races))
+    return list(runs[:LOOKED_AT])
+
+
+def _queue(seen: QuerySet[Race] | None = None) -> QuerySet[Evaluation]:
+    alone = Q(submission__isnull=False, submission__entry__withdrawn_at=None, submission__is_void=False)
+    duels = Q(duel__isnull=False)
     if seen is not None:
         pks = seen.order_by().values("pk")
         alone, duels = alone & Q(submission__entry__race__in=pks), duels & Q(duel__race__in=pks)
-    if races is not None:
-        alone, duels = alone & Q(submission__entry__race__in=races), duels & Q(duel__race__in=races)
     runs = Evaluation.objects.filter(alone | duels, state__in=(State.RUNNING, State.QUEUED))
     runs = runs.select_related("owner", "submission__entry__race", "duel__race").defer("spec", "progress")
-    return list(runs.order_by(Case(When(state=State.RUNNING, then=0), default=1), *ORDER)[:LOOKED_AT])
+    return runs.order_by(Case(When(state=State.RUNNING, then=0), default=1), *ORDER)
+
+
+_runs_of_race = KeptQuery(
+    lambda race: _queue().filter(Q(submission__entry__race=race) | Q(duel__race=race))[:LOOKED_AT]
+)
 
 
 def _on_track(runs: Sequence[Evaluation], live: Sequence[LiveNow], *, for_all: bool) -> OnTrack:

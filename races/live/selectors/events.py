@@ -8,9 +8,10 @@ from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from datetime import datetime, timedelta
 
-from django.db.models import QuerySet
+from django.db.models import Expression, QuerySet
 
 from accounts.models import Viewer
+from core.database.kept_queries import KeptQuery
 from core.streams.shared_pieces import shared_value
 from evaluation.models import FINAL_STATES, Evaluation, Result
 
@@ -97,20 +98,37 @@ class LiveNow:
 def live_now(racer: Viewer, now: datetime, races: Iterable[int] | None = None) -> list[LiveNow]:
     """The first :data:`MAX_SHOWN` live events now or within a day that the racer may see. ``races``: restricts them to
     races with these ids. One query where there is none."""
-    return _live_now(live_events_visible_to(racer), now, races)
+    return _live_now(_soon(live_events_visible_to(racer), now, races), now)
 
 
 def live_for_all(now: datetime, races: Iterable[int] | None = None) -> list[LiveNow]:
     """The same whoever may see them."""
-    return _live_now(LiveEvent.objects.select_related(*LIVE_RELATED), now, races)
+    return _live_now(_soon(LiveEvent.objects.select_related(*LIVE_RELATED), now, races), now)
 
 
-def _live_now(events: QuerySet[LiveEvent], now: datetime, races: Iterable[int] | None) -> list[LiveNow]:
-    events = events.exclude(state__in=OVER).filter(race__cancelled_at=None)
-    events = events.filter(starts_at__lte=now + SOON).order_by("starts_at", "pk")
+def live_of_race(race: int, now: datetime) -> list[LiveNow]:
+    """:func:`live_for_all` in one race."""
+    return _live_now(_soon_in_race(race=race, until=now + SOON), now)
+
+
+def _soon(events: QuerySet[LiveEvent], now: datetime, races: Iterable[int] | None) -> QuerySet[LiveEvent]:
     if races is not None:
         events = events.filter(race__in=list(races))
-    shown = list(events[:MAX_SHOWN])
+    return _until(events, now + SOON)
+
+
+def _until(events: QuerySet[LiveEvent], last: datetime | Expression) -> QuerySet[LiveEvent]:
+    events = events.exclude(state__in=OVER).filter(race__cancelled_at=None)
+    return events.filter(starts_at__lte=last).order_by("starts_at", "pk")[:MAX_SHOWN]
+
+
+_soon_in_race = KeptQuery(
+    lambda race, until: _until(LiveEvent.objects.select_related(*LIVE_RELATED).filter(race=race), until)
+)
+
+
+def _live_now(events: Iterable[LiveEvent], now: datetime) -> list[LiveNow]:
+    shown = list(events)
     orders: dict[int, list[LiveSlot]] = {event.pk: [] for event in shown}
     for slot in _slots_in_order().filter(event__in=[event for event in shown if event.begun_at is not None]):
         orders[slot.event_id].append(slot)
