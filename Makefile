@@ -38,7 +38,7 @@ wheels: ## PyBullet's wheel for this Python (PYTHON=) into dist/, beside the rac
 
 setup run: export STEPS := 4
 test journeys soak lint bench: export STEPS := 5
-PYTEST := $(BIN)/python -m pytest -n $(WORKERS) --dist loadgroup --no-loadscope-reorder
+PYTEST = $(BIN)/python -m pytest -n $(WORKERS) --dist loadgroup --no-loadscope-reorder
 # RETRY=alone: failed tests run once more, one at a time. Status 1 of pytest: tests failed, nothing else went wrong
 RETRY ?=
 RETRIED := { test $$? -eq 1 -a "$(RETRY)" = alone && $(BIN)/python -m pytest --last-failed --last-failed-no-failures none; }
