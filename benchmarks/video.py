@@ -13,6 +13,10 @@ import time
 from pathlib import Path
 from typing import Any
 
+import django
+
+os.environ.setdefault("DJANGO_SETTINGS_MODULE", "config.settings")  # the imports below mark texts for translation
+
 from tests.videos.drawing.runs import car, driven, lap, scene
 from videos.drawing import MAX_SECONDS, write_video
 
@@ -65,6 +69,7 @@ def main(arguments: list[str] | None = None) -> int:
     options = parser.parse_args(arguments)
     if not 1.0 <= options.seconds <= MAX_SECONDS:
         parser.error(f"argument --seconds: {options.seconds} is not from 1 to {MAX_SECONDS}")
+    django.setup()
     figures = measure(options.seconds, options.cars)
     missed = [f"it took {figures['peak_mb']} MB"] if figures["peak_mb"] > MEMORY_MB else []
     return report(figures, as_json=options.json, table=table, missed=missed)
