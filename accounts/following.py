@@ -88,6 +88,6 @@ def unfollow_racer(*, follower: Racer, racer: Racer) -> None:
 
 
 def _class_of(racer: Racer) -> Classroom | None:
-    """No query for a racer who was read with their class."""
+    """No query if the class was read with the racer."""
     learner = getattr(racer, "learner", None)
     return None if learner is None else learner.classroom

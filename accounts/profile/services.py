@@ -24,7 +24,7 @@ def change_profile(*, racer: Racer, values: Mapping[str, Any], now: datetime, te
     try:
         if team is not None:
             set_team_name(racer=racer, name=team.strip(), now=now)
-    except Exception:
+    except Exception:  # any refusal: the racer keeps the old values, and the caller gets the error
         for name, value in before.items():
             setattr(racer, name, value)
         raise

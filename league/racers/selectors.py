@@ -176,5 +176,5 @@ def _private_seen(racer: Racer, viewer: Racer | AnonymousUser) -> frozenset[int]
 
 
 def _models_shared_by(racer: Racer) -> list[TrainedModel]:
-    """The same for every racer who looks."""
+    """The same for every reader."""
     return list(shared_models(racer).filter(owner=racer)[:SHARED])

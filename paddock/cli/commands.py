@@ -20,7 +20,7 @@ Add = Callable[..., argparse.ArgumentParser]
 
 
 class _Formatter(argparse.HelpFormatter):
-    """Argparse makes one for each argument: the terminal is asked once."""
+    """Argparse makes one formatter for each argument; read the width of the terminal once."""
 
     def __init__(self, prog: str) -> None:
         super().__init__(prog, width=_width())

@@ -250,7 +250,7 @@ class GuestView(OrganisersView):
 
 
 class ClaimView(APIView):
-    """Laps of a guest who has an account now."""
+    """Laps driven as a guest, of a racer with an account."""
 
     tag = "timing"
     token_scope = RACE
