@@ -26,7 +26,7 @@ from urllib.request import Request, urlopen
 ROOT = Path(__file__).resolve().parent.parent
 LOCKS = ROOT / "locks"
 CONSTRAINTS = ROOT / "constraints.txt"
-TOOLS = ["uv>=0.9", "pip-audit>=2.9"]
+TOOLS = ["uv>=0.9", "pip-audit>=2.9", "cyclonedx-bom>=7"]
 APART = "torch"
 BUILDS = LOCKS / "torch.sha256"
 BUILDS_PAGE = "https://download.pytorch.org/whl/cpu/torch/"
