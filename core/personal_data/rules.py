@@ -1,0 +1,96 @@
+"""The registry of rules on personal data."""
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from datetime import datetime
+from typing import Any
+
+from django.db.models import Model, Q, QuerySet
+from django.utils.module_loading import autodiscover_modules
+
+# Reasons that several rooms give.
+NOBODY = "It names no person."
+OF_THE_RACE = "It belongs to the race and to everybody who raced in it."
+OTHERS = "It names other people."
+SECRET = "It is a secret, or a digest of one."
+NEEDED = "It proves an official result, and names nobody."
+
+
+@dataclass(frozen=True)
+class PersonalData:
+    """The rules of one model; columns are named in one text, separated by blanks.
+
+    Deleting an account: ``rows``: the owner's rows go whole; ``erased``: columns that are emptied; ``anonymised``: they
+    stay and point to the account without its name; ``kept``: a reason and its columns. ``mentions``: columns of
+    anybody's rows that may quote an alias or an e-mail address, which is replaced there.
+
+    The racer's download: ``owner``: the ways to the racer, none for what belongs to nobody; ``section``: the file in
+    the archive, none for ``""``; ``exported``: columns of the owner's rows (those that need no rule are there as well);
+    ``withheld``: a reason and its columns, or ``*``."""
+
+    model: type[Model]
+    owner: str = ""
+    rows: bool = False
+    erased: str = ""
+    anonymised: str = ""
+    kept: Mapping[str, str] = field(default_factory=dict)
+    mentions: str = ""
+    section: str = ""
+    exported: str = ""
+    withheld: Mapping[str, str] = field(default_factory=dict)
+
+    @property
+    def fates(self) -> list[str]:
+        """Each column that deleting an account treats by itself, once for each rule."""
+        return " ".join((self.erased, self.anonymised, *self.kept.values())).split()
+
+    @property
+    def export_rules(self) -> list[str]:
+        """Each column that the download has or withholds, once for each rule."""
+        return " ".join((self.exported, *self.withheld.values())).split()
+
+    def owned_by(self, racer: Model) -> QuerySet[Model]:
+        """The rows that belong to a racer."""
+        ways = Q(pk__in=[])
+        for way in self.owner.split():
+            ways |= Q(**{way: racer})
+        return self.model._base_manager.filter(ways)
+
+
+@dataclass(frozen=True)
+class Leaving:
+    """A racer whose account is being deleted, with the names under which the database knows them."""
+
+    racer: Any
+    now: datetime
+    names: frozenset[str]  # the aliases, past ones as well, and e-mail addresses
+    nameless: str  # the alias that takes their place
+
+
+@dataclass(frozen=True)
+class Room:
+    """The rules of a room in the order in which rows are erased. ``erase``: what goes before them."""
+
+    rules: tuple[PersonalData, ...]
+    erase: Callable[[Leaving], None] | None = None
+
+
+_rooms: dict[str, Room] = {}
+
+
+def register(room: str, *rules: PersonalData, erase: Callable[[Leaving], None] | None = None) -> None:
+    """Make the rules of a room known. Registering them again replaces them."""
+    _rooms[room] = Room(rules, erase)
+
+
+def all_rooms() -> list[Room]:
+    """The rules of all rooms, from the highest room down."""
+    autodiscover_modules("personal_data")
+    from . import of_core  # noqa: F401 - below every other room
+
+    return list(_rooms.values())
+
+
+def all_rules() -> dict[str, PersonalData]:
+    """All rules by the label of their model."""
+    return {rule.model._meta.label: rule for room in all_rooms() for rule in room.rules}
