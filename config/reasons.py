@@ -55,6 +55,7 @@ register(
 register(
     "Commands",
     invalid={
+        "units_refused": _("No unit was written: %(problem)s."),
         "file_unwritable": _("%(path)s cannot be written: %(problem)s."),
         "backup_damaged": _("%(path)s cannot be restored: %(problem)s. Nothing was changed. Take another backup."),
         "backup_other_database": _(

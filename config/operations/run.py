@@ -62,6 +62,8 @@ def run_site(host: str, port: int, prepare: Callable[[], None]) -> int:
     _refuse_taken_port(host, port)
     _load()
     _in_a_process(prepare)
+    if settings.EMBEDDED_BROKER:
+        _make_folders_of_broker()
     supervisor = Supervisor()
     for name, command in in_fewer_processes(programs(host, port)).items():
         nice = VIDEO_WORKER_NICE if name == "video-worker" else 0
@@ -114,13 +116,16 @@ def programs(host: str, port: int) -> dict[str, list[str]]:
     own = ("--queues", "messages", "--hostname", "messenger@%h")
     found |= {"messenger": worker("threads", "--concurrency", AT_ONCE, *own), "beat": [*celery, "beat"]}
     if settings.EMBEDDED_BROKER:
-        try:
-            broker.make_private(settings.VALKEY_DIR)
-            broker.make_private(settings.VALKEY_SOCKET.parent)
-        except OSError as error:
-            raise CommandError(f"The broker has no folder to work in: {error}.") from error
         found = {"broker": broker.server_command(settings.VALKEY_DIR, settings.VALKEY_SOCKET), **found}
     return found
+
+
+def _make_folders_of_broker() -> None:
+    try:
+        broker.make_private(settings.VALKEY_DIR)
+        broker.make_private(settings.VALKEY_SOCKET.parent)
+    except OSError as error:
+        raise CommandError(f"The broker has no folder to work in: {error}.") from error
 
 
 def _in_a_process(work: Callable[[], None]) -> None:
