@@ -33,6 +33,7 @@ _OURS = {
     "health.json",
     "locks",
     "mail",
+    "metrics",
     "paddock.sqlite3",
     "run.lock",
     "secret-key",
@@ -49,6 +50,25 @@ def env_str(name: str, default: str | None = None) -> str:
     value = os.environ.get(name, default)
     if value is None:
         raise ImproperlyConfigured(f"Set the environment variable {name}.")
+    return value
+
+
+def env_listen(name: str) -> tuple[str, int] | None:
+    """An address and a port to listen on, or None. Raises ImproperlyConfigured for anything else."""
+    value = os.environ.get(name, "")
+    host, _, port = value.rpartition(":")
+    if not value:
+        return None
+    if not host or not port.isdecimal() or not 0 < int(port) < 65536:
+        raise ImproperlyConfigured(f"{name} must be an address and a port such as 127.0.0.1:9464, not {value!r}.")
+    return host.strip("[]"), int(port)
+
+
+def env_token(name: str) -> str:
+    """A secret of at least 16 letters, digits and signs, or nothing. Raises ImproperlyConfigured otherwise."""
+    value = os.environ.get(name, "")
+    if value and not re.fullmatch(r"[\w.~+/=-]{16,}", value, re.ASCII):
+        raise ImproperlyConfigured(f"{name} must have at least 16 letters, digits and signs of .~+/=_-")
     return value
 
 

@@ -26,11 +26,13 @@ from .env import (
     env_hosts,
     env_int,
     env_list,
+    env_listen,
     env_regions,
     env_sender,
     env_str,
     env_time,
     env_time_zone,
+    env_token,
     env_url,
     passkeys_work,
     private_folder,
@@ -124,6 +126,14 @@ MIDDLEWARE = [
     "config.middleware.spoilers.NoSpoilers",
     "config.middleware.platform_faults.PlatformFaults",
 ]
+
+# Metrics for Prometheus: on a port, behind a token on the site, or (neither is set) none
+METRICS_LISTEN = env_listen("PADDOCK_METRICS_LISTEN")
+METRICS_TOKEN = env_token("PADDOCK_METRICS_TOKEN")
+METRICS_DIR = DATA_DIR / "metrics"
+METRICS = METRICS_LISTEN is not None or bool(METRICS_TOKEN)
+if METRICS:
+    MIDDLEWARE.insert(0, "config.middleware.request_metrics.RequestMetrics")
 
 ROOT_URLCONF = "config.urls"
 WSGI_APPLICATION = "config.wsgi.application"

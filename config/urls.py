@@ -30,6 +30,7 @@ urlpatterns = [
     path("theme/", views.set_theme, name="theme"),
     path("health/live", views.health_live, name="health_live"),
     path("health/ready", views.health_ready, name="health_ready"),
+    path("metrics", views.metrics, name="metrics"),
     path("workers/", workers.workers, name="workers"),
     path("workers/<slug:name>/failed/", workers.failed, name="failed_runs"),
     path("", include("league.urls")),

@@ -24,7 +24,6 @@ class VideosConfig(AppConfig):
         register_queue(
             Queue(
                 *("videos", _("Videos"), VIDEOS),
-                since="asked_at",
                 related=("asked_by", "evaluation__track"),
                 repeatable=lambda failed: failed,
                 run_again=lambda video, now: redraw_video(video=video, now=now),

@@ -8,7 +8,7 @@ from datetime import datetime, timedelta
 from typing import TYPE_CHECKING
 
 from django.conf import settings
-from django.db.models import Q, QuerySet
+from django.db.models import Q, QuerySet, Sum
 
 from evaluation.models import Evaluation, State
 
@@ -134,3 +134,8 @@ def best_shown(videos: Sequence[ShownVideo], language: str, racer: Racer | Anony
 
     watchable = [shown for shown in videos if shown.state == VideoState.READY or shown.video.is_under_way]
     return min(watchable, key=rank, default=None)
+
+
+def bytes_of_videos() -> int:
+    """The size of all video files."""
+    return Video.objects.aggregate(size=Sum("size"))["size"] or 0

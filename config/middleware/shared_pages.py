@@ -88,7 +88,7 @@ class SharedPages:
 
     def __init__(self, get_response: Answer) -> None:
         self.get_response = get_response
-        self._pages: Unchanged[_Page | HttpResponse] = Unchanged(PAGES)
+        self._pages: Unchanged[_Page | HttpResponse] = Unchanged(PAGES, "pages")
         self._parameters: dict[str, frozenset[str]] = {}  # by view: what it has read of queries in this process
 
     def __call__(self, request: HttpRequest) -> HttpResponse:
@@ -152,9 +152,10 @@ def _is_guests(request: HttpRequest) -> bool:
 
 def _shared_view(request: HttpRequest) -> str | None:
     try:
-        name = resolve(request.path_info).url_name
+        request.resolver_match = resolve(request.path_info)
     except Resolver404:
         return None
+    name = request.resolver_match.url_name
     return name if name in VIEWS else None
 
 

@@ -28,6 +28,7 @@ from config.operations.listen_address import browser_url
 from config.serving import broker
 from config.serving.forking import PYTHON, STOP_SIGNALS, end_with_parent
 from config.serving.supervisor import Supervisor
+from core import metrics
 
 VIDEO_WORKER_NICE = 10
 # Celery advises against root; here only root can give each model another user id.
@@ -59,6 +60,7 @@ def run_site(host: str, port: int, prepare: Callable[[], None]) -> int:
     where the site cannot run."""
     os.umask(0o077)  # also of all that is started here
     lock = hold_data(settings.DATA_DIR / "run.lock")
+    metrics.begin_anew()
     _refuse_taken_port(host, port)
     _load()
     _in_a_process(prepare)
@@ -115,6 +117,8 @@ def programs(host: str, port: int) -> dict[str, list[str]]:
     # threads: it waits for other people's servers, and an idle one costs a single process
     own = ("--queues", "messages", "--hostname", "messenger@%h")
     found |= {"messenger": worker("threads", "--concurrency", AT_ONCE, *own), "beat": [*celery, "beat"]}
+    if settings.METRICS_LISTEN is not None:
+        found["metrics"] = [*PYTHON, "config.metrics"]
     if settings.EMBEDDED_BROKER:
         found = {"broker": broker.server_command(settings.VALKEY_DIR, settings.VALKEY_SOCKET), **found}
     return found

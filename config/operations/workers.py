@@ -52,7 +52,7 @@ class WorkerNow:
 
 def workers_at(now: datetime) -> list[WorkerNow]:
     """All workers that were heard of lately, the live ones first: five queries, however many there are."""
-    shown = [WorkerNow(node, _state(node, now)) for node in WorkerNode.objects.order_by("name")]
+    shown = [WorkerNow(node, state_at(node, now)) for node in WorkerNode.objects.order_by("name")]
     by_name = {one.node.name: one for one in shown}
     for queue in all_queues():
         running = queue.jobs().filter(state=queue.kind.working)
@@ -76,7 +76,8 @@ def failed_runs(queue: Queue, *, reason: str = "", worker: str = "", after: date
     return rows if after is None else rows.filter(ended_at__gte=after)
 
 
-def _state(node: WorkerNode, now: datetime) -> str:
+def state_at(node: WorkerNode, now: datetime) -> str:
+    """``WorkerNow.state`` of a worker."""
     if node.stopped_at is not None:
         return "stopped"
     if node.seen_at < now - SILENT_AFTER:
@@ -87,7 +88,7 @@ def _state(node: WorkerNode, now: datetime) -> str:
 def _queue_at(queue: Queue, now: datetime, workers: Sequence[WorkerNow]) -> QueueNow:
     kind, rows = queue.kind, queue.jobs().order_by()
     counts = dict(rows.filter(state__in=(kind.waiting, kind.working)).values_list("state").annotate(Count("pk")))
-    first = rows.filter(state=kind.waiting).order_by(queue.since).values_list(queue.since, flat=True).first()
+    first = rows.filter(state=kind.waiting).order_by(kind.since).values_list(kind.since, flat=True).first()
     failed = rows.filter(state=kind.failed, ended_at__gte=now - FAILED_WITHIN)
     reasons = failed.values_list("reason_code").annotate(many=Count("pk")).order_by("-many", "reason_code")
     return QueueNow(

@@ -14,6 +14,8 @@ from django.core.cache.backends.locmem import LocMemCache
 from django.core.cache.backends.redis import RedisCache
 from redis import RedisError
 
+from core.database.commit_cache import READS
+
 logger = logging.getLogger(__name__)
 AWAY_S = 5.0  # until the next try: a server that hangs would delay every request
 AWAY = (RedisError, OSError)
@@ -76,6 +78,9 @@ class SteadyCache(BaseCache):
                 if self._health.note_back():
                     self._own.clear()
                     logger.warning("The cache answers again.")
+                if name == "get":
+                    default = arguments[1] if len(arguments) > 1 else options.get("default")
+                    READS.inc("server", "miss" if answer is default else "hit")
                 return answer
         return getattr(self._own, name)(*arguments, **options)
 

@@ -10,8 +10,15 @@ from typing import Generic, TypeVar
 
 from django.db import connection
 
+from ..metrics import Counter
+
 T = TypeVar("T")
 
+READS = Counter(
+    "paddock_cache_reads_total",
+    "Reads of caches, by cache (pages and parts: in a web process; server: Redis or Valkey) and result (hit, miss).",
+    ("cache", "result"),
+)
 MAKING_SHARE, SLOW_S = 4, 10.0  # a value that was slow to make lives so many times as long, up to so many seconds
 
 
@@ -29,12 +36,13 @@ class _Kept(Generic[T]):
 
 class Unchanged(Generic[T]):
     """Values by key in this process's memory, of which the least recently used beyond ``size`` are dropped.
+    ``name``: in metrics.
 
     No value is older than the call that gets it, unless nothing was committed since (for ``lives_s`` seconds, or longer
     if it was slow to make). Concurrent calls for a missing value wait for the first one."""
 
-    def __init__(self, size: int) -> None:
-        self._size = size
+    def __init__(self, size: int, name: str = "parts") -> None:
+        self._size, self._name = size, name
         self._kept: OrderedDict[Hashable, _Kept[T]] = OrderedDict()
         self._lock = threading.Lock()
 
@@ -58,11 +66,14 @@ class Unchanged(Generic[T]):
             # one that takes long to make, on a busy machine, would be old when it is done, and made for each caller
             is_young = time.monotonic() - kept.begun_at <= max(lives_s, min(MAKING_SHARE * kept.took_s, SLOW_S))
             if number is not None and kept.version is not None and is_young and kept.number >= number:
+                READS.inc(self._name, "hit")
                 return kept.value  # type: ignore[return-value]
             version = database_version()
             is_new = kept.begun_at >= asked_at or (kept.version == version and is_young)
             if kept.version is not None and is_new:
+                READS.inc(self._name, "hit")
                 return kept.value  # type: ignore[return-value]
+            READS.inc(self._name, "miss")
             kept.version = kept.value = None
             begun_at = time.monotonic()
             kept.number = newest() if newest is not None else -1

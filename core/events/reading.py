@@ -10,7 +10,7 @@ from datetime import datetime, timedelta
 
 from django.conf import settings
 from django.db import transaction
-from django.db.models import QuerySet
+from django.db.models import Count, Min, Q, QuerySet
 
 from .kinds import EventKind
 from .models import Event, EventCursor
@@ -81,6 +81,27 @@ def trim(*, now: datetime) -> int:
     while some := list(old.order_by("recorded_at").values_list("pk", flat=True)[:AT_ONCE]):
         deleted += Event.objects.filter(pk__in=some).delete()[0]
     return deleted
+
+
+@dataclass(frozen=True)
+class Lag:
+    """How far a reader is behind: the events that it has not read, and when the first of them was recorded."""
+
+    events: int
+    since: datetime | None
+
+
+def lags() -> dict[str, Lag]:
+    """How far each reader is behind, by its name: one query for each and two more."""
+    cursors = dict(EventCursor.objects.values_list("reader", "position"))
+    new = Q(position=None)
+    found = {}
+    for reader in READERS.values():
+        wanted = Q(kind__in=[kind.name for kind in reader.kinds])
+        unread = Event.objects.filter(wanted, Q(position__gt=cursors.get(reader.name, 0)) | new)
+        unread = unread.order_by().aggregate(events=Count("pk"), since=Min("recorded_at"))
+        found[reader.name] = Lag(unread["events"], unread["since"])
+    return found
 
 
 def _pass_unwanted(reader: EventReader) -> int:

@@ -36,9 +36,10 @@ class SweepReport:
 class JobKind(Generic[J]):
     """One kind of job: attributes and methods that a subclass overrides.
 
-    ``task``: the task that wakes a worker, in the broker's ``queue``; ``order``: of waiting jobs; ``related``: of a
-    claimed one; ``blank``: columns that a new attempt resets; ``wakes``: most workers woken by a sweep; ``needs``:
-    parts that must not be out (:mod:`core.jobs.outages`); ``beat_s``: seconds between heartbeats with progress."""
+    ``task``: the task that wakes a worker, in the broker's ``queue``; ``order``: of waiting jobs; ``since``: the column
+    with the start of the wait; ``awaited``: the jobs that somebody waits for; ``related``: of a claimed one; ``blank``:
+    columns that a new attempt resets; ``wakes``: most workers woken by a sweep; ``needs``: parts that must not be out
+    (:mod:`core.jobs.outages`); ``beat_s``: seconds between heartbeats with progress."""
 
     name: str
     model: type[J]
@@ -49,6 +50,8 @@ class JobKind(Generic[J]):
     finished: str = "finished"
     failed: str = "failed"
     order: Sequence[str] = ("pk",)
+    since: str
+    awaited = Q()
     related: Sequence[str] = ()
     blank: dict[str, Any] = {}
     wakes = 1

@@ -13,6 +13,7 @@ from django.db.models.functions import Concat, Right
 
 from paddock.errors import PaddockError, PlatformFault, UserFault
 
+from ..metrics import Counter
 from .kinds import JobKind
 from .models import Job
 from .outages import waits_for_storage
@@ -21,6 +22,12 @@ logger = logging.getLogger(__name__)
 DETAIL_LIMIT, DETAILS_LIMIT = 4000, 20_000
 FIRST_PAUSE, LONGEST_PAUSE = timedelta(seconds=4), timedelta(hours=1)
 R = TypeVar("R", bound=Job)
+FAULTS = Counter(
+    "paddock_job_faults_total",
+    "Failed attempts of jobs, by the kind of the job, the code of the reason, whose fault it is (user, platform) and"
+    " what follows (failed, retried).",
+    ("kind", "reason", "fault", "then"),
+)
 
 
 def pause_after(attempts: int) -> timedelta:
@@ -108,12 +115,16 @@ class RetriedKind(JobKind[R]):
             columns["operator_detail"] = detail_with(detail, f"Attempt {job.attempt}: {fault.code}.")
         final = verdict.fault
         if final is None:
-            return self.put_back(mine, now=now, pause=verdict.pause, **columns)
-        columns |= {"reason_code": final.code, "reason_params": final.params}
-        ended = self.end(mine, state=self.failed, now=now, **columns)
-        if ended:
-            self.gave_up(job, now)
-        return ended
+            changed = self.put_back(mine, now=now, pause=verdict.pause, **columns)
+        else:
+            columns |= {"reason_code": final.code, "reason_params": final.params}
+            changed = self.end(mine, state=self.failed, now=now, **columns)
+            if changed:
+                self.gave_up(job, now)
+        if changed:
+            then = "retried" if final is None else "failed"
+            FAULTS.inc(self.name.lower(), fault.code, "platform" if ours else "user", then)
+        return changed
 
     # --- by hand
 

@@ -11,6 +11,7 @@ from paddock.errors import PaddockError, PlatformFault, UserFault
 from ..database.clock import database_now
 from ..files.storage_faults import is_of_storage
 from ..logs.filters import is_outage_of_database
+from ..metrics import Histogram
 from .heartbeat import Heartbeat
 from .kinds import JobKind
 from .models import Job
@@ -19,6 +20,12 @@ from .retried import RetriedKind
 
 logger = logging.getLogger(__name__)
 StopCheck = Callable[[], bool]
+SECONDS = Histogram(
+    "paddock_job_seconds",
+    "Time of an attempt of a job, by its kind and how it ended: ended, failed, back (handed back), lost.",
+    ("kind", "end"),
+    buckets=(0.5, 1, 2, 5, 10, 30, 60, 300, 1800, 7200),
+)
 J = TypeVar("J", bound=Job)
 
 
@@ -39,13 +46,14 @@ def run_next(
         return False
     assert job.lease is not None
     logger.info("%s %s attempt %s starts.", kind.name, job, job.attempt)
+    began = monotonic()
     with kind.heartbeat(job) as heartbeat:
         try:
-            ended, how = do(job, heartbeat), "ended"
+            ended, end, how = do(job, heartbeat), "ended", "ended"
         except Exception as error:
             if not heartbeat.lost and interrupted():
                 ended = kind.release(pk=job.pk, lease=job.lease, now=database_now())
-                how = "was handed back"
+                end, how = "back", "was handed back"
             else:
                 # what a database ended that was away, or full, is no fault of the job
                 if heartbeat.lost or is_outage_of_database(error):
@@ -55,7 +63,8 @@ def run_next(
                 fault, detail = fault_of(error)
                 note_fault(fault, now=database_now())
                 ended = kind.fail(pk=job.pk, lease=job.lease, fault=fault, now=database_now(), detail=detail)
-                how = f"failed: {fault.code}"
+                end, how = "failed", f"failed: {fault.code}"
+    SECONDS.observe(monotonic() - began, kind.name.lower(), end if ended else "lost")
     logger.info("%s %s %s.", kind.name, job, how if ended else "was stopped or given to somebody else")
     return True
 

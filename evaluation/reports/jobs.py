@@ -35,7 +35,7 @@ class ReportChunks(RetriedKind[ReportChunk]):
     """Chunks run behind all other runs. The first chunks of all reports come before the second ones."""
 
     name, model, task, queue = "Report", ReportChunk, "evaluation.tasks.drive_reports", "celery"
-    order = ("number", "pk")
+    order, since = ("number", "pk"), "report__asked_at"
     related = ("report__model__network",)
     blank = {"progress": 0}
     wakes = 8

@@ -42,6 +42,7 @@ _LINK, _STOP = "league.inviting.link", "league.inviting.stop"
 
 class Invitations(MailKind[MailInvitation]):
     name, model, task = "Invitation", MailInvitation, "league.tasks.notices"
+    since = "asked_at"
     related = ("race", "made_by")
 
     def message(self, job: MailInvitation, now: datetime) -> EmailMessage | None:

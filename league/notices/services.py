@@ -91,6 +91,7 @@ def forget_old_notices(*, now: datetime) -> int:
 
 class Mails(MailKind[Mail]):
     name, model, task = "Mail", Mail, "league.tasks.notices"
+    since = "notice__at"
     related = ("notice__racer",)
 
     def message(self, job: Mail, now: datetime) -> EmailMessage | None:

@@ -45,6 +45,7 @@ class Deliveries(JobKind[WebhookDelivery]):
 
     name, model, task, queue = "Delivery", WebhookDelivery, "league.tasks.deliver", "messages"
     waiting, working, finished = "due", "sending", "sent"
+    since = "at"
     related = ("webhook",)
     needs = ()
 

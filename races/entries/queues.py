@@ -18,7 +18,6 @@ def register() -> None:
     register_queue(
         Queue(
             *("evaluations", _("Evaluations"), EVALUATIONS),
-            since="queued_at",
             related=("owner", "model", "track"),
             repeatable=_evaluations,
             run_again=_evaluate_again,

@@ -1,8 +1,8 @@
-"""The generated tables of the docs (rules, ranking methods, sensors, formats, hyperparameters, options) are current."""
+"""The generated tables of the docs (rules, ranking methods, sensors, formats, metrics and more) are current."""
 
 import pytest
 
-from . import default_configuration, notice_table, ranking_table, small_tables
+from . import default_configuration, metric_table, notice_table, ranking_table, small_tables
 from .pages import text
 from .rule_table import replaced
 
@@ -23,6 +23,10 @@ def test_the_guides_describe_every_ranking_method(page):
 
 def test_the_table_of_notices_is_generated_from_their_kinds():
     assert text("api.md") == notice_table.replaced(text("api.md"))
+
+
+def test_the_table_of_metrics_is_generated_from_the_metrics():
+    assert text("operators.md") == metric_table.replaced(text("operators.md"))
 
 
 @pytest.mark.parametrize("name", small_tables.TABLES)

@@ -39,7 +39,7 @@ class Videos(RetriedKind[Video]):
 
     name, model, task, queue = "Video", Video, "videos.tasks.draw", "videos"
     waiting, working, finished = VideoState.WAITING, VideoState.DRAWING, VideoState.READY
-    order = ("asked_at", "pk")
+    order, since = ("asked_at", "pk"), "asked_at"
     blank = {"progress": 0}
     # a fault of our code that may concern this video alone
     alone, gave_up_code = frozenset(("internal_error",)), "video_gave_up"

@@ -17,6 +17,7 @@ from typing import Any, TypeAlias
 
 from django.db import Error
 
+from core.metrics import Counter
 from core.streams import TOPICS, Backstage, life
 from core.streams.reading import AT_ONCE, Moved, after, between, newest
 
@@ -33,6 +34,7 @@ SPREAD_MS_EACH, SPREAD_MOST_MS = 3, 3000  # at most 170 pages a second, for each
 AGAIN_S = 2.0
 WELCOMES_S = 1.0  # how long the welcome of a topic is reused while there is no new message
 GONE = message({}, event="gone")
+OPENED = Counter("paddock_streams_opened_total", "Streams that were opened.")
 Source: TypeAlias = Callable[[str, Backstage], AsyncIterator[Any]]
 
 
@@ -69,6 +71,7 @@ class Hub:
     async def come(self, reader: Reader, last: int | None) -> None:
         """Add a reader that is up to date with ``last`` (None: with now). Raises the database's errors."""
         self.readers.add(reader)
+        OPENED.inc()
         for topic in reader.topics:
             self._by_topic[topic].add(reader)
         while self.position is None:

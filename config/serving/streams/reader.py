@@ -6,8 +6,11 @@ from collections.abc import Callable, Collection
 from time import monotonic
 from typing import Any
 
+from core.metrics import Counter
+
 HELD_BYTES = 64 * 1024  # of what a reader has not taken; then they are cut, and come back for it
 NUMBERS_SENT = 50
+MESSAGES = Counter("paddock_stream_messages_total", "Messages to the readers of streams.")
 
 
 class Reader:
@@ -87,6 +90,7 @@ class Reader:
             return
         self._waiting.append(sent)
         self._news.set()
+        MESSAGES.inc()
 
 
 def message(data: Any, *, event: str = "", position: int | None = None) -> bytes:

@@ -7,7 +7,7 @@ from datetime import datetime
 from typing import TYPE_CHECKING
 
 from django.db import transaction
-from django.db.models import QuerySet
+from django.db.models import Q, QuerySet
 
 from core.jobs.kinds import register
 from core.jobs.retried import RetriedKind
@@ -16,7 +16,7 @@ from ...models import Evaluation, Result, State
 from ...signals import evaluation_ended
 from ..events import record_end, record_start
 from ..results import delete_files, file_names, store_files, write_result
-from .order import ORDER, queued
+from .order import BACKGROUND, ORDER, queued
 from .turns import put_in_turn
 
 if TYPE_CHECKING:
@@ -28,7 +28,7 @@ class Evaluations(RetriedKind[Evaluation]):
     ``EVALUATION_MAX_ATTEMPTS`` times, while others passed in between, fails with ``platform_gave_up``."""
 
     name, model, task, queue = "Evaluation", Evaluation, "evaluation.tasks.work", "celery"
-    order = ORDER
+    order, since, awaited = ORDER, "queued_at", Q(priority__gt=BACKGROUND)
     related = ("model__network", "track")
     blank = {"progress": {}}
     wakes = 8

@@ -11,6 +11,7 @@ from django.conf import settings
 from core.database.clock import database_now
 from core.jobs.heartbeat import Heartbeat
 from core.jobs.work import never, run_next
+from core.metrics import Counter
 from paddock.errors import PlatformFault
 from paddock.network.bound import NetworkFacts
 
@@ -23,6 +24,12 @@ if TYPE_CHECKING:
     from ..process_pool import SparePool
 
 logger = logging.getLogger(__name__)
+PARTS = Counter(
+    "paddock_run_part_seconds_total",
+    "Wall time of finished runs, by part: start (processes, networks), physics, camera, policy and other; network: the"
+    " processor time of the networks, a share of policy.",
+    ("part",),
+)
 
 
 def run_next_evaluation(
@@ -84,6 +91,8 @@ def _run(
         should_stop=lambda: heartbeat.lost or interrupted(),
         wall_limit_s=settings.EVALUATION_WALL_SECONDS,
     )
+    for part, seconds in outcome.shares.items():
+        PARTS.inc(part, by=max(seconds, 0.0))
     _note_inexact(evaluation, outcome)
     return outcome
 

@@ -42,6 +42,7 @@ class Trainings(RetriedKind[TrainingJob]):
     """
 
     name, model, task, queue = "Training", TrainingJob, "training.tasks.train", "training"
+    since = "created_at"
     related = ("track", "owner", "cloned_from__network")
     blank = {"progress": {}, "seen": {}}
     wakes = 4
@@ -188,7 +189,6 @@ def register_operators_queue() -> None:
     register_queue(
         Queue(
             *("trainings", _("Trainings"), TRAININGS),
-            since="created_at",
             related=("owner", "track"),
             repeatable=repeatable,
             run_again=lambda job, now: train_again(job=job),
