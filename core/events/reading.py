@@ -99,8 +99,8 @@ def lags() -> dict[str, Lag]:
     for reader in READERS.values():
         wanted = Q(kind__in=[kind.name for kind in reader.kinds])
         unread = Event.objects.filter(wanted, Q(position__gt=cursors.get(reader.name, 0)) | new)
-        unread = unread.order_by().aggregate(events=Count("pk"), since=Min("recorded_at"))
-        found[reader.name] = Lag(unread["events"], unread["since"])
+        counted = unread.order_by().aggregate(events=Count("pk"), since=Min("recorded_at"))
+        found[reader.name] = Lag(counted["events"], counted["since"])
     return found
 
 
