@@ -25,8 +25,8 @@ from config.celery import app as celery_app
 from config.operations.data_lock import hold_data
 from config.operations.health import known_migrations
 from config.operations.listen_address import browser_url
-from config.serving import broker
-from config.serving.forking import PYTHON, STOP_SIGNALS, end_with_parent
+from config.serving import broker, web
+from config.serving.forking import PYTHON, STOP_SIGNALS, become, end_with_parent
 from config.serving.supervisor import Supervisor
 from core import metrics
 
@@ -61,15 +61,18 @@ def run_site(host: str, port: int, prepare: Callable[[], None]) -> int:
     os.umask(0o077)  # also of all that is started here
     lock = hold_data(settings.DATA_DIR / "run.lock")
     metrics.begin_anew()
-    _refuse_taken_port(host, port)
+    _listen(host, port).close()  # a port that is taken is refused before the preparation
     _load()
     _in_a_process(prepare)
     if settings.EMBEDDED_BROKER:
         _make_folders_of_broker()
     supervisor = Supervisor()
     for name, command in in_fewer_processes(programs(host, port)).items():
-        nice = VIDEO_WORKER_NICE if name == "video-worker" else 0
-        supervisor.add(name, command, nice=nice, needed_to_the_end=name == "broker", vital=name == "web")
+        if name == "web":
+            web.add_processes(supervisor, _listen(host, port), shown_as=command)
+        else:
+            nice = VIDEO_WORKER_NICE if name == "video-worker" else 0
+            supervisor.add(name, partial(become, command, nice), needed_to_the_end=name == "broker")
     import_module("config.wsgi")  # which looks for the static files that the preparation has collected
     _share()
     culprit, status = supervisor.run(beside=partial(_announce, browser_url(host, port)))
@@ -188,16 +191,14 @@ def _share() -> None:
                 malloc(size)
 
 
-def _refuse_taken_port(host: str, port: int) -> None:
+def _listen(host: str, port: int) -> socket.socket:
     try:
-        address = socket.getaddrinfo(host, port, type=socket.SOCK_STREAM, flags=socket.AI_PASSIVE)[0]
-        with socket.socket(address[0], socket.SOCK_STREAM) as probe:
-            probe.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
-            probe.bind(address[4])
+        return web.listen(host, port)
     except OSError as error:
+        why = (error.strerror or str(error)).partition(" (while attempting")[0]  # as socket.create_server adds
         hint = f"--port {port + 1}" if port < 65535 else "--port 8000"
         raise CommandError(
-            f"Paddock cannot listen on {host} port {port}: {error.strerror or error}. "
+            f"Paddock cannot listen on {host} port {port}: {why}. "
             f"Something else may be using it; try another, for example: make run PORT={port + 1} ({hint})."
         ) from None
 

@@ -21,9 +21,9 @@ _PR_SET_PDEATHSIG = 1
 _ARGUMENTS, _ENVIRONMENT_END = 47, 50  # of the numbers in /proc/self/stat, from 0: proc(5), arg_start and env_end
 
 
-def fork(work: Callable[[], object]) -> tuple[int, int]:
-    """Do ``work`` in a separate process and session, which ends with this one and has none of our open files.
-    Returns its id and where its output can be read."""
+def fork(work: Callable[[], object], inherited: Sequence[int] = ()) -> tuple[int, int]:
+    """Do ``work`` in a separate process and session, which ends with this one and has none of our open files but those
+    that are ``inherited``. Returns its id and where its output can be read."""
     reading, writing = os.pipe()
     ours = os.getpid()
     sys.stdout.flush()
@@ -31,7 +31,7 @@ def fork(work: Callable[[], object]) -> tuple[int, int]:
     signal.pthread_sigmask(signal.SIG_BLOCK, STOP_SIGNALS)  # until the fork has set its handlers
     pid = os.fork()
     if pid == 0:
-        _begin(work, writing, ours)
+        _begin(work, writing, ours, inherited)
     signal.pthread_sigmask(signal.SIG_UNBLOCK, STOP_SIGNALS)
     os.close(writing)
     return pid, reading
@@ -43,7 +43,7 @@ def become(command: Sequence[str], nice: int = 0) -> None:
     os.nice(nice)
     if list(command[:2]) != PYTHON:
         os.execvp(command[0], list(command))
-    _show(command)
+    show(command)
     sys.argv = list(command[2:])
     runpy.run_module(command[2], run_name="__main__", alter_sys=True)
 
@@ -56,7 +56,7 @@ def end_with_parent(parent: int, signum: int) -> None:
             os.kill(os.getpid(), signum)
 
 
-def _begin(work: Callable[[], object], output: int, parent: int) -> NoReturn:
+def _begin(work: Callable[[], object], output: int, parent: int, inherited: Sequence[int]) -> NoReturn:
     status = 1
     try:
         os.setsid()
@@ -64,7 +64,9 @@ def _begin(work: Callable[[], object], output: int, parent: int) -> NoReturn:
         os.dup2(output, 2)
         nothing = os.open(os.devnull, os.O_RDONLY)
         os.dup2(nothing, 0)
-        os.closerange(3, os.sysconf("SC_OPEN_MAX"))
+        kept = sorted(inherited)
+        for after, before in zip([2, *kept], [*kept, os.sysconf("SC_OPEN_MAX")], strict=True):
+            os.closerange(after + 1, before)
         for signum in STOP_SIGNALS:
             signal.signal(signum, signal.SIG_DFL)
         signal.signal(signal.SIGINT, signal.default_int_handler)
@@ -98,7 +100,7 @@ def _end(status: int) -> NoReturn:
     os._exit(status)
 
 
-def _show(command: Sequence[str]) -> None:
+def show(command: Sequence[str]) -> None:
     """Have ``ps`` and ``top`` show ``command``: they read it where the kernel has put the arguments and, behind them,
     the environment, which moves away first."""
     if sys.platform != "linux":

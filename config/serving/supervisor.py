@@ -9,20 +9,20 @@ import signal
 import sys
 from collections.abc import Callable, Sequence
 from contextlib import suppress
-from dataclasses import dataclass
-from functools import partial
+from dataclasses import dataclass, replace
 from itertools import cycle
 from math import inf
 from selectors import EVENT_READ, DefaultSelector
 from time import monotonic, time
 
-from config.serving.forking import STOP_SIGNALS, become, fork
+from config.serving.forking import STOP_SIGNALS, fork
 from core.logs.lines import beginning
 
 GRACE_S = 10.0
 LONGEST_PAUSE_S = 60.0
 LIVES_AFTER_S = 30.0  # one that has run for so long is well: its next death is the first again
 TRIES_TO_LIVE = 5
+CANNOT_RUN = os.EX_CONFIG  # how a vital program ends that would end again: it could not load what it is to run
 SICK = b"Could not start worker processes"  # the log line of a worker that lives on without its pool
 TURN_S = 0.1
 COLOURS = ("36", "33", "32", "35", "31", "34")  # of names on a terminal, as ECMA-48 numbers them: cyan, yellow, …
@@ -40,6 +40,7 @@ class _Program:
     colour: str = ""
     to_the_end: bool = False
     vital: bool = False
+    inherited: Sequence[int] = ()
     once: bool = False
     pid: int | None = None
     deaths: int = 0
@@ -97,12 +98,14 @@ class Supervisor:
     """Runs programs until a SIGINT, SIGTERM or SIGHUP comes; then ends them all.
 
     A program that ends is started again after a pause that grows to :data:`LONGEST_PAUSE_S`, and so is a worker that
-    logs that it could not start its processes. Only a ``vital`` one that has ended :data:`TRIES_TO_LIVE` times in a row
-    soon after its start ends all. Nothing outlives the supervisor, not even after SIGKILL.
+    logs that it could not start its processes. Only a ``vital`` one that has ended with :data:`CANNOT_RUN`, or
+    :data:`TRIES_TO_LIVE` times in a row soon after its start, ends all. Where SIGHUP is to replace the programs, each
+    gets a successor, as the code is then, and ends. Nothing outlives the supervisor, not even after SIGKILL.
     """
 
-    def __init__(self) -> None:
-        self._programs: dict[str, _Program] = {}
+    def __init__(self, *, replaces_on_sighup: bool = False) -> None:
+        self._replaces_on_sighup, self._is_to_replace = replaces_on_sighup, False
+        self._programs: list[_Program] = []
         self._outputs = DefaultSelector()
         self._colours = cycle(COLOURS)
         self._status: int | None = None  # not None: all are to end, and with what status
@@ -111,27 +114,32 @@ class Supervisor:
     def add(
         self,
         name: str,
-        command: Sequence[str],
+        work: Callable[[], object],
         *,
-        nice: int = 0,
         needed_to_the_end: bool = False,
         vital: bool = False,
+        inherited: Sequence[int] = (),
     ) -> None:
-        """Add a program. ``name`` stands before each line that it prints; ``command`` and ``nice`` are those of
-        :func:`config.serving.forking.become`. One that is ``needed_to_the_end`` is ended after all others; without a
-        ``vital`` one nothing runs."""
-        work = partial(become, command, nice)
-        self._programs[name] = _Program(name, work, next(self._colours), needed_to_the_end, vital)
+        """Add a program, whose process does ``work`` with the ``inherited`` files open. ``name`` stands before each
+        line that it prints. One that is ``needed_to_the_end`` is ended after all others; without a ``vital`` one
+        nothing runs."""
+        colour = next((one.colour for one in self._programs if one.name == name), None) or next(self._colours)
+        self._programs.append(_Program(name, work, colour, needed_to_the_end, vital, inherited))
 
-    def run(self, beside: Callable[[], None]) -> tuple[str | None, int]:
+    def run(self, beside: Callable[[], None] | None = None) -> tuple[str | None, int]:
         """Run to the end, with ``beside`` in a process whose lines are ours. Returns the vital program that could not
         live (None: a signal) and the exit status, negative for its signal."""
         for signum in STOP_SIGNALS:
             if signal.getsignal(signum) is not signal.SIG_IGN:  # as nohup leaves SIGHUP
                 signal.signal(signum, self._stop)
-        self._programs[OURS] = _Program(OURS, beside, once=True)
+        if self._replaces_on_sighup:
+            signal.signal(signal.SIGHUP, self._ask_to_replace)
+        if beside is not None:
+            self._programs.append(_Program(OURS, beside, once=True))
         while True:
-            for program in self._programs.values():
+            if self._is_to_replace:
+                self._replace_all()
+            for program in list(self._programs):
                 self._watch(program)
             if self._status is not None and not self._end_what_is_due():
                 break
@@ -143,6 +151,16 @@ class Supervisor:
     def _stop(self, signum: int, frame: object) -> None:
         if self._status is None:
             self._status = 128 + signum
+
+    def _ask_to_replace(self, signum: int, frame: object) -> None:
+        self._is_to_replace = True
+
+    def _replace_all(self) -> None:
+        self._is_to_replace = False
+        running = [program for program in self._programs if program.pid is not None]
+        self._programs += [replace(program, once=True, is_sick=True) for program in running]
+        for program in running:
+            program.pid = None
 
     def _watch(self, program: _Program) -> None:
         status = program.ended()
@@ -157,11 +175,12 @@ class Supervisor:
 
     def _note_death(self, program: _Program, status: int) -> None:
         if program.once:
+            self._programs.remove(program)
             program.due = inf
             return
         lived = monotonic() - program.started > LIVES_AFTER_S
         program.deaths = 1 if lived else program.deaths + 1
-        if program.vital and program.deaths >= TRIES_TO_LIVE:
+        if program.vital and (status == CANNOT_RUN or program.deaths >= TRIES_TO_LIVE):
             self._culprit, self._status = program.name, status
             return
         pause = min(2.0 ** min(program.deaths - 1, 10), LONGEST_PAUSE_S)
@@ -171,12 +190,12 @@ class Supervisor:
 
     def _start(self, program: _Program) -> None:
         program.started, program.sigterm_at, program.is_sick = monotonic(), None, False
-        program.pid, reading = fork(program.work)
+        program.pid, reading = fork(program.work, program.inherited)
         self._outputs.register(reading, EVENT_READ, _Output(program, program.pid, reading))
 
     def _end_what_is_due(self) -> bool:
         """End every program that no running program needs. Whether any runs."""
-        running = [program for program in self._programs.values() if program.pid is not None]
+        running = [program for program in self._programs if program.pid is not None]
         due = [program for program in running if not program.to_the_end] or running
         for program in due:
             program.tell_to_end()

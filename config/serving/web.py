@@ -1,7 +1,7 @@
 """The web server: ``python -m config.web``. Waitress in several processes on one socket.
 
 Waitress takes a request whole, and holds an answer until its reader has taken it, in one thread for all connections:
-slow connections cost a few kilobytes and no thread of Django's. The master restarts dead processes.
+slow connections cost a few kilobytes and no thread of Django's. A supervisor restarts dead processes.
 """
 
 import argparse
@@ -13,23 +13,23 @@ import signal
 import socket
 import sys
 import time
-from contextlib import suppress
+from collections.abc import Sequence
+from functools import partial
 from importlib import import_module
 from types import FrameType
 from typing import Any
 
+from config.serving.forking import show
+from config.serving.supervisor import CANNOT_RUN, Supervisor
 from core.logs.lines import LogLines
 
 logger = logging.getLogger("config.web")
+APPLICATION = "config.wsgi:application"
 PROCESSES, THREADS = 2, 4
 BACKLOG = 2048
 CONNECTIONS = 8192  # of one process; beyond them new ones wait in the backlog
 IDLE_S = 60  # a connection without traffic is closed
 GRACE_S = 5.0
-KILL_S = GRACE_S + 2.0
-CANNOT_SERVE = 3  # how a process ends that could not even load the site; the others would not either
-_SIGNALS = (signal.SIGTERM, signal.SIGINT, signal.SIGHUP)
-AGAIN_S = 1.0  # a process that died is started again no sooner than this after
 RECEIVED_BYTES = 128 * 1024
 SENT_BYTES = 256 * 1024
 HEADER_BYTES = 64 * 1024
@@ -45,17 +45,34 @@ def main(arguments: list[str] | None = None) -> int:
     parser.add_argument("--port", type=int, default=8000)
     parser.add_argument("--processes", type=int, default=PROCESSES)
     parser.add_argument("--threads", type=int, default=THREADS, help="of each process, that run Django")
-    parser.add_argument("--application", default="config.wsgi:application", help=argparse.SUPPRESS)
+    parser.add_argument("--application", default=APPLICATION, help=argparse.SUPPRESS)
     given = parser.parse_args(arguments)
     log_lines()
-    many_files()
     os.umask(0o077)
     try:
         listening = listen(given.host, given.port)
     except OSError as problem:
         logger.error("Cannot listen on %s port %s: %s", given.host, given.port, problem)
         return 1
-    return _Master(listening, given.application, given.processes, given.threads).run()
+    supervisor = Supervisor(replaces_on_sighup=True)
+    add_processes(supervisor, listening, given.application, given.processes, given.threads)
+    culprit, status = supervisor.run()
+    return status if culprit else 0
+
+
+def add_processes(
+    supervisor: Supervisor,
+    listening: socket.socket,
+    application: str = APPLICATION,
+    processes: int = PROCESSES,
+    threads: int = THREADS,
+    shown_as: Sequence[str] = (),
+) -> None:
+    """Add the processes of the web server to what ``supervisor`` runs. They serve ``application`` (``module:name``) on
+    the socket ``listening``; ``ps`` shows them as the command ``shown_as``."""
+    for _ in range(processes):
+        work = partial(_serve, listening, application, threads, shown_as)
+        supervisor.add("web", work, vital=True, inherited=[listening.fileno()])
 
 
 def listen(host: str, port: int) -> socket.socket:
@@ -67,73 +84,6 @@ def listen(host: str, port: int) -> socket.socket:
     return listening
 
 
-class _Master:
-    def __init__(self, listening: socket.socket, application: str, processes: int, threads: int) -> None:
-        self._listening, self._application = listening, application
-        self._processes, self._threads = processes, threads
-        self._pid = os.getpid()
-        self._started: set[int] = set()
-        self._next_start = 0.0
-        self._replace = False
-        self._ending = False
-        self._status = 0
-
-    def run(self) -> int:
-        for signum in (signal.SIGTERM, signal.SIGINT):
-            signal.signal(signum, self._end)
-        signal.signal(signal.SIGHUP, self._reload)
-        while not self._ending:
-            if self._replace:
-                self._replace = False
-                old, self._started = self._started, set()
-                self._start_missing()
-                _tell(old, signal.SIGTERM)
-            self._start_missing()
-            self._reap()
-            time.sleep(0.1)
-        self._listening.close()
-        _tell(self._started, signal.SIGTERM)
-        until = time.monotonic() + KILL_S
-        while self._reap():
-            if time.monotonic() > until:
-                _tell(self._started, signal.SIGKILL)
-            time.sleep(0.05)
-        return self._status
-
-    def _start_missing(self) -> None:
-        while len(self._started) < self._processes and time.monotonic() >= self._next_start:
-            signal.pthread_sigmask(signal.SIG_BLOCK, _SIGNALS)  # until the new process has its handlers
-            pid = os.fork()
-            if pid == 0:
-                _serve(self._listening, self._application, self._threads, self._pid)
-            self._started.add(pid)
-            signal.pthread_sigmask(signal.SIG_UNBLOCK, _SIGNALS)
-
-    def _reap(self) -> bool:
-        """Note the processes that ended; whether any lives."""
-        while True:
-            try:
-                pid, status = os.waitpid(-1, os.WNOHANG)
-            except ChildProcessError:
-                return False
-            if pid == 0:
-                return True
-            if pid in self._started and not self._ending:
-                ended = os.waitstatus_to_exitcode(status)
-                if ended == CANNOT_SERVE:
-                    self._ending, self._status = True, ended
-                else:
-                    self._next_start = time.monotonic() + AGAIN_S
-                    logger.error("A web process ended (status %s); another takes its place.", ended)
-            self._started.discard(pid)
-
-    def _end(self, signum: int, frame: object) -> None:
-        self._ending = True
-
-    def _reload(self, signum: int, frame: object) -> None:
-        self._replace = True
-
-
 def log_lines() -> None:
     """Log in the form of the site's lines until its settings are loaded, where they are not yet."""
     handler = logging.StreamHandler()
@@ -141,35 +91,22 @@ def log_lines() -> None:
     logging.basicConfig(handlers=[handler])
 
 
-def _tell(pids: set[int], signum: int) -> None:
-    for pid in pids:
-        with suppress(ProcessLookupError):
-            os.kill(pid, signum)
-
-
-def _serve(listening: socket.socket, application: str, threads: int, master: int) -> None:
-    """The work of one process; never returns."""
-    from config.serving.forking import end_with_parent
-
+def _serve(listening: socket.socket, application: str, threads: int, shown_as: Sequence[str]) -> None:
+    """The work of one process."""
+    if shown_as:
+        show(shown_as)
+    many_files()
     for signum in (signal.SIGTERM, signal.SIGINT):
         signal.signal(signum, signal.SIG_DFL)  # while the site loads, which takes seconds
     signal.signal(signal.SIGHUP, signal.SIG_IGN)
-    signal.pthread_sigmask(signal.SIG_UNBLOCK, _SIGNALS)
-    status = CANNOT_SERVE
+    module, _, name = application.partition(":")
     try:
-        end_with_parent(master, signal.SIGTERM)
-        module, _, name = application.partition(":")
         loaded = getattr(import_module(module), name)
-        gc.freeze()  # what is loaded stays: a collection that looked through it would take a tenth of all time
-        status = 1
-        _serve_until_signal(loaded, listening, threads)
-        status = 0
-    except Exception:  # of the application, of any kind: operators read it in the log, and the master starts another
-        logging.getLogger("waitress").exception("a web process failed")
-    finally:
-        sys.stdout.flush()
-        sys.stderr.flush()
-        os._exit(status)
+    except Exception:  # of the application, of any kind: operators read it in the log
+        logger.exception("The site cannot be loaded.")
+        sys.exit(CANNOT_RUN)
+    gc.freeze()  # what is loaded stays: a collection that looked through it would take a tenth of all time
+    _serve_until_signal(loaded, listening, threads)
 
 
 def _serve_until_signal(application: Any, listening: socket.socket, threads: int) -> None:

@@ -36,13 +36,15 @@ while True:
 """
 SUPERVISOR = """
 import sys
+from functools import partial
 from config.serving import supervisor
+from config.serving.forking import become
 supervisor.LIVES_AFTER_S, supervisor.LONGEST_PAUSE_S = 30.0, 0.1
 s = supervisor.Supervisor()
 folder = sys.argv[1]
 for name, what in (one.split("=") for one in sys.argv[2:]):
     command = [sys.executable, "-I", "-S", f"{folder}/program.py", name, folder, what]
-    s.add(name, command, needed_to_the_end=name == "broker", vital=name == "web")
+    s.add(name, partial(become, command), needed_to_the_end=name == "broker", vital=name == "web")
 culprit, status = s.run(beside=lambda: print("beside"))
 print("culprit", culprit, status, flush=True)
 """
@@ -51,11 +53,12 @@ print("culprit", culprit, status, flush=True)
 SHARING = """
 import collections, signal, sys
 from config.serving import supervisor
-from config.serving.forking import PYTHON
+from functools import partial
+from config.serving.forking import PYTHON, become
 collections.loaded_here = "loaded by the supervisor"
 held = open(sys.argv[1], "a")
 s = supervisor.Supervisor()
-s.add("web", [*PYTHON, "tests.config.forked", sys.argv[1], "of its own"], nice=3, vital=True)
+s.add("web", partial(become, [*PYTHON, "tests.config.forked", sys.argv[1], "of its own"], 3), vital=True)
 s.run(beside=lambda: None)
 """
 
