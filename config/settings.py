@@ -13,6 +13,7 @@ from csp.constants import NONE, SELF
 from django.core.exceptions import ImproperlyConfigured
 from django.utils.translation import gettext_lazy as _
 
+from core.logs.lines import FORMATTERS
 from evaluation.sandbox.uids import configured_range
 
 from .api.settings import REST_DEFAULTS
@@ -487,11 +488,12 @@ KNOX_TOKEN_MODEL = "knox.AuthToken"
 TOKEN_DAYS = env_int("PADDOCK_TOKEN_DAYS", 90, minimum=1, maximum=366)
 REST_KNOX = {"TOKEN_TTL": None, "AUTO_REFRESH": False}
 
+LOG_FORMAT = env_choice("PADDOCK_LOG_FORMAT", "plain", ("plain", "json"))
 LOG_LEVELS = ("DEBUG", "INFO", "WARNING", "ERROR", "CRITICAL")
 LOGGING = {
     "version": 1,
     "disable_existing_loggers": False,
-    "formatters": {"line": {"()": "core.logs.lines.LogLines"}},
+    "formatters": {"line": {"()": FORMATTERS[LOG_FORMAT]}},
     "filters": {
         "refusals": {"()": "core.logs.filters.WithoutRefusalTraces"},
         "outages": {"()": "core.logs.filters.Outages"},

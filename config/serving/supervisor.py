@@ -16,7 +16,7 @@ from selectors import EVENT_READ, DefaultSelector
 from time import monotonic, time
 
 from config.serving.forking import STOP_SIGNALS, fork
-from core.logs.lines import beginning
+from core.logs.lines import beginning, format_name
 
 GRACE_S = 10.0
 LONGEST_PAUSE_S = 60.0
@@ -224,6 +224,11 @@ class Supervisor:
         begin = beginning(time(), pid or os.getpid(), name)
         try:
             for line in text.splitlines():
+                if format_name() == "json":
+                    from core.logs.json_lines import line_of  # loads a library
+
+                    print(line_of(line, name, pid or os.getpid()), flush=True)
+                    continue
                 head, line = _divided(line) if _IS_LOG.match(line) else (begin, f" {line}")
                 print(
                     f"\033[{colour}m{head}\033[0m{line}" if colour and sys.stdout.isatty() else head + line, flush=True

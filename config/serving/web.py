@@ -21,7 +21,7 @@ from typing import Any
 
 from config.serving.forking import show
 from config.serving.supervisor import CANNOT_RUN, Supervisor
-from core.logs.lines import LogLines
+from core.logs.lines import FORMATTERS, format_name
 
 logger = logging.getLogger("config.web")
 APPLICATION = "config.wsgi:application"
@@ -87,7 +87,8 @@ def listen(host: str, port: int) -> socket.socket:
 def log_lines() -> None:
     """Log in the form of the site's lines until its settings are loaded, where they are not yet."""
     handler = logging.StreamHandler()
-    handler.setFormatter(LogLines())
+    module, _, name = FORMATTERS[format_name()].rpartition(".")
+    handler.setFormatter(getattr(import_module(module), name)())
     logging.basicConfig(handlers=[handler])
 
 

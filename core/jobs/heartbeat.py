@@ -3,6 +3,7 @@
 import logging
 import threading
 from collections.abc import Callable
+from contextvars import copy_context
 from datetime import timedelta
 from time import monotonic
 from typing import Any, Self
@@ -38,6 +39,7 @@ class Heartbeat(threading.Thread):
         self._ended = threading.Event()
         self._news: Any | None = None
         self.lost = False
+        self._context = copy_context()  # its lines in the log have the ids of its job
 
     def __enter__(self) -> Self:
         self.start()
@@ -52,6 +54,9 @@ class Heartbeat(threading.Thread):
         self._news = progress
 
     def run(self) -> None:
+        self._context.run(self._beat_on)
+
+    def _beat_on(self) -> None:
         last = monotonic()
         try:
             while not self._ended.wait(self._every_s) and not self.lost:

@@ -11,6 +11,7 @@ from paddock.errors import PaddockError, PlatformFault, UserFault
 from ..database.clock import database_now
 from ..files.storage_faults import is_of_storage
 from ..logs.filters import is_outage_of_database
+from ..logs.lines import job_in_log
 from ..metrics import Histogram
 from .heartbeat import Heartbeat
 from .kinds import JobKind
@@ -44,6 +45,12 @@ def run_next(
     job = kind.claim(worker=worker, now=database_now())
     if job is None:
         return False
+    with job_in_log(f"{kind.name.lower()}:{getattr(job, 'public_id', job.pk)}"):
+        _run(kind, job, do, interrupted)
+    return True
+
+
+def _run(kind: RetriedKind[J], job: J, do: Callable[[J, Heartbeat], bool], interrupted: StopCheck) -> None:
     assert job.lease is not None
     logger.info("%s %s attempt %s starts.", kind.name, job, job.attempt)
     began = monotonic()
@@ -66,7 +73,6 @@ def run_next(
                 end, how = "failed", f"failed: {fault.code}"
     SECONDS.observe(monotonic() - began, kind.name.lower(), end if ended else "lost")
     logger.info("%s %s %s.", kind.name, job, how if ended else "was stopped or given to somebody else")
-    return True
 
 
 def work_off(

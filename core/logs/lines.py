@@ -1,15 +1,20 @@
 """The format of log lines, without e-mail addresses, passwords and tokens. Loads the standard library only."""
 
 import logging
+import os
 import re
 import sys
 import time
+from collections.abc import Iterator
+from contextlib import contextmanager
 from contextvars import ContextVar
 from functools import lru_cache
 from pathlib import Path
 
 NONE = "-"
+FORMATTERS = {"plain": "core.logs.lines.LogLines", "json": "core.logs.json_lines.JsonLines"}
 request_id: ContextVar[str] = ContextVar("request_id", default=NONE)
+job_id: ContextVar[str] = ContextVar("job_id", default=NONE)
 
 _TOKENS = re.compile(
     r"((?<![\w-])/(?:watch|join|laps|class|races/join|races/invited|groups/join|teams/join|notices/stop"
@@ -21,6 +26,12 @@ _PASSWORDS = re.compile(r"(\w://)[^\s/@]*@")
 # Celery names its workers in the same form
 _ADDRESSES = re.compile(r"(?<![\w.+%-])(?!(?:celery|trainer|messenger|video-worker)@)[\w.+%'-]+@[\w-]+(?:\.[\w-]+)+")
 _INVISIBLE = re.compile("[\x00-\x08\x0b-\x1f\x7f-\x9f\u200b-\u200f\u2028-\u202e\u2066-\u2069]")
+
+
+def format_name() -> str:
+    """The name of the log's format, for programs that have not loaded the settings."""
+    name = os.environ.get("PADDOCK_LOG_FORMAT", "plain")
+    return name if name in FORMATTERS else "plain"
 
 
 class LogLines(logging.Formatter):
@@ -37,10 +48,22 @@ class LogLines(logging.Formatter):
 
 def beginning(seconds: float, process: int, program: str = "") -> str:
     """What each line of the log begins with: time (UTC), program, process and request."""
-    moment = time.strftime("%Y-%m-%dT%H:%M:%S", time.gmtime(seconds))
-    return (
-        f"{moment}.{int(seconds % 1 * 1000):03}Z {program or program_of(tuple(sys.argv))}[{process}] {request_id.get()}"
-    )
+    return f"{moment(seconds)} {program or program_name()}[{process}] {request_id.get()}"
+
+
+@contextmanager
+def job_in_log(name: str) -> Iterator[None]:
+    """Have the lines of a block name this job."""
+    token = job_id.set(name)
+    try:
+        yield
+    finally:
+        job_id.reset(token)
+
+
+def moment(seconds: float) -> str:
+    """A time in UTC, by ISO 8601."""
+    return f"{time.strftime('%Y-%m-%dT%H:%M:%S', time.gmtime(seconds))}.{int(seconds % 1 * 1000):03}Z"
 
 
 def without_secrets(text: str) -> str:
@@ -49,6 +72,11 @@ def without_secrets(text: str) -> str:
     for pattern in (_TOKENS, _QUERIES):
         text = pattern.sub(r"\1…", text)
     return _ADDRESSES.sub("…@…", text)
+
+
+def program_name() -> str:
+    """The name of this program."""
+    return program_of(tuple(sys.argv))
 
 
 @lru_cache(maxsize=8)

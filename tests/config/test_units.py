@@ -38,7 +38,7 @@ PROBE = "from evaluation.sandbox.probe import look_again as look; r = look(); pr
 @pytest.fixture(autouse=True)
 def somewhere(settings):
     settings.TRAINING = settings.VIDEOS = settings.EMBEDDED_BROKER = True
-    settings.DATA_DIR = Path("/srv/paddock")
+    settings.DATA_DIR, settings.METRICS_LISTEN = Path("/srv/paddock"), ("127.0.0.1", 9464)
     settings.VALKEY_DIR = settings.DATA_DIR / "valkey"
     settings.VALKEY_SOCKET = settings.VALKEY_DIR / "valkey.sock"
     settings.STREAM_SOCKET = settings.DATA_DIR / "streams/streams.sock"

@@ -4,7 +4,8 @@ import os
 import sys
 from argparse import ArgumentParser
 
-from django.core.management.base import BaseCommand
+from django.conf import settings
+from django.core.management.base import BaseCommand, OutputWrapper
 from django.utils import timezone
 
 from config.operations.listen_address import HOST, PORT, port
@@ -22,6 +23,10 @@ class Command(BaseCommand):
 
     def handle(self, *, host: str, port: int, **options: object) -> None:
         stop_on_signals()
+        if settings.LOG_FORMAT == "json":
+            from core.logs.json_lines import JsonOutput  # loads a library
+
+            self.stdout = OutputWrapper(JsonOutput(sys.stdout))  # type: ignore[arg-type]
         try:
             status = run_site(host, port, self._prepare)
         except StopSignal as stopped:

@@ -178,5 +178,6 @@ NEEDS = {
         torch=True,
     ),
     "video-worker": Needs("videos", lambda: 2048),
+    "metrics": Needs("metrics for Prometheus", lambda: 512),
     "messenger": Needs("notices, e-mails, webhooks and the scheduler", lambda: 1024),
 }
