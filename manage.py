@@ -22,6 +22,7 @@ def main() -> None:
     if sys.argv[1:2] == ["run"]:
         from config.operations.listen_address import set_site_url
 
+        gc.disable()  # until the programs start (config.operations.run): nearly all that is loaded stays
         set_site_url(sys.argv[2:])
     else:
         gc.set_threshold(400_000)  # loading makes 175,000 objects that stay; a command ends soon

@@ -100,7 +100,12 @@ def load_catalogue(*, now: datetime | None = None) -> list[Track]:
     Tracks known by name only are replaced by those of the catalogue.
     """
     now = now or timezone.now()
-    rows = [_catalogue_row(entry, now) for entry in CATALOGUE]
+    prints = [entry.fingerprint for entry in CATALOGUE]
+    known = {track.fingerprint: track for track in Track.objects.defer("npy").filter(fingerprint__in=prints)}
+    rows = [
+        track if (track := known.get(entry.fingerprint)) and _is_as(track, entry) else _catalogue_row(entry, now)
+        for entry in CATALOGUE
+    ]
     for unknown in Track.objects.filter(length_m=None):
         named = find(unknown.name) or find(unknown.slug)
         if named is not None:
@@ -156,11 +161,19 @@ def _replace(unknown: Track, track: Track) -> None:
     unknown.delete()
 
 
+def _texts(entry: CatalogueTrack) -> dict[str, object]:
+    return {"name": entry.name, "description": entry.description, "is_catalogue": True}
+
+
+def _is_as(track: Track, entry: CatalogueTrack) -> bool:
+    return track.slug == entry.slug and all(getattr(track, name) == value for name, value in _texts(entry).items())
+
+
 def _catalogue_row(entry: CatalogueTrack, now: datetime) -> Track:
-    texts = {"name": entry.name, "description": entry.description, "is_catalogue": True}
+    texts = _texts(entry)
     track = Track.objects.defer("npy").filter(fingerprint=entry.fingerprint).first()
     if track is not None and track.slug == entry.slug:
-        if any(getattr(track, field) != value for field, value in texts.items()):
+        if not _is_as(track, entry):
             Track.objects.filter(pk=track.pk).update(**texts)
             track.refresh_from_db()
         return track

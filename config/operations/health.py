@@ -14,7 +14,7 @@ from collections.abc import Callable
 from contextlib import suppress
 from dataclasses import asdict, dataclass, field, replace
 from datetime import timedelta
-from functools import cache, partial
+from functools import partial
 from queue import SimpleQueue
 from time import monotonic, sleep, time
 from typing import TextIO
@@ -23,12 +23,12 @@ from django.conf import settings
 from django.core.cache import caches
 from django.core.cache.backends.base import BaseCache
 from django.db import DatabaseError, connection, connections, transaction
-from django.db.migrations.loader import MigrationLoader
 from django.db.migrations.recorder import MigrationRecorder
 from kombu.exceptions import KombuError
 from redis import RedisError
 
 from core.database.clock import database_now
+from core.database.known_migrations import applied_are_all
 from core.jobs.outages import storage_answers, storage_is_out
 from core.streams import life
 from evaluation.models import WorkerNode
@@ -266,14 +266,7 @@ def pages_are_intact() -> bool:
 
 
 def _migrations() -> bool:
-    """Whether all that this code knows have been made. A newer site may have made more."""
-    return known_migrations() <= MigrationRecorder(connection).applied_migrations().keys()
-
-
-@cache
-def known_migrations() -> frozenset[tuple[str, str]]:
-    """The migrations of this code, read once per process: on a busy machine that takes longer than a part may."""
-    return frozenset(MigrationLoader(None).graph.nodes)
+    return applied_are_all(MigrationRecorder(connection))
 
 
 def _cache(default: BaseCache) -> bool:

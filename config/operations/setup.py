@@ -138,6 +138,6 @@ def _collect(sources: dict[str, Path]) -> None:
 def _collected_state(sources: dict[str, Path]) -> str:
     made_by = [django.__version__, version("whitenoise"), settings.STATIC_URL, str(settings.STATIC_ROOT)]
     read = [static_files.__file__, *(str(path) for _, path in sorted(sources.items()))]
-    read += sorted(str(path) for path in Path(settings.STATIC_ROOT).rglob("*") if path.is_file())
+    read += sorted(f"{folder}/{name}" for folder, _, names in os.walk(settings.STATIC_ROOT) for name in names)
     made_by += [f"{path} {found.st_size} {found.st_mtime_ns}" for path in read for found in [os.stat(path)]]
     return hashlib.sha256("\n".join(made_by).encode()).hexdigest()

@@ -16,7 +16,6 @@ from django.conf import settings
 from django.core.cache import cache
 from django.core.files.storage import default_storage
 from django.db import DatabaseError, connection
-from django.db.migrations.loader import MigrationLoader
 from django.db.migrations.recorder import MigrationRecorder
 from django.test import override_settings
 from django.utils import timezone
@@ -26,6 +25,8 @@ from config import tasks
 from config.operations import health
 from config.operations import health as pages
 from config.operations.backup.databases import damage
+from core.database import known_migrations as names
+from core.database.known_migrations import known_migrations
 from core.jobs.models import Outage
 from evaluation.models import Evaluation, WorkerNode
 from evaluation.running.queue.order import BACKGROUND
@@ -177,8 +178,8 @@ def test_a_damaged_database_page_is_named_until_repaired(monkeypatch, tmp_path) 
 
 
 def test_the_files_of_migrations_are_read_once_per_process(monkeypatch) -> None:
-    health.known_migrations()
-    monkeypatch.setattr(MigrationLoader, "load_disk", lambda loader: pytest.fail("read again"))
+    known_migrations()
+    monkeypatch.setattr(names, "iter_modules", lambda folder: pytest.fail("read again"))
     assert "migrations" not in broken()
 
 

@@ -21,6 +21,7 @@ from django.db import connections
 from django.db.migrations.loader import MigrationLoader
 from django.db.migrations.recorder import MigrationRecorder
 
+from core.database.known_migrations import known_migrations
 from core.management.commands.migrate import build_empty_database
 from tests.database import digest
 from tests.postgres import is_installed, postgres
@@ -171,6 +172,37 @@ def test_an_interruption_after_the_build_loses_no_permission_and_no_trigger(empt
     facts = migrated(empty)
     assert any("TRIGGER races_board" in fact for fact in facts)
     assert any(fact.startswith("auth_permission: ") and "change_race" in fact for fact in facts)
+
+
+def test_known_migrations_are_those_that_django_loads():
+    loader = MigrationLoader(None)
+    replaced = {name for migration in loader.disk_migrations.values() for name in migration.replaces}
+    assert known_migrations() == set(loader.graph.nodes) | replaced
+
+
+def test_no_migration_is_loaded_for_a_database_that_has_all(empty, monkeypatch):
+    whole = migrated(empty)
+    with monkeypatch.context() as patch:
+        patch.setattr(MigrationLoader, "load_disk", lambda loader: pytest.fail("loaded"))
+        assert migrated(empty) == whole
+
+
+def test_a_database_that_has_all_migrations_gets_back_what_it_has_lost(empty):
+    whole = migrated(empty)
+    with connections[empty].cursor() as cursor:
+        cursor.execute("DELETE FROM auth_permission WHERE codename = 'change_race'")
+        triggers = "SELECT name FROM sqlite_master WHERE type = 'trigger' AND name LIKE 'races_board%'"
+        for (name,) in cursor.execute(triggers).fetchall():
+            cursor.execute(f"DROP TRIGGER {name}")
+    ids = re.compile(r'"id": \d+')
+    assert [ids.sub("", fact) for fact in migrated(empty)] == [ids.sub("", fact) for fact in whole]
+
+
+def test_an_older_database_gets_the_migrations_that_it_lacks(empty):
+    migrated(empty)
+    call_command("migrate", "videos", "zero", database=empty, verbosity=0)
+    assert not any(table.startswith("videos_") for table in tables(empty))
+    assert any(fact.startswith("videos_") for fact in migrated(empty))
 
 
 def test_a_database_with_tables_is_left_to_the_migrations(empty):

@@ -133,6 +133,16 @@ def test_loading_the_catalogue_again_changes_nothing(now):
     assert list(Track.objects.order_by("pk").values()) == before
 
 
+def test_a_known_catalogue_is_read_at_once_and_its_changes_are_noticed(now, django_assert_max_num_queries):
+    load_catalogue(now=now)
+    with django_assert_max_num_queries(5):
+        load_catalogue(now=now)
+    oval = Track.objects.filter(slug="oval")
+    oval.update(name="Something else")
+    load_catalogue(now=now)
+    assert oval.get().name == by_slug("oval").name
+
+
 def test_a_new_catalogue_shape_takes_over_the_address(now, oval_file):
     old = import_track(data=moved(oval_file, 1), name="Old oval", owner=None, now=now, slug="oval")
     Track.objects.update(is_catalogue=True)

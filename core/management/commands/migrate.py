@@ -3,12 +3,15 @@
 
 from typing import Any
 
+from django.apps import apps
 from django.core.management.commands.migrate import Command as DjangoCommand
+from django.core.management.sql import emit_post_migrate_signal, emit_pre_migrate_signal
 from django.db import connections
 from django.db.backends.base.base import BaseDatabaseWrapper
 from django.db.migrations.executor import MigrationExecutor
 from django.db.migrations.recorder import MigrationRecorder
 
+from core.database.known_migrations import applied_are_all
 from core.database.migration_detector import TextBlindAutodetector
 
 # Options that ask for something else than all migrations, really run
@@ -20,8 +23,21 @@ class Command(DjangoCommand):
 
     def handle(self, *args: Any, **options: Any) -> None:
         if not any(options[name] for name in _OTHER_REQUESTS):
-            build_empty_database(connections[options["database"]])
+            is_new = build_empty_database(connections[options["database"]])
+            if not is_new and not options["verbosity"] and nothing_to_migrate(options["database"]):
+                return
         super().handle(*args, **options)
+
+
+def nothing_to_migrate(database: str) -> bool:
+    """Whether all migrations are applied. Then send Django's signals, whose receivers complete what an interruption or
+    a restored backup left out, with the models as they are: to build them from all migrations takes longer."""
+    if not applied_are_all(MigrationRecorder(connections[database])):
+        return False
+    given = {"verbosity": 0, "interactive": False, "db": database, "apps": apps, "plan": []}
+    emit_pre_migrate_signal(**given)
+    emit_post_migrate_signal(**given)
+    return True
 
 
 def build_empty_database(connection: BaseDatabaseWrapper) -> bool:
