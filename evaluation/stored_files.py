@@ -11,6 +11,7 @@ import zlib
 from collections.abc import Iterator
 from contextlib import ExitStack, contextmanager
 from datetime import datetime, timedelta
+from os.path import splitext
 from pathlib import Path
 from time import monotonic
 
@@ -43,6 +44,10 @@ def store(name: str, content: bytes) -> str:
 
 def store_file(name: str, content: File) -> str:
     """As :func:`store`, for a file too large for memory, from its beginning."""
+    if not isinstance(
+        default_storage, FileSystemStorage
+    ):  # no bucket reserves a name: of two writers one deletes its file
+        name = default_storage.get_alternative_name(*splitext(name))
     content.seek(0)
     sha256, size = _summed(content)
     content.seek(0)

@@ -18,6 +18,7 @@ from django.test import Client
 from django.utils import timezone
 
 from core.database.clock import database_now
+from evaluation import stored_files
 from evaluation.running.queue.jobs import EVALUATIONS
 from tests.drawn_runs import a_driven_run
 from tests.factories import a_race, a_racer, a_track
@@ -114,3 +115,9 @@ class TestPatience:
             with pytest.raises(ReadTimeoutError):
                 client.head_object(Bucket="a-bucket", Key="a-file")
         assert len(sent) == 2 and len(sent) * max(connect_s, read_s) <= 20
+
+
+def test_of_two_who_store_the_same_file_one_deletes_only_its_own(s3, db):
+    first, second = (stored_files.store("networks/a.onnx", b"the same car") for _ in range(2))
+    stored_files.delete(second)
+    assert stored_files.read(first) == b"the same car"
