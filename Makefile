@@ -18,7 +18,7 @@ unexport PYTHONDONTWRITEBYTECODE
 
 # A Python that is gone takes .venv and its stamps with it, so that comes first
 .NOTPARALLEL:
-.PHONY: help setup run training package wheels test journeys soak lint lock audit bench clean compiled system-run system-test
+.PHONY: help setup run training ldap package wheels test journeys soak lint lock audit bench clean compiled system-run system-test
 
 help: ## what can be made
 	@grep -E '^[a-z-]+:.*## ' $(MAKEFILE_LIST) | sed -E 's/:.*## /\t/' | expand -t 12
@@ -29,6 +29,8 @@ run: setup ## the site and a worker at http://127.0.0.1:8000 (HOST=, PORT=)
 	@exec $(BIN)/python manage.py run --host $(HOST) --port $(PORT)
 
 training: system-run $(VENV)/.training ## what training models needs, for the next "make run" (TORCH_INDEX=)
+
+ldap: system-run $(VENV)/.ldap ## what log-in by an LDAP directory needs: python-ldap, compiled here, and Debian's packages for that
 
 package: system-run $(VENV)/.run ## the racers' package, a wheel and a source archive in dist/: the engine and the command paddock
 	@$(BIN)/python scripts/package.py
@@ -88,6 +90,9 @@ $(VENV)/bin/python:
 PIP := scripts/pip_progress.py
 LOCKED := $(PIP) install --require-hashes --no-deps --requirement
 
+# A source archive alone, built with the setuptools that is locked, too
+DIRECTORY = $(BIN)/python $(LOCKED) locks/ldap.txt --no-build-isolation
+
 $(VENV)/.run: $(VENV)/bin/python pyproject.toml locks/run.txt
 	@$(BIN)/python -m pip --version >/dev/null 2>&1 || $(BIN)/python -m ensurepip >/dev/null # the first make was cut off
 	@$(BIN)/python scripts/build_pybullet.py --install # for pip it is there already, where no wheel has a locked hash
@@ -103,8 +108,14 @@ $(VENV)/.training: $(VENV)/.run locks/training.txt locks/torch.sha256
 	$(BIN)/python scripts/offer_training.py --always
 	@touch $@
 
-$(VENV)/.test: $(VENV)/.run locks/test.txt
+$(VENV)/.test: $(VENV)/.run locks/test.txt locks/ldap.txt
 	@STEP=5 $(BIN)/python $(LOCKED) locks/test.txt
+	@$(DIRECTORY) || echo "Tests of log-in by LDAP are skipped: python-ldap cannot be compiled here (Debian: libldap2-dev, libsasl2-dev)"
+	@touch $@
+
+$(VENV)/.ldap: $(VENV)/.run locks/ldap.txt
+	@scripts/system-packages.sh ldap
+	@$(DIRECTORY)
 	@touch $@
 
 $(VENV)/.browser: $(VENV)/.test

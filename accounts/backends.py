@@ -11,6 +11,7 @@ from core.database.kept_queries import KeptQuery
 
 from .models import Racer
 from .signing_in.attempt_limits import racer_with
+from .signing_in.services import may_use_password
 
 _racers = KeptQuery(lambda pk: Racer.objects.select_related("learner__classroom").filter(pk=pk).order_by())
 
@@ -18,7 +19,7 @@ _racers = KeptQuery(lambda pk: Racer.objects.select_related("learner__classroom"
 class PasswordBackend(AuthenticationBackend):
     """allauth's backend with a final answer: one guess hashes one password. Django's backend serves older sessions."""
 
-    def authenticate(self, request: HttpRequest | None, **credentials: Any) -> AbstractBaseUser:
+    def authenticate(self, request: HttpRequest | None, **credentials: Any) -> AbstractBaseUser | None:
         """The racer. Raises PermissionDenied for all else, upon which no other backend is asked."""
         user = super().authenticate(request, **credentials)
         if user is None:
@@ -31,4 +32,5 @@ class PasswordBackend(AuthenticationBackend):
         return racer if racer is not None and self.user_can_authenticate(racer) else None
 
     def _authenticate(self, request: HttpRequest | None, **credentials: Any) -> AbstractBaseUser | None:
-        return self._check_password(racer_with(credentials), credentials["password"])
+        racer = racer_with(credentials)
+        return self._check_password(racer if racer and may_use_password(racer) else None, credentials["password"])

@@ -8,7 +8,18 @@ register(
     invalid={
         "class_names": _("Write one name a line, of at most %(limit)s characters each. Nobody was added."),
         "picture_broken": _("This picture is incomplete. Save it again and retry."),
+        "sso_expired": _("This log-in has expired or was started in another browser. Log in again."),
         "picture_format": _("Send a picture as PNG, JPEG or WebP."),
+    },
+    unauthorized={
+        "sso_failed": _("The log-in by %(provider)s failed. Start again; if it fails again, ask an admin."),
+    },
+    unavailable={
+        "ldap_not_installed": _(
+            "Log-in by the directory is set up, but its packages are not installed. Admins run “make ldap”."
+        ),
+        "ldap_unreachable": _("The directory that knows your password does not answer. Try again later."),
+        "sso_unreachable": _("%(provider)s does not answer. Try again later."),
     },
     forbidden={
         "class_no_teacher": _("A class account cannot have classes."),
@@ -17,6 +28,10 @@ register(
             "You cannot follow this racer: the account is closed, yours, a house car's or a class account."
         ),
         "group_not_yours": _("Only the leader of the group can do this."),
+        "sign_up_domain": _(
+            "Your e-mail address is not one for this site. Use an address of: %(domains)s. Otherwise ask an admin."
+        ),
+        "sso_cancelled": _("You cancelled the log-in at %(provider)s. Log in again to continue."),
         "team_by_invitation": _("There is a team of this name: its captain can invite you."),
         "team_captain_only": _("Only the captain of the team may do this."),
         "team_not_asked": _("This invitation is not yours, or was taken back."),
@@ -39,6 +54,10 @@ register(
         "group_has_races": _("Races are held for this group alone. Hold them for everybody, or delete them first."),
         "group_is_a_class": _("This group is a class. Its teacher changes it on the page of the class."),
         "group_limit": _("You already lead %(limit)s groups, the maximum."),
+        "sso_address_taken": _(
+            "Another account has the address %(email)s. Log in to that account with its password, verify the address "
+            "and connect %(provider)s in the settings. If that is impossible, ask an admin."
+        ),
         "team_full": _("The team already has %(limit)s racers, the maximum."),
         "team_hand_over_first": _("A captain makes somebody else captain before they leave."),
         "team_in_it_already": _("This racer is in the team already."),

@@ -45,6 +45,7 @@ register(
     },
     forbidden={
         "email_unverified": _("Verify your e-mail address first: follow the link in the message we sent you."),
+        "sso_first_log_in": _("You have no account here yet. Log in on the site once to choose your alias."),
         "second_factor_needed": _(
             "Send the code of your second factor too. If you only have a passkey, create a token in "
             "the settings on the site."

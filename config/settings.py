@@ -40,6 +40,7 @@ from .env import (
     secret_from_file,
 )
 from .serving import broker
+from .single_sign_on import env_domains, ldap, openid_connect, password_racers, roles
 
 BASE_DIR = Path(__file__).resolve().parent.parent
 DATA_DIR = private_folder("PADDOCK_DATA", env_folder("PADDOCK_DATA", BASE_DIR / "data"))
@@ -393,13 +394,19 @@ ACCOUNT_SIGNUP_FIELDS = ["email*", "username*", "password1*", "password2*"]
 ACCOUNT_USERNAME_VALIDATORS = "accounts.models.ALIAS_VALIDATORS"
 ACCOUNT_USERNAME_MIN_LENGTH = 2
 ACCOUNT_EMAIL_SUBJECT_PREFIX = f"[{_site_host}] "
-ACCOUNT_EMAIL_VERIFICATION = env_choice("PADDOCK_EMAIL_VERIFICATION", "optional", ("none", "optional", "mandatory"))
+# Domains of e-mail addresses that may sign up; empty: any. Anybody can type an address, so these must be verified
+SIGN_UP_DOMAINS = env_domains("PADDOCK_SIGN_UP_DOMAINS")
+_verification = "mandatory" if SIGN_UP_DOMAINS else "optional"
+ACCOUNT_EMAIL_VERIFICATION = env_choice("PADDOCK_EMAIL_VERIFICATION", _verification, ("none", "optional", "mandatory"))
 ACCOUNT_PRESERVE_USERNAME_CASING = True
 ACCOUNT_CHANGE_EMAIL = True
 ALLAUTH_TRUSTED_PROXY_COUNT = env_int("PADDOCK_TRUSTED_PROXIES", 0)
 ACCOUNT_ADAPTER = "accounts.signing_in.adapter.AccountAdapter"
 ACCOUNT_PASSWORD_RESET_TOKEN_GENERATOR = "accounts.signing_in.reset_tokens.ResetTokens"
-ACCOUNT_FORMS = {"reset_password": "accounts.signing_in.forms.ResetPasswordForm"}
+ACCOUNT_FORMS = {
+    "reset_password": "accounts.signing_in.forms.ResetPasswordForm",
+    "add_email": "accounts.signing_in.forms.NewAddressForm",
+}
 ACCOUNT_REAUTHENTICATION_REQUIRED = True
 # accounts.signing_in.attempt_limits counts wrong passwords; these limit all requests. A class of 40 behind one address
 # signs up and logs in at once. login_failed counts codes of the second factor
@@ -419,7 +426,22 @@ MFA_WEBAUTHN_ALLOW_INSECURE_ORIGIN = not BEHIND_HTTPS
 # A password reset of an address that was never verified removes the second factor too (accounts.signing_in.services)
 MFA_ALLOW_UNVERIFIED_EMAIL = True
 STAFF_SECOND_FACTOR = env_bool("PADDOCK_STAFF_SECOND_FACTOR", False)
-SIGN_UP = env_choice("PADDOCK_SIGN_UP", "open", ("open", "invitation", "closed"))
+SIGN_UP = env_choice("PADDOCK_SIGN_UP", "open", ("open", "invitation", "sso", "closed"))
+# --- single sign-on: applications and pages of it are there only where a provider is set
+OIDC, LDAP = openid_connect(), ldap()
+SSO_ROLES = roles()
+SSO_SESSION_HOURS = env_int("PADDOCK_SSO_SESSION_HOURS", 24, minimum=1)
+SSO_VERIFIED_DOMAINS = env_domains("PADDOCK_SSO_VERIFIED_DOMAINS")
+PASSWORD_RACERS = password_racers(OIDC or LDAP)
+if OIDC or LDAP:
+    INSTALLED_APPS += ["allauth.socialaccount", "accounts.single_sign_on"]
+    SOCIALACCOUNT_ADAPTER = "accounts.single_sign_on.adapter.SingleSignOnAdapter"
+    SOCIALACCOUNT_FORMS = {"signup": "accounts.single_sign_on.forms.AliasForm"}
+    SOCIALACCOUNT_AUTO_SIGNUP = False  # the alias is chosen by its racer
+    SOCIALACCOUNT_EMAIL_AUTHENTICATION_AUTO_CONNECT = True  # after the adapter has found the account safe
+    MFA_PASSKEY_LOGIN_ENABLED = not PASSWORD_RACERS
+if LDAP:
+    AUTHENTICATION_BACKENDS.insert(0, "accounts.single_sign_on.backends.DirectoryBackend")
 # The operator's own pages, linked at the foot of every page
 FOOT_LINKS = {
     "chat": env_url("PADDOCK_CHAT_URL", "", ("https", "http"), "https://chat.example.org"),

@@ -19,6 +19,10 @@ from .operations import views as workers
 # One log-in: the admin site uses the site's own form, with its limits and its second factor
 admin.site.login = secure_admin_login(admin.site.login)  # type: ignore[method-assign]
 
+log_in: type[LoginView] = LoginView
+if settings.LDAP:
+    from accounts.single_sign_on.views import DirectoryLogInView as log_in
+
 handler500 = "config.views.server_error"
 urlpatterns = [
     path("about/", views.about, name="about"),
@@ -39,14 +43,14 @@ urlpatterns = [
     path("", include("races.urls")),
     path("", include("evaluation.urls")),
     path("", include("tracks.urls")),
-    path("accounts/login/", LoginView.as_view(form_class=LoginForm), name="account_login"),
+    path("accounts/login/", log_in.as_view(form_class=LoginForm), name="account_login"),
     path("accounts/signup/", SignUpView.as_view(form_class=SignUpForm), name="account_signup"),
     *(
         [path("accounts/2fa/webauthn/login/", PasskeyLogInView.as_view(), name="mfa_login_webauthn")]
         if "webauthn" in settings.MFA_SUPPORTED_TYPES
         else []
     ),
-    path("accounts/", include("allauth.urls")),
+    path("accounts/", include("accounts.single_sign_on.urls" if settings.OIDC or settings.LDAP else "allauth.urls")),
     path("api/", include("config.api.urls")),
     # without a token, so that pages for guests need none: a cookie with a language is all that it makes
     path("i18n/setlang/", csrf_exempt(set_language), name="set_language"),

@@ -4,7 +4,8 @@
 
 ``locks/run.txt``: what the site needs, and what builds it; ``test.txt``: that, and what the tests need;
 ``training.txt``: the first, and what training needs beside torch; ``torch.sha256``: torch's builds for processors, as
-its publisher's index states them; ``tools.txt``: what locks and audits.
+its publisher's index states them; ``ldap.txt``: the first, and what log-in by LDAP needs; ``tools.txt``: what locks and
+audits.
 Each is for Linux on x86-64 and on AArch64 and for every Python of the classifiers in pyproject.toml: the lock fails
 where a package has no wheel for one of them. ``constraints.txt`` has the versions alone. What is locked stays at its
 version; delete its line in ``constraints.txt`` to have the newest that pyproject.toml allows.
@@ -32,8 +33,8 @@ BUILDS = LOCKS / "torch.sha256"
 BUILDS_PAGE = "https://download.pytorch.org/whl/cpu/torch/"
 # what torch needs of Python on any machine: locked, though torch itself is not
 OF_TORCH = ["filelock", "fsspec", "jinja2", "networkx", "sympy", "typing-extensions"]
-# built from source where there is no wheel: scripts/build_pybullet.py
-FROM_SOURCE = "pybullet"
+# built from source where there is no wheel: scripts/build_pybullet.py, make ldap
+FROM_SOURCE = ("pybullet", "python-ldap")
 MACHINES = {"x86-64": "x86_64-manylinux_2_36", "AArch64": "aarch64-manylinux_2_36"}  # glibc of Debian 12
 _PIN = re.compile(r"^([A-Za-z0-9._-]+)==(\S+)")
 
@@ -81,6 +82,7 @@ def wishes(project: dict[str, Any]) -> dict[str, list[str]]:
         "run": run,
         "test": [*run, *extras["dev"]],
         "training": [*run, *extras["training"], *OF_TORCH],
+        "ldap": [*run, *extras["ldap"]],
         "tools": TOOLS,
     }
 
@@ -93,14 +95,15 @@ def heading(wishes_of_one: list[str]) -> str:
 
 def wheels(supported: list[str]) -> str:
     """The second line of a lock: for which Pythons :func:`require_wheels` found wheels."""
-    return f"# Wheels for Python {', '.join(supported)} on {' and '.join(MACHINES)}; from source: {FROM_SOURCE}"
+    sources = ", ".join(FROM_SOURCE)
+    return f"# Wheels for Python {', '.join(supported)} on {' and '.join(MACHINES)}; from source: {sources}"
 
 
 def require_wheels(lock: str, supported: list[str]) -> None:
     """Ask the index for a wheel of each locked package on every Python and machine. Raises CalledProcessError, after uv
     has printed the package that lacks one."""
     lines = (line.removesuffix("\\") for line in lock.splitlines() if _PIN.match(line))
-    locked = "\n".join(line for line in lines if not line.startswith(f"{FROM_SOURCE}=="))
+    locked = "\n".join(line for line in lines if line.partition("==")[0] not in FROM_SOURCE)
     for python in supported:
         for platform in MACHINES.values():
             command = ["uv", "pip", "compile", "-", "--quiet", "--no-deps", "--only-binary", ":all:"]
@@ -118,9 +121,9 @@ def pins(lock: str) -> dict[str, set[str]]:
 
 
 def constraints(wanted: dict[str, list[str]]) -> str:
-    """All versions of what runs, tests and trains, without hashes, and torch's."""
+    """All versions of what runs, tests, trains and asks LDAP, without hashes, and torch's."""
     lines = {wish for wish in wanted["training"] if wish.startswith(f"{APART}==")}
-    for name in ("run", "test", "training"):
+    for name in ("run", "test", "training", "ldap"):
         for package, versions in pins((LOCKS / f"{name}.txt").read_text()).items():
             if len(versions) == 1:  # else they differ by Python's version, which the lock says and no plain pin can
                 lines.add(f"{package}=={versions.copy().pop()}")

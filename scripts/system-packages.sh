@@ -1,7 +1,8 @@
 #!/bin/sh
 # Installs the Debian packages that Paddock needs, where it may; says what to type where it may not.
 #   system-packages.sh run     what the site and its workers need
-#   system-packages.sh test    the same, and what the tests start: a browser, PostgreSQL, Redis, other processors
+#   system-packages.sh test    the same, and what the tests start: a browser, PostgreSQL, Redis, slapd, other processors
+#   system-packages.sh ldap    what compiles python-ldap
 #   system-packages.sh build [PACKAGE]    what compiles PyBullet: g++ and the package with Python's headers
 #   system-packages.sh browser    for the tests, where the system has no package of Chromium: Playwright's Chromium
 set -eu
@@ -24,6 +25,12 @@ want() { # the same, for what Paddock can do without
 
 have() { command -v "$1"; }
 have_postgres() { have postgres || ls /usr/lib/postgresql/*/bin/postgres; }
+have_slapd() { have slapd || ls /usr/sbin/slapd; }
+have_header() { ls "/usr/include/$1"; }
+have_python_headers() { # python3-dev is for Debian's own Python; others bring them
+    .venv/bin/python -c 'import os, sys, sysconfig
+sys.exit(sys.base_prefix == "/usr" and not os.path.exists(sysconfig.get_paths()["include"] + "/Python.h"))'
+}
 have_compiler() { have cc || have gcc || have clang; }
 have_korean() { have fc-list && fc-list :lang=ko | grep -q .; }
 
@@ -52,7 +59,12 @@ if [ "$mode" = browser ]; then
     echo "    .venv/bin/python -m playwright install chromium && sudo .venv/bin/python -m playwright install-deps chromium" >&2
     exit 0
 fi
-if [ "$mode" = build ]; then
+if [ "$mode" = ldap ]; then
+    need libldap2-dev have_header ldap.h
+    need libsasl2-dev have_header sasl/sasl.h
+    need gcc have_compiler
+    need python3-dev have_python_headers
+elif [ "$mode" = build ]; then
     need g++ have g++
     [ -z "${2:-}" ] || need "$2" dpkg-query --status "$2"
 else
@@ -67,6 +79,9 @@ if [ "$mode" = test ]; then
     fi
     need postgresql have_postgres
     need redis-server have redis-server
+    want slapd have_slapd # its tests are skipped without these three
+    want libldap2-dev have_header ldap.h
+    want libsasl2-dev have_header sasl/sasl.h
     need fontconfig have fc-list
     need fonts-noto-cjk have_korean
     need gettext have msgfmt
@@ -86,7 +101,8 @@ if ! have apt-get >/dev/null; then
 fi
 if [ "$(id -u)" -ne 0 ]; then
     if [ -z "$missing" ]; then
-        echo "Paddock is faster with:$wanted. Type: sudo apt-get install -y$wanted" >&2
+        [ "$mode" = test ] && better="Tests are faster, and fewer skipped, with" || better="Paddock is faster with"
+        echo "$better:$wanted. Type: sudo apt-get install -y$wanted" >&2
         exit 0
     fi
     echo "$what. Type this, then run make again:" >&2

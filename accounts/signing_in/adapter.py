@@ -18,7 +18,7 @@ from django.utils.translation import gettext_lazy as _
 
 from . import attempt_limits as log_in
 from .reserved_aliases import is_reserved
-from .services import CODE, INVITATION, OPEN, open_invitation, take_up_invitation
+from .services import CODE, INVITATION, may_sign_up, take_up_invitation
 
 logger = logging.getLogger(__name__)
 
@@ -36,9 +36,7 @@ class AccountAdapter(DefaultAccountAdapter):
     }
 
     def is_open_for_signup(self, request: HttpRequest) -> bool:
-        if settings.SIGN_UP == INVITATION:
-            return open_invitation(request.session.get(CODE, ""), timezone.now()) is not None
-        return settings.SIGN_UP == OPEN
+        return not settings.PASSWORD_RACERS and may_sign_up(request)
 
     def save_user(
         self, request: HttpRequest, user: AbstractBaseUser, form: BaseForm, commit: bool = True
@@ -90,6 +88,11 @@ class AccountAdapter(DefaultAccountAdapter):
         self._login_failed_rl_usage = log_in.begin(request, credentials, timezone.now())
         if self._login_failed_rl_usage is None:
             raise self.validation_error("too_many_login_attempts")
+
+    def authentication_failed(self, request: HttpRequest, **credentials: Any) -> None:
+        """A person of the directory without an account here has typed no wrong password."""
+        if hasattr(request, "unlinked_person"):
+            self._rollback_login_failed_rl_usage()
 
     def reauthenticate(self, user: AbstractBaseUser, password: str) -> bool:
         """Whether this is the password of the logged-in racer. allauth's page limits the attempts."""

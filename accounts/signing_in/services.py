@@ -1,12 +1,16 @@
 """Writes of sign-up and log-in: invitations, the first admin, confirmed addresses and account take-overs."""
 
+from collections.abc import Collection
 from datetime import datetime
 
 from allauth.account.models import EmailAddress
+from django.conf import settings
 from django.contrib.auth import get_user_model
 from django.contrib.auth.password_validation import validate_password
 from django.db import transaction
 from django.db.models import F
+from django.http import HttpRequest
+from django.utils import timezone
 
 from paddock.errors import UserFault
 
@@ -14,10 +18,34 @@ from ..models import Racer, SignUpInvitation
 from ..signals import account_taken_over
 from .second_factor import forget_second_factor
 
-OPEN, INVITATION, CLOSED = "open", "invitation", "closed"
+OPEN, INVITATION, SINGLE_SIGN_ON, CLOSED = "open", "invitation", "sso", "closed"
 
 # The key in a visitor's session of the invitation whose link was followed.
 CODE = "sign_up_invitation"
+
+
+def may_sign_up(request: HttpRequest) -> bool:
+    """Whether this visitor may sign up, with a password or by a provider."""
+    if settings.SIGN_UP == INVITATION:
+        return open_invitation(request.session.get(CODE, ""), timezone.now()) is not None
+    return settings.SIGN_UP == OPEN
+
+
+def is_of_domain(email: str, domains: Collection[str]) -> bool:
+    """Whether the address is of one of these domains; one that begins with a dot stands for those below it."""
+    domain = email.rpartition("@")[2].lower()
+    return any(domain == one or (one.startswith(".") and domain.endswith(one)) for one in domains)
+
+
+def require_welcome_domain(email: str) -> None:
+    """Raises UserFault("sign_up_domain") for an address of a domain that this site does not take."""
+    if settings.SIGN_UP_DOMAINS and not is_of_domain(email, settings.SIGN_UP_DOMAINS):
+        raise UserFault("sign_up_domain", domains=", ".join(settings.SIGN_UP_DOMAINS))
+
+
+def may_use_password(racer: Racer) -> bool:
+    """Whether the racer may log in by password (PADDOCK_PASSWORD_RACERS)."""
+    return not settings.PASSWORD_RACERS or racer.alias.lower() in settings.PASSWORD_RACERS
 
 
 def open_invitation(code: str, now: datetime) -> SignUpInvitation | None:

@@ -1,5 +1,7 @@
 """What templates of every room ask about accounts."""
 
+from typing import Any
+
 from django import template
 from django.conf import settings
 from django.urls import reverse
@@ -21,6 +23,30 @@ register.filter(region_name)
 def sign_up_offered() -> bool:
     """Whether pages link to sign-up; with invitations they do, because the page explains how to get one."""
     return settings.SIGN_UP != CLOSED
+
+
+@register.simple_tag
+def sign_up_mode() -> str:
+    """PADDOCK_SIGN_UP: open, invitation, sso or closed."""
+    return settings.SIGN_UP
+
+
+@register.simple_tag
+def single_sign_on() -> dict[str, Any]:
+    """The provider that log-in pages offer: its ``label`` and the ``id`` of its address; empty where there is none."""
+    return settings.OIDC
+
+
+@register.simple_tag
+def connections_offered() -> bool:
+    """Whether accounts can be connected to a provider."""
+    return bool(settings.OIDC or settings.LDAP)
+
+
+@register.simple_tag
+def password_is_for_few() -> bool:
+    """Whether only some racers log in by password, and no directory asks for one."""
+    return bool(settings.PASSWORD_RACERS and not settings.LDAP)
 
 
 @register.filter

@@ -248,6 +248,10 @@ def _authenticate(request: Request, login: str, password: str) -> Racer:
         racer = get_adapter().authenticate(request._request, **credentials)
     except ValidationError:
         raise Throttled(wait=TOO_MANY_ATTEMPTS_WAIT_S) from None
+    if hasattr(request._request, "unlinked_person"):
+        raise UserFault("sso_first_log_in")
+    if racer is None and (fault := getattr(request._request, "directory_fault", None)):
+        raise fault
     if racer is None or not racer.is_active:
         raise UserFault("wrong_credentials")
     must_verify = account_settings.EMAIL_VERIFICATION == account_settings.EmailVerificationMethod.MANDATORY

@@ -14,12 +14,15 @@ from django.utils.http import url_has_allowed_host_and_scheme
 from django.utils.translation import gettext as _
 
 from accounts.class_accounts.services import is_learner
-from accounts.signing_in.second_factor import lacks_demanded_factor
+from accounts.signing_in.second_factor import SHOWN_TO_PROVIDER, lacks_demanded_factor
 from config.api.auth import SecondFactorMissing
 from core.api.errors import handle
 
 _READS = frozenset({"GET", "HEAD", "OPTIONS", "TRACE"})
-_CLOSED = ("/accounts/email/", "/accounts/password/", "/accounts/2fa/", "/accounts/confirm-email/", "/settings/tokens/")
+_CLOSED = (
+    *("/accounts/email/", "/accounts/password/", "/accounts/2fa/", "/accounts/3rdparty/"),
+    *("/accounts/confirm-email/", "/settings/tokens/"),
+)
 # The pages of one's own account (allauth's names), and the buttons in the head of each of them
 OWN_ACCOUNT = ("account_", "mfa_")
 ANYWHERE = {"theme", "set_language", "favicon", "health_live", "health_ready"}
@@ -67,6 +70,8 @@ class StaffSecondFactor(MiddlewareMixin):
         match = request.resolver_match
         name = (match and match.url_name) or ""
         if name in ANYWHERE or name.startswith(OWN_ACCOUNT) or not lacks_demanded_factor(request.user):
+            return None
+        if request.session.get(SHOWN_TO_PROVIDER):
             return None
         if request.path.startswith("/api/"):
             refusal = handle(SecondFactorMissing(), {})

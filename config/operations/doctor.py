@@ -77,6 +77,7 @@ def examine(report: SandboxReport, proof: Proof | None) -> list[Finding]:
         "Readiness": parts(),
         "Workers": queues(),
         "Files": files(),
+        "Log-in": log_in(),
         "Simulator": simulator(),
         "Videos": videos(),
         "Engine": engines(),
@@ -207,6 +208,27 @@ def _sums() -> Iterator[FindingLine]:
         yield FindingLine(file.damage, WARN, f"{file.name}; put it back from a backup: docs/operators.md")
     detail = f"{count} of {all_} are damaged" if count else f"none of {all_} is known to be damaged"
     yield FindingLine("stored files", WARN if count else OK, f"{detail}, {unchecked} not checked yet")
+
+
+def log_in() -> Iterator[FindingLine]:
+    """Whether the provider and the directory answer, and whether sign-up by domain means anything."""
+    if settings.SIGN_UP_DOMAINS and settings.ACCOUNT_EMAIL_VERIFICATION != "mandatory":
+        advice = "anybody can type an address: set PADDOCK_EMAIL_VERIFICATION=mandatory"
+        yield FindingLine("sign-up by domain", WARN, advice)
+    if not (settings.OIDC or settings.LDAP):
+        yield FindingLine("passwords", OK, "of this site alone: no provider and no directory is set")
+        return
+    from accounts.single_sign_on.examination import directory_problems, provider_problems
+
+    for name, problems in (
+        (settings.OIDC.get("issuer", ""), provider_problems),
+        (settings.LDAP.get("uri", ""), directory_problems),
+    ):
+        found = list(problems()) if name else []
+        if name and not found:
+            yield FindingLine(name, OK, "answers")
+        for problem in found:
+            yield FindingLine(name, FAIL, problem)
 
 
 def simulator() -> Iterator[FindingLine]:

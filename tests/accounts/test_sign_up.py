@@ -94,7 +94,7 @@ def test_losing_the_last_place_is_a_form_error(client, settings, monkeypatch) ->
     settings.SIGN_UP = "invitation"
     invitation = an_invitation()
     client.get(invitation.get_absolute_url())
-    monkeypatch.setattr("accounts.signing_in.adapter.open_invitation", lambda code, now: invitation)
+    monkeypatch.setattr("accounts.signing_in.services.open_invitation", lambda code, now: invitation)
     SignUpInvitation.objects.update(used=1)
     page = client.post("/accounts/signup/", form_of("alice"))
     assert "is used up" in page.content.decode()
