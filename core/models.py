@@ -2,6 +2,6 @@
 
 from .api.models import StoredAnswer
 from .events.models import Event, EventCursor
-from .jobs.models import Outage
+from .jobs.models import Outage, WorkerHold
 
-__all__ = ["Event", "EventCursor", "Outage", "StoredAnswer"]
+__all__ = ["Event", "EventCursor", "Outage", "StoredAnswer", "WorkerHold"]

@@ -1,14 +1,15 @@
 """The admin pages of models, evaluations, results and workers. What a run measured can be read, never edited."""
 
 from django.contrib import admin, messages
-from django.db.models import QuerySet
+from django.db.models import OuterRef, QuerySet, Subquery
 from django.http import HttpRequest
 from django.utils import timezone
 from django.utils.translation import gettext_lazy as _
 from django.utils.translation import ngettext
 
 from core.database.clock import database_now
-from core.jobs.models import Outage
+from core.jobs.models import Outage, WorkerHold
+from paddock.errors import UserFault
 
 from .garage.services import delete_model, stop_sharing_model
 from .models import (
@@ -24,6 +25,7 @@ from .models import (
 )
 from .running.queue.jobs import EVALUATIONS
 from .running.queue.services import stop_evaluation
+from .running.worker_nodes import RESUME, order_workers
 
 
 def _never(*_arguments: object, **_options: object) -> bool:
@@ -155,7 +157,43 @@ class OutageAdmin(ReadOnlyAdmin):
 
 @admin.register(WorkerNode)
 class WorkerNodeAdmin(ReadOnlyAdmin):
-    list_display = ["name", "seen_at", "engine", "level", "exact"]
+    list_display = ["name", "seen_at", "held", "engine", "level", "exact"]
+    actions = ["pause", "resume", "drain"]
+
+    def get_queryset(self, request: HttpRequest) -> QuerySet[WorkerNode]:
+        hold = WorkerHold.objects.filter(worker=OuterRef("name"))
+        return super().get_queryset(request).annotate(hold=Subquery(hold.values("mode")))
+
+    @admin.display(description=_("hold"))
+    def held(self, node: WorkerNode) -> str:
+        hold = getattr(node, "hold", None)
+        return str(WorkerHold.Mode(hold).label) if hold else "–"
+
+    @admin.action(description=_("Pause: claim no new jobs"), permissions=["order"])
+    def pause(self, request: HttpRequest, queryset: QuerySet[WorkerNode]) -> None:
+        self._order(request, queryset, "pause")
+
+    @admin.action(description=_("Resume: claim jobs again"), permissions=["order"])
+    def resume(self, request: HttpRequest, queryset: QuerySet[WorkerNode]) -> None:
+        self._order(request, queryset, RESUME)
+
+    @admin.action(description=_("Drain: finish the current jobs and exit"), permissions=["order"])
+    def drain(self, request: HttpRequest, queryset: QuerySet[WorkerNode]) -> None:
+        self._order(request, queryset, "drain")
+
+    def _order(self, request: HttpRequest, queryset: QuerySet[WorkerNode], order: str) -> None:
+        names = list(queryset.values_list("name", flat=True))
+        try:
+            names = order_workers(names=names, order=order, now=database_now())
+        except UserFault as fault:
+            self.message_user(request, str(fault), messages.ERROR)
+            return
+        for node in queryset:
+            self.log_change(request, node, order)
+        self.message_user(request, ", ".join(names), messages.SUCCESS)
+
+    def has_order_permission(self, request: HttpRequest) -> bool:
+        return request.user.has_perm("evaluation.change_workernode")
 
     @admin.display(description=_("sandbox"))
     def level(self, node: WorkerNode) -> str:

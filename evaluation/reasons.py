@@ -148,3 +148,10 @@ register(
         "report_under_way": _("The report is still being driven. Stop it first."),
     },
 )
+
+register(
+    "Commands",
+    invalid={
+        "worker_unknown": _("There is no worker %(worker)s. Known workers: %(known)s."),
+    },
+)

@@ -1,6 +1,6 @@
 """Periodic tasks of the league."""
 
-from celery import shared_task
+from celery import Task, shared_task
 from celery.signals import worker_ready
 
 from core.database.clock import database_now
@@ -37,28 +37,29 @@ def close_rounds() -> int:
     return len(close_due_rounds(now=database_now()))
 
 
-@shared_task
-def notices() -> int:
+@shared_task(bind=True)
+def notices(self: Task) -> int:
     """Send the notices and invitations that are to go by mail. Returns how many went."""
     now = database_now()
     forget_old_notices(now=now)
-    return send_mails(now=now) + send_invitations(now=now)
+    worker = self.request.hostname or "local"
+    return send_mails(now=now, worker=worker) + send_invitations(now=now, worker=worker)
 
 
-@shared_task
-def webhooks() -> int:
+@shared_task(bind=True)
+def webhooks(self: Task) -> int:
     """Send due deliveries, several hosts at once. Returns how many this task tried."""
     now = database_now()
     tidy_webhooks(now=now)
     if (others := min(hosts_due(now=now), AT_ONCE) - 1) > 0:
         send("league.tasks.deliver", others)
-    return deliver_due(now=now)
+    return deliver_due(now=now, worker=self.request.hostname or "local")
 
 
-@shared_task
-def deliver() -> int:
+@shared_task(bind=True)
+def deliver(self: Task) -> int:
     """Send what is due, beside other workers. Returns how many deliveries were tried."""
-    return deliver_due(now=database_now())
+    return deliver_due(now=database_now(), worker=self.request.hostname or "local")
 
 
 @worker_ready.connect

@@ -16,6 +16,7 @@ from django.utils import timezone
 from config.operations import health
 from config.operations.backup.databases import damage
 from core.database.clock import database_now
+from core.jobs.holds import holds_by_worker
 from core.jobs.kinds import all_kinds
 from evaluation.models import StoredFile, WorkerNode
 from evaluation.running.proof import Proof
@@ -171,16 +172,20 @@ def queues() -> Iterator[FindingLine]:
     """Whether a worker listens to each queue."""
     try:
         alive = list(WorkerNode.objects.filter(stopped_at=None, seen_at__gt=database_now() - SILENT_AFTER))
+        held = list(WorkerNode.objects.filter(name__in=holds_by_worker()))
     except DatabaseError:  # reported above
         return
     on = {TRAININGS.queue: settings.TRAINING, VIDEOS.queue: settings.VIDEOS}
     for queue in sorted({kind.queue for kind in all_kinds()}):
         what = " and ".join(str(kind.model._meta.verbose_name_plural) for kind in all_kinds() if kind.queue == queue)
-        listening = sum(queue in node.queues for node in alive)
+        listening = sum(queue in node.queues for node in alive if node not in held)
+        holding = sum(queue in node.queues for node in held)
         if not on.get(queue, True):
             yield FindingLine(queue, OK, f"{what} are switched off")
         elif listening:
-            yield FindingLine(queue, OK, f"{listening} for {what}")
+            yield FindingLine(queue, OK, f"{listening} for {what}{f', {holding} paused or drained' if holding else ''}")
+        elif holding:
+            yield FindingLine(queue, OK, f"{holding} for {what}, paused or drained: manage.py workers --resume all")
         else:
             hint = "manage.py run starts one; on several machines one of them needs it"
             yield FindingLine(queue, WARN, f"nobody takes {what}, which wait: {hint}")

@@ -29,10 +29,11 @@ from redis import RedisError
 
 from core.database.clock import database_now
 from core.database.known_migrations import applied_are_all
+from core.jobs.holds import holds_by_worker
 from core.jobs.outages import storage_answers, storage_is_out
 from core.streams import life
 from evaluation.models import WorkerNode
-from evaluation.running.heartbeat import SCHEDULER
+from evaluation.running import SCHEDULER
 from evaluation.running.queue.jobs import EVALUATIONS
 from evaluation.running.queue.selectors import waiting_since
 from evaluation.running.worker_nodes import SILENT_AFTER
@@ -291,13 +292,14 @@ def _disk(figures: Figures) -> bool:
 
 
 def _workers(figures: Figures) -> bool:
-    """Whether a worker for evaluations lives and takes work; or none should, because all were shut down in good order
-    and nothing waits."""
+    """Whether a worker for evaluations lives and takes work; or none should, because an operator has paused or drained
+    them, or all were shut down in good order and nothing waits."""
     now = database_now()
     known = [node for node in WorkerNode.objects.filter(stopped_at=None) if EVALUATIONS.queue in node.queues]
     living = [node for node in known if node.seen_at >= now - SILENT_AFTER]
-    figures["workers"] = len(living)
-    if any(not node.refuses for node in living):
+    held = _held(EVALUATIONS.queue)
+    figures["workers"], figures["workers_held"] = len(living), len(held)
+    if held or any(not node.refuses for node in living):
         return True
     since = waiting_since()
     return not known and (since is None or now - since < NOBODY_CAME)
@@ -311,9 +313,18 @@ def _listens(queue: str) -> bool:
     living = [node for node in nodes if node.seen_at >= now - SILENT_AFTER]
     if any(queue in node.queues for node in living):
         return True
+    if _held(queue):
+        return True
     if any(queue in node.queues for node in nodes):
         return False
     return not any(node.started_at and node.started_at < now - NOBODY_CAME for node in living)
+
+
+def _held(queue: str) -> list[str]:
+    """The workers of a queue that an operator has paused or drained."""
+    held = holds_by_worker()
+    nodes = WorkerNode.objects.filter(name__in=held) if held else ()
+    return [node.name for node in nodes if queue in node.queues]
 
 
 def _streams(figures: Figures) -> bool:

@@ -17,6 +17,7 @@ from django.db import DatabaseError, connection, connections
 from core import metrics
 from core.database.clock import database_now
 from core.events.reading import lags
+from core.jobs.holds import holds_by_worker
 from core.jobs.kinds import all_kinds
 from core.jobs.queues import backlog
 from core.metrics import Gauge
@@ -115,9 +116,10 @@ def _of_database(now: datetime) -> "Iterator[GaugeMetricFamily]":
     yield from _of_queues(now)
     queues = {SCHEDULER, *(kind.queue for kind in all_kinds())}
     workers: dict[tuple[str, ...], float] = {(queue, "alive"): 0 for queue in sorted(queues)}
+    holds = holds_by_worker()
     for node in WorkerNode.objects.filter(stopped_at=None):
         for queue in node.queues:
-            key = (queue, state_at(node, now))
+            key = (queue, state_at(node, holds.get(node.name), now))
             workers[key] = workers.get(key, 0) + 1
     yield _family(WORKERS, workers)
     behind = lags()

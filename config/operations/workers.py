@@ -9,6 +9,8 @@ from typing import Any
 from django.db import IntegrityError
 from django.db.models import Count, QuerySet
 
+from core.jobs.holds import holds_by_worker
+from core.jobs.models import WorkerHold
 from core.jobs.queues import Queue, all_queues
 from evaluation.models import WorkerNode
 from evaluation.running.worker_nodes import SILENT_AFTER
@@ -30,7 +32,7 @@ class Failures:
 @dataclass(frozen=True)
 class QueueNow:
     """A queue at a moment. ``oldest``: since when its first job waits; ``failed``: of the last hour, the most frequent
-    reason first; ``listening``: live workers that serve it."""
+    reason first; ``listening``: live workers that serve it; ``held``: those that an operator has paused or drained."""
 
     queue: Queue
     waiting: int
@@ -38,28 +40,38 @@ class QueueNow:
     oldest: datetime | None
     failed: list[Failures]
     listening: int
+    held: int
 
 
 @dataclass(frozen=True)
 class WorkerNow:
-    """A worker at a moment. ``state``: "alive", "refuses" (takes no work), "stopped" (in good order) or "silent";
-    ``jobs``: by queue."""
+    """A worker at a moment. ``state``: "alive", "refuses" (takes no work), "paused", "draining" (ends when it is free),
+    "drained" (has), "stopped" (in good order) or "silent"; ``jobs``: by queue; ``hold``: what holds it."""
 
     node: WorkerNode
     state: str
     jobs: list[tuple[Queue, Any]] = field(default_factory=list)
+    hold: WorkerHold | None = None
+
+    @property
+    def machine(self) -> str:
+        return self.node.name.rpartition("@")[2]
 
 
 def workers_at(now: datetime) -> list[WorkerNow]:
-    """All workers that were heard of lately, the live ones first: five queries, however many there are."""
-    shown = [WorkerNow(node, state_at(node, now)) for node in WorkerNode.objects.order_by("name")]
+    """All workers that were heard of lately, the live ones first: six queries, however many there are."""
+    holds = holds_by_worker()
+    shown = [
+        WorkerNow(node, state_at(node, holds.get(node.name), now), hold=holds.get(node.name))
+        for node in WorkerNode.objects.order_by("name")
+    ]
     by_name = {one.node.name: one for one in shown}
     for queue in all_queues():
         running = queue.jobs().filter(state=queue.kind.working)
         for job in running.select_related(*queue.related).order_by("pk"):
             if job.worker in by_name:
                 by_name[job.worker].jobs.append((queue, job))
-    order = ("alive", "refuses", "silent", "stopped")
+    order = ("alive", "refuses", "paused", "draining", "silent", "drained", "stopped")
     return sorted(shown, key=lambda one: (order.index(one.state), one.node.name))
 
 
@@ -76,12 +88,15 @@ def failed_runs(queue: Queue, *, reason: str = "", worker: str = "", after: date
     return rows if after is None else rows.filter(ended_at__gte=after)
 
 
-def state_at(node: WorkerNode, now: datetime) -> str:
-    """``WorkerNow.state`` of a worker."""
+def state_at(node: WorkerNode, hold: WorkerHold | None, now: datetime) -> str:
+    """``WorkerNow.state`` of a worker and what holds it."""
+    drained = hold is not None and hold.mode == WorkerHold.Mode.DRAINED
     if node.stopped_at is not None:
-        return "stopped"
+        return "drained" if drained else "stopped"
     if node.seen_at < now - SILENT_AFTER:
         return "silent"
+    if hold is not None:
+        return "draining" if drained else "paused"
     return "refuses" if node.refuses else "alive"
 
 
@@ -98,6 +113,7 @@ def _queue_at(queue: Queue, now: datetime, workers: Sequence[WorkerNow]) -> Queu
         first,
         [Failures(code, many, code in REASONS and REASONS[code].fault == "platform") for code, many in reasons],
         sum(one.state == "alive" and kind.queue in one.node.queues for one in workers),
+        sum(one.hold is not None and kind.queue in one.node.queues for one in workers),
     )
 
 

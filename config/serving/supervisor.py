@@ -16,6 +16,7 @@ from selectors import EVENT_READ, DefaultSelector
 from time import monotonic, time
 
 from config.serving.forking import STOP_SIGNALS, fork
+from core.jobs import DRAINED_STATUS
 from core.logs.lines import beginning, format_name
 
 GRACE_S = 10.0
@@ -25,6 +26,7 @@ TRIES_TO_LIVE = 5
 CANNOT_RUN = os.EX_CONFIG  # how a vital program ends that would end again: it could not load what it is to run
 SICK = b"Could not start worker processes"  # the log line of a worker that lives on without its pool
 TURN_S = 0.1
+DRAINED_PAUSE_S = 60.0  # until a drained worker is started again, which ends unless it was resumed
 COLOURS = ("36", "33", "32", "35", "31", "34")  # of names on a terminal, as ECMA-48 numbers them: cyan, yellow, …
 OURS = "paddock"  # stands before our own lines
 _READ_BYTES = 65536
@@ -98,9 +100,10 @@ class Supervisor:
     """Runs programs until a SIGINT, SIGTERM or SIGHUP comes; then ends them all.
 
     A program that ends is started again after a pause that grows to :data:`LONGEST_PAUSE_S`, and so is a worker that
-    logs that it could not start its processes. Only a ``vital`` one that has ended with :data:`CANNOT_RUN`, or
-    :data:`TRIES_TO_LIVE` times in a row soon after its start, ends all. Where SIGHUP is to replace the programs, each
-    gets a successor, as the code is then, and ends. Nothing outlives the supervisor, not even after SIGKILL.
+    logs that it could not start its processes; a drained worker is started each :data:`DRAINED_PAUSE_S` until it stays.
+    Only a ``vital`` one that has ended with :data:`CANNOT_RUN`, or :data:`TRIES_TO_LIVE` times in a row soon after its
+    start, ends all. Where SIGHUP is to replace the programs, each gets a successor, as the code is then, and ends.
+    Nothing outlives the supervisor, not even after SIGKILL.
     """
 
     def __init__(self, *, replaces_on_sighup: bool = False) -> None:
@@ -177,6 +180,9 @@ class Supervisor:
         if program.once:
             self._programs.remove(program)
             program.due = inf
+            return
+        if status == DRAINED_STATUS:
+            program.deaths, program.due = 0, monotonic() + DRAINED_PAUSE_S
             return
         lived = monotonic() - program.started > LIVES_AFTER_S
         program.deaths = 1 if lived else program.deaths + 1

@@ -7,4 +7,7 @@ docs/architecture.md and in ``MAKERS`` of tests/core/jobs/kinds.py; for its own 
 ``config/operations/run.py`` and docs/operators.md.
 
 Every write is a guarded UPDATE that names the lease; time is the database's; a platform fault is retried after growing
-pauses; while a needed part is out, no job is claimed; tasks are called by name."""
+pauses; while a needed part is out, no job is claimed, and none by a worker that is held (:mod:`.holds`); tasks are
+called by name."""
+
+DRAINED_STATUS = 75  # the exit status of a drained worker (:mod:`.holds`): it is left alone until it is resumed

@@ -15,6 +15,7 @@ from ..database.clock import database_now
 from ..wakeups.streams import poke, poke_after_commit
 from ..wakeups.workers import wake
 from .heartbeat import Heartbeat
+from .holds import hold_of, not_held
 from .models import Leased
 from .outages import STORAGE, ended_outage, is_out
 
@@ -109,8 +110,9 @@ class JobKind(Generic[J]):
     # --- claim, heartbeat, end
 
     def claim(self, *, worker: str, now: datetime) -> J | None:
-        """Take the next job under a new lease. None when nothing is due, and while a needed part is out."""
-        if is_out(*self.needs):
+        """Take the next job under a new lease. None when nothing is due, while a needed part is out, and for a worker
+        that is held."""
+        if is_out(*self.needs) or hold_of(worker[:128]):
             return None
         self.prepare(now)
         for _ in range(CANDIDATES):  # a lost race means that somebody else won it: nobody loses so many
@@ -125,11 +127,11 @@ class JobKind(Generic[J]):
 
     @transaction.atomic
     def take(self, pk: int, attempt: int, *, worker: str, now: datetime) -> J | None:
-        """Claim this one, unless somebody else has since it was seen to wait."""
+        """Claim this one, unless somebody else has since it was seen to wait, or the worker is held."""
         lease = uuid.uuid4()
         claimed = (
             self.free(now)
-            .filter(pk=pk, attempt=attempt)
+            .filter(not_held(worker[:128]), pk=pk, attempt=attempt)
             .update(
                 state=self.working,
                 lease=lease,

@@ -82,6 +82,33 @@ def lease_constraints(prefix: str, *, waiting: str, working: str, final: Sequenc
     ]
 
 
+class WorkerHold(models.Model):
+    """A worker that claims no job by an operator's order: paused, or drained, which ends it too once it is free. There
+    is no row for any other."""
+
+    class Mode(models.TextChoices):
+        """What was ordered."""
+
+        PAUSED = "paused", _("paused")
+        DRAINED = "drained", _("drained")
+
+    worker = models.CharField(_("worker"), max_length=128, unique=True)
+    mode = models.CharField(_("hold"), max_length=8, choices=Mode.choices)
+    since = models.DateTimeField(_("since"))
+
+    class Meta:
+        verbose_name = _("held worker")
+        verbose_name_plural = _("held workers")
+        ordering = ["worker"]
+        constraints = [
+            models.CheckConstraint(condition=Q(mode__in=["paused", "drained"]), name="workerhold_mode_known"),
+            models.CheckConstraint(condition=~Q(worker=""), name="workerhold_names_a_worker"),
+        ]
+
+    def __str__(self) -> str:
+        return self.worker
+
+
 class Outage(models.Model):
     """A part is out, and no job that needs it is claimed. ``looks``: failed probes; ``look_at``: the next probe."""
 

@@ -2,7 +2,8 @@
 
 from ..api.models import StoredAnswer
 from ..events.models import Event
-from .rules import PersonalData, register
+from ..jobs.models import WorkerHold
+from .rules import NOBODY, PersonalData, register
 
 register(
     "core",
@@ -22,4 +23,5 @@ register(
         section="events",
         exported="data",
     ),
+    PersonalData(WorkerHold, kept={NOBODY: "worker"}),
 )

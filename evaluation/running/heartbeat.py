@@ -21,10 +21,14 @@ from celery.exceptions import WorkerShutdown
 from celery.signals import worker_shutdown
 from celery.worker import state
 
+from core.jobs import DRAINED_STATUS
+
+from . import SCHEDULER
+
 logger = logging.getLogger(__name__)
 HUNG_AFTER_S = 120
+FIRST_BEAT_S = 1.0  # of a drained worker that was started: it ends again
 IDLE_BEATS = 4  # in a row, with messages in the queue and none taken
-SCHEDULER = "scheduler"  # stands for a queue in the scheduler's row
 NAME = f"{SCHEDULER}@{socket.gethostname()}"
 WITH_SCHEDULER = click.Option(["--with-scheduler"], is_flag=True, help="Run the scheduler as a thread of this worker.")
 _turned: dict[str, float] = {}  # by the name of a row of this process: when its loop turned last
@@ -48,6 +52,7 @@ class WorkerHeartbeat(bootsteps.StartStopStep):
         self._timer: Any = None
         self._name = ""
         self._taken, self._idle = 0, 0
+        self._held = False
 
     def start(self, consumer: Any) -> None:
         from .worker_nodes import BEAT_EVERY_S
@@ -63,9 +68,12 @@ class WorkerHeartbeat(bootsteps.StartStopStep):
 
         def beat() -> None:
             _beat(worker)
+            self._follow_hold(consumer, queues)
             self._require_progress(consumer.task_consumer.channel, queues)
 
         _start(worker)
+        self._held = False  # the consumer was just made, and reads all queues
+        consumer.timer.call_after(FIRST_BEAT_S, self._follow_hold, (consumer, queues))
         self._timer = consumer.timer.call_repeatedly(BEAT_EVERY_S, beat)
 
     def stop(self, consumer: Any) -> None:
@@ -74,12 +82,38 @@ class WorkerHeartbeat(bootsteps.StartStopStep):
             self._timer.cancel()
             self._timer = None
 
+    def _follow_hold(self, consumer: Any, queues: list[str]) -> None:
+        """Leave the messages to others while this worker is held and others read its queues; end when it is drained and
+        free."""
+        from core.jobs.holds import hold_of
+        from core.jobs.models import WorkerHold
+
+        from .worker_nodes import others_listen
+
+        mode = _written(lambda: hold_of(self._name))
+        if mode is None:  # the database is away
+            return
+        if mode == WorkerHold.Mode.DRAINED and not state.reserved_requests:
+            logger.warning("%s is drained: it ends.", self._name)
+            raise WorkerShutdown(DRAINED_STATUS)
+        held = bool(mode) and bool(_written(lambda: others_listen(name=self._name, queues=queues)))
+        if held == self._held:
+            return
+        logger.info("%s leaves messages to others: %s.", self._name, held)
+        for queue in queues:
+            if held:
+                consumer.task_consumer.cancel_by_queue(queue)
+            else:
+                consumer.task_consumer.add_queue(consumer.app.amqp.queues[queue])
+                consumer.task_consumer.consume()
+        self._held = held
+
     def _require_progress(self, channel: Any, queues: list[str]) -> None:
         """End the worker with exit status 1 if it is free and leaves messages in its queues: Celery can lose its
         consumer while it reconnects. Only Redis tells a queue's size without cost."""
         taken = sum(state.total_count.values())
         size = getattr(channel, "_size", lambda queue: 0)
-        free = taken == self._taken and not state.active_requests
+        free = taken == self._taken and not state.active_requests and not self._held
         self._idle = self._idle + 1 if free and any(size(queue) for queue in queues) else 0
         self._taken = taken
         if self._idle >= IDLE_BEATS:
@@ -129,7 +163,7 @@ def say_goodbye(sender: Any = None, **kwargs: object) -> None:
     """Record that the worker stops. After a fault the row stays, so that the worker is reported as silent."""
     from .worker_nodes import stop_worker
 
-    if getattr(sender, "hostname", None) and not getattr(sender, "exitcode", None):
+    if getattr(sender, "hostname", None) and getattr(sender, "exitcode", None) in (None, 0, DRAINED_STATUS):
         _written(lambda: stop_worker(name=sender.hostname))
 
 

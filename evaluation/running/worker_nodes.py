@@ -8,11 +8,14 @@ from datetime import datetime, timedelta
 from django.conf import settings
 from django.db.models.functions import Now
 
-from paddock.errors import PlatformFault
+from core.jobs.holds import hold_workers, holds_by_worker, resume_workers
+from core.jobs.models import WorkerHold
+from paddock.errors import PlatformFault, UserFault
 from paddock.simulator import engine
 
 from ..models import WorkerNode
 from ..sandbox import probe as probing
+from . import SCHEDULER
 from . import proof as proving
 from .proof import Proof
 from .queue.jobs import EVALUATIONS
@@ -21,6 +24,8 @@ logger = logging.getLogger(__name__)
 BEAT_EVERY_S = 15.0
 SILENT_AFTER = timedelta(seconds=60)  # three beats were missed
 FORGOTTEN_AFTER = timedelta(days=2)
+ALL, RESUME = "all", "resume"
+ORDERS = {"pause": WorkerHold.Mode.PAUSED, "drain": WorkerHold.Mode.DRAINED}
 
 
 def note_worker(*, name: str, sandboxed: bool = True) -> WorkerNode:
@@ -99,6 +104,30 @@ def beat_worker(*, name: str, now: datetime | Now | None = None) -> bool:
 def stop_worker(*, name: str, now: datetime | Now | None = None) -> None:
     now = now or Now()
     WorkerNode.objects.filter(name=name[:128]).update(seen_at=now, stopped_at=now)
+
+
+def order_workers(*, names: Sequence[str], order: str, now: datetime) -> list[str]:
+    """Pause, drain or resume workers (:data:`ORDERS`) by name, or with :data:`ALL` every one that was heard of lately;
+    the scheduler is none. Returns the names. Raises UserFault ``worker_unknown``, and then none was changed."""
+    nodes = WorkerNode.objects.values_list("name", "queues")
+    known = {name for name, queues in nodes if SCHEDULER not in queues}
+    if order == RESUME:
+        known |= holds_by_worker().keys()
+    chosen = known if ALL in names else set(names)
+    if unknown := chosen - known:
+        raise UserFault("worker_unknown", worker=min(unknown), known=", ".join(sorted(known)) or "–")
+    if order == RESUME:
+        resume_workers(workers=chosen)
+    else:
+        hold_workers(workers=chosen, mode=ORDERS[order], now=now)
+    return sorted(chosen)
+
+
+def others_listen(*, name: str, queues: Sequence[str]) -> bool:
+    """Whether other living workers, which are not held, read all of these queues."""
+    held = holds_by_worker()
+    alive = WorkerNode.objects.filter(stopped_at=None, seen_at__gt=Now() - SILENT_AFTER).exclude(name=name[:128])
+    return set(queues) <= {queue for node in alive if node.name not in held for queue in node.queues}
 
 
 def engines_at_work(*, now: datetime | Now) -> set[str]:

@@ -17,7 +17,7 @@ from config.management.commands import doctor as command
 from config.operations import doctor
 from core.jobs.kinds import all_kinds
 from evaluation.running.proof import Proof
-from evaluation.running.worker_nodes import SILENT_AFTER, beat_worker, start_worker
+from evaluation.running.worker_nodes import SILENT_AFTER, beat_worker, order_workers, start_worker
 from evaluation.sandbox.probe import Layer, SandboxReport
 from paddock.simulator.engine import ENGINE_ID
 from tests.shared import CHECKOUT
@@ -197,6 +197,15 @@ def test_it_says_if_no_worker_takes_a_kind_of_job(kind, settings):
     start_worker(name="worker@here", queues=[kind.queue], processes=8)
     found = of_queue(kind.queue)
     assert found.status == "ok" and what in found.detail
+
+
+def test_a_held_worker_is_named_and_no_warning():
+    for name in ("one@here", "two@here"):
+        start_worker(name=name, queues=["celery"], processes=8)
+    order_workers(names=["one@here"], order="pause", now=timezone.now())
+    assert of_queue("celery").status == "ok" and "1 paused or drained" in of_queue("celery").detail
+    order_workers(names=["two@here"], order="drain", now=timezone.now())
+    assert of_queue("celery").status == "ok" and "workers --resume" in of_queue("celery").detail
 
 
 def test_what_is_switched_off_needs_no_worker(settings):

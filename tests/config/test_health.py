@@ -30,7 +30,7 @@ from core.database.known_migrations import known_migrations
 from core.jobs.models import Outage
 from evaluation.models import Evaluation, WorkerNode
 from evaluation.running.queue.order import BACKGROUND
-from evaluation.running.worker_nodes import start_worker
+from evaluation.running.worker_nodes import order_workers, start_worker, stop_worker
 from tests.evaluation.processes import wait_for
 from tests.factories import a_model, a_racer, a_track
 
@@ -69,7 +69,7 @@ def test_a_healthy_site_is_live_and_ready(client) -> None:
     assert client.get("/health/live").content == b"ok\n"
     ready = client.get("/health/ready")
     found = ready.json()
-    assert found.pop("figures").keys() == {"disk_free_mb", "workers", "oldest_waits_s", "streams"}
+    assert found.pop("figures").keys() == {"disk_free_mb", "workers", "workers_held", "oldest_waits_s", "streams"}
     assert 0 <= found.pop("age_s") < 5
     assert (ready.status_code, found) == (200, dict.fromkeys(PARTS, True))
 
@@ -228,6 +228,17 @@ class TestWorkers:
         self.start(stopped_at=timezone.now())
         assert broken() == set()
         waits(minutes=2)
+        assert broken() == {"workers"}
+
+    @pytest.mark.parametrize("order", ["pause", "drain"])
+    def test_a_held_worker_is_no_fault(self, waits, order) -> None:
+        self.start(sandbox={"sufficient": False})
+        order_workers(names=["all"], order=order, now=timezone.now())
+        waits(minutes=2)
+        assert broken() == set() and health.look().figures["workers_held"] == 1
+        stop_worker(name="worker@here")
+        assert broken() == set()
+        order_workers(names=["all"], order="resume", now=timezone.now())
         assert broken() == {"workers"}
 
 

@@ -28,6 +28,8 @@ if what == "dies" or what == "dies first" and first:
     sys.exit(3)
 if what == "sick first" and first:
     print("Unrecoverable error: Could not start worker processes", flush=True)
+if what == "drained":
+    sys.exit(75)
 if what == "parent":
     if os.fork() == 0:
         open(f"{folder}/child", "a").write(f"{os.getpid()}\\n")
@@ -39,7 +41,7 @@ import sys
 from functools import partial
 from config.serving import supervisor
 from config.serving.forking import become
-supervisor.LIVES_AFTER_S, supervisor.LONGEST_PAUSE_S = 30.0, 0.1
+supervisor.LIVES_AFTER_S, supervisor.LONGEST_PAUSE_S, supervisor.DRAINED_PAUSE_S = 30.0, 0.1, 0.1
 s = supervisor.Supervisor()
 folder = sys.argv[1]
 for name, what in (one.split("=") for one in sys.argv[2:]):
@@ -160,6 +162,12 @@ def test_a_worker_that_failed_to_start_is_restarted(programs):
     run.started("worker", 2)
     assert not is_running(first)
     assert "worker ended by itself (signal 15)" in run.said
+
+
+def test_a_drained_worker_is_started_again_without_a_word(programs):
+    run = programs("worker=drained", "web=stays")
+    run.started("worker", 3)
+    assert "ended by itself" not in run.said
 
 
 def test_nothing_outlives_a_killed_supervisor(programs):

@@ -43,6 +43,7 @@ REASONS = {
         videos.Video.reason_code videos.Video.sha256
     """,
     "read by operators only": """
+        core.WorkerHold.worker
         evaluation.Evaluation.operator_detail evaluation.Evaluation.worker evaluation.ReportChunk.operator_detail
         evaluation.ReportChunk.worker evaluation.WorkerNode.name league.Mail.worker league.MailInvitation.worker
         league.WebhookDelivery.worker training.TrainingJob.operator_detail training.TrainingJob.worker

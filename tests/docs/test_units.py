@@ -62,7 +62,7 @@ def test_every_queue_has_a_program():
 def test_the_commands_of_the_pages_exist():
     begin = re.compile(r"^(?:manage|(?:runuser -u paddock -- )?\.venv/bin/python manage\.py) ")
     managed = [shlex.split(begin.sub("", line)) for line in TYPED if begin.match(line)]
-    assert {name for name, *_ in managed} == {"setup", "units", "doctor"}
+    assert {name for name, *_ in managed} == {"setup", "units", "doctor", "workers"}
     for name, *options in managed:
         parser = load_command_class(get_commands()[name], name).create_parser("manage.py", name)
         parser.parse_args(options)

@@ -1,7 +1,8 @@
 """A Celery worker whose evaluations stop at chosen points until it is killed.
 
 Run with ``celery --app tests.evaluation.held_worker worker``. The folder in ``HOLD_DIR`` is the remote control: a file
-``at`` names the point to stop at; whoever arrives there writes its process id to ``held``, once, and waits for ever.
+``at`` names the point to stop at; whoever arrives there writes its process id to ``held``, once, and waits for ever,
+at ``running`` until there is a file ``go``.
 With ``REAL_RUNS`` in the environment the pipeline is the real one.
 """
 
@@ -19,7 +20,7 @@ django.setup()
 
 from celery.signals import worker_ready  # noqa: E402
 
-from evaluation.running import pipeline  # noqa: E402
+from evaluation.running import pipeline, worker_nodes  # noqa: E402
 from evaluation.running.queue import jobs  # noqa: E402
 from evaluation.running.queue import worker as work  # noqa: E402
 from evaluation.signals import evaluation_ended  # noqa: E402
@@ -29,6 +30,7 @@ from tests.proven import take_as_proven  # noqa: E402
 
 celery = app
 FOLDER = Path(os.environ["HOLD_DIR"])
+worker_nodes.BEAT_EVERY_S = float(os.environ.get("BEAT_EVERY_S", worker_nodes.BEAT_EVERY_S))
 
 
 def wanted(point: str) -> bool:
@@ -71,9 +73,10 @@ def evaluate(job, on_progress=None, should_stop=lambda: False, wall_limit_s=0.0,
         pool.close()
     if wanted("running"):
         on_progress({"lap": 1})
-        while not should_stop():
+        while not should_stop() and not (FOLDER / "go").exists():
             threading.Event().wait(0.05)
-        raise UserFault("stopped")
+        if should_stop():
+            raise UserFault("stopped")
     bots = [[[0.0, 0.0, 0.0]]] if job.rivals else []
     return outcome_of(salt=job.rules.seed, rivals=[car_outcome() for _ in job.rivals], layout={"bots": bots})
 

@@ -3,10 +3,13 @@
 from __future__ import annotations
 
 import pytest
+from django.contrib.admin.models import LogEntry
+from django.contrib.auth.models import Permission
 from django.urls import reverse
 from django.utils import timezone
 
 from accounts.models import Racer
+from core.jobs.holds import hold_of
 from evaluation.models import Evaluation, State, TrainedModel, WorkerNode
 from evaluation.running.queue.jobs import EVALUATIONS, finish_evaluation
 from evaluation.running.queue.services import queue_evaluation
@@ -73,6 +76,33 @@ def test_an_admin_can_stop_only_waiting_runs(admin, evaluations):
     )
     assert "1 evaluation was stopped." in answer.content.decode()
     assert [row.state for row in evaluations.all()] == [State.FINISHED, State.STOPPED]
+
+
+def order(client, what):
+    page = reverse("admin:evaluation_workernode_changelist")
+    return client.post(page, {"action": what, "_selected_action": [WorkerNode.objects.get().pk]}, follow=True)
+
+
+def test_an_admin_pauses_drains_and_resumes_a_worker(admin, evaluations):
+    assert order(admin, "pause").status_code == 200 and hold_of("w") == "paused"
+    assert EVALUATIONS.claim(worker="w", now=timezone.now()) is None
+    order(admin, "drain")
+    assert hold_of("w") == "drained"
+    assert "drained" in admin.get(reverse("admin:evaluation_workernode_changelist")).content.decode()
+    order(admin, "resume")
+    assert hold_of("w") == "" and EVALUATIONS.claim(worker="w", now=timezone.now()) is not None
+    assert [entry.change_message for entry in LogEntry.objects.order_by("pk")] == ["pause", "drain", "resume"]
+
+
+@pytest.mark.parametrize("permission", ["", "view_workernode"])
+def test_orders_need_the_permission_to_change_workers(client, alice, evaluations, permission):
+    alice.is_staff = True
+    alice.save()
+    alice.user_permissions.set(Permission.objects.filter(codename=permission))
+    client.force_login(alice, backend="django.contrib.auth.backends.ModelBackend")
+    for what in ("pause", "drain"):
+        order(client, what)
+        assert hold_of("w") == ""
 
 
 def test_an_admin_sweeps_the_queue(admin, evaluations):

@@ -22,6 +22,7 @@ from evaluation.running.worker_nodes import (
     FORGOTTEN_AFTER,
     SILENT_AFTER,
     beat_worker,
+    order_workers,
     start_worker,
     stop_worker,
 )
@@ -128,6 +129,17 @@ def test_the_page_shows_live_workers_their_jobs_and_queue_lengths(client, now):
     assert row(html, "evaluations").startswith("Evaluations 2 1 7 min ago 1 none")
     assert row(html, "trainings").startswith("Trainings 1 0") and "just now 0 none" in row(html, "trainings")
     assert TrainingJob.objects.get(pk=training.pk).state == JobState.QUEUED
+
+
+def test_a_held_worker_is_shown_as_such(client, now):
+    for name in ("p@one", "d@one", "e@one"):
+        start_worker(name=name, queues=["celery"], processes=1)
+    order_workers(names=["p@one"], order="pause", now=now)
+    order_workers(names=["d@one", "e@one"], order="drain", now=now)
+    stop_worker(name="e@one")
+    html = client.get("/workers/").content.decode()
+    assert [row(html, name).split()[1] for name in ("p@one", "d@one", "e@one")] == ["paused", "draining", "drained"]
+    assert 'class="bad"' not in html and "/admin/evaluation/workernode/" in html
 
 
 def test_recent_failures_are_counted_by_reason(client, now):

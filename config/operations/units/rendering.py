@@ -9,6 +9,7 @@ from django.conf import settings
 
 from config.operations.run import VIDEO_WORKER_NICE
 from config.serving.forking import PYTHON
+from core.jobs import DRAINED_STATUS
 from paddock.errors import UserFault
 
 from . import texts
@@ -80,6 +81,7 @@ def _program(
         "command": " ".join(map(_quoted, command)),
         "more": more,
         "memory_mb": needs.memory_mb(),
+        "drained": DRAINED_STATUS,
         "hardening": _hardening(),
         "confinement": confinement,
     }

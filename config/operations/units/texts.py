@@ -29,6 +29,9 @@ EnvironmentFile=$env_file
 ExecStart=$command
 ${{more}}Restart=always
 RestartSec=5
+# A drained worker stays ended: manage.py workers --resume, then systemctl start.
+RestartPreventExitStatus=$drained
+SuccessExitStatus=$drained
 KillMode=mixed
 TimeoutStopSec=30
 # The sum of what its processes may take. One that the kernel ends does not stop the others.
