@@ -52,7 +52,8 @@ OLDEST = Gauge(
 BUSY = Gauge("paddock_workers_busy", "Workers that have a job of this kind.", ("kind",))
 WORKERS = Gauge(
     "paddock_workers",
-    "Workers and schedulers by queue and state: alive, refuses (takes no work), silent (no heartbeat for a minute).",
+    "Workers and schedulers by queue and state: alive, refuses (takes no work), paused, draining, "
+    "silent (no heartbeat for a minute).",
     ("queue", "state"),
 )
 EVENTS = Gauge("paddock_events_unread", "Events that a reader has not handled yet.", ("reader",))
