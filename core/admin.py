@@ -38,7 +38,7 @@ class ComparedChanges(ModelAdmin):
         """As Django's, of a form that knows what has changed."""
         stored = getattr(request, "stored_row", None)
         if not add and stored is not None:
-            form.__dict__["changed_data"] = _changed(form, stored)
+            form.__dict__["changed_data"] = request.changed_names = _changed(form, stored)  # type: ignore[attr-defined]
             if not getattr(request, "is_refused", False):
                 self._warn(request, form, formsets, stored)
         return super().construct_change_message(request, form, formsets, add)

@@ -1,7 +1,8 @@
 """The ground floor's models, in the module that Django searches."""
 
 from .api.models import StoredAnswer
+from .audit.models import AuditEntry
 from .events.models import Event, EventCursor
 from .jobs.models import Outage, WorkerHold
 
-__all__ = ["Event", "EventCursor", "Outage", "StoredAnswer", "WorkerHold"]
+__all__ = ["AuditEntry", "Event", "EventCursor", "Outage", "StoredAnswer", "WorkerHold"]

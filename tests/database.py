@@ -21,7 +21,7 @@ from django.db.models import Model
 from tests.shared import CHECKOUT
 
 MADE_BY = (
-    *("*/migrations/*.py", "*/models.py", "*/models/*.py", "*/apps.py", "*/*_triggers.py"),
+    *("*/migrations/*.py", "*/models.py", "*/models/*.py", "*/apps.py", "*/*_triggers.py", "*/*/triggers.py"),
     "core/management/commands/migrate.py",
 )
 

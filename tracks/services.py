@@ -14,6 +14,7 @@ from django.utils.text import slugify
 from django.utils.translation import gettext_lazy as _
 
 from accounts.quotas import CountedRows, Quota, Racers, limit_of, only, used_by
+from core.audit.recording import audited
 from core.database.columns import length_of
 from core.database.locks import hold
 from paddock.errors import UserFault
@@ -44,6 +45,7 @@ def _tracks(racers: Racers, now: datetime) -> CountedRows:
 TRACKS = Quota(3, "tracks", "TRACKS_PER_RACER", _("Imported tracks"), _tracks)
 
 
+@audited("track.imported", _("Track imported"))
 def import_track(
     *,
     data: bytes,
@@ -134,6 +136,7 @@ def recorded_track(name: str, *, now: datetime) -> Track:
     )
 
 
+@audited("track.deleted", _("Track deleted"), target="track")
 def delete_track(*, track: Track) -> None:
     """Delete a track that nothing was driven on. Raises UserFault("track_in_use")."""
     try:

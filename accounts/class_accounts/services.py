@@ -11,6 +11,7 @@ from django.http import HttpRequest
 from django.utils.crypto import salted_hmac
 from django.utils.translation import gettext_lazy as _
 
+from core.audit.recording import audited
 from core.database.locks import hold
 from core.rate_limits import address_of, count
 from paddock.errors import UserFault
@@ -76,6 +77,7 @@ def _learners(racers: Racers, now: datetime) -> CountedRows:
 LEARNERS = Quota(12, "learners", "LEARNERS_PER_TEACHER", _("Learners in your classes"), _learners)
 
 
+@audited("class.created", _("Class created"), by="teacher")
 @transaction.atomic
 def make_class(*, teacher: Racer, name: str, plan: Iterable[str], now: datetime) -> Classroom:
     """Create a class led by its teacher. Raises UserFault("class_no_teacher") and ValidationError."""
@@ -97,6 +99,7 @@ def names_in(text: str) -> list[str]:
     return names
 
 
+@audited("class.learners_added", _("Learners added to a class"), target="classroom")
 @transaction.atomic
 def add_learners(*, classroom: Classroom, by: Racer, names: Iterable[str], now: datetime) -> list[Card]:
     """Create an account with a neutral alias and a code for each name, all or none. Raises UserFault("class_not_yours"
@@ -119,6 +122,7 @@ def add_learners(*, classroom: Classroom, by: Racer, names: Iterable[str], now: 
     return cards
 
 
+@audited("class.codes_replaced", _("Codes of learners replaced"), target="classroom")
 @transaction.atomic
 def new_codes(*, classroom: Classroom, by: Racer, learners: Collection[int] | None = None) -> list[Card]:
     """Replace the codes of these learners or of all, and end their sessions. Raises UserFault("class_not_yours")."""
@@ -173,6 +177,7 @@ def note_lesson(*, racer: Racer, slug: str, now: datetime) -> None:
             learner.save(update_fields=["lessons"])
 
 
+@audited("class.plan_changed", _("Lesson plan of a class changed"), target="classroom")
 def change_plan(*, classroom: Classroom, by: Racer, plan: Iterable[str]) -> None:
     """Raises UserFault("class_not_yours")."""
     _require_teacher(classroom, by)
@@ -180,6 +185,7 @@ def change_plan(*, classroom: Classroom, by: Racer, plan: Iterable[str]) -> None
     classroom.save(update_fields=["plan"])
 
 
+@audited("class.teacher_added", _("Teacher added to a class"))
 @transaction.atomic
 def add_teacher(*, classroom: Classroom, by: Racer, alias: str, now: datetime) -> ClassTeacher:
     """Add a second teacher; a repeated call changes nothing. Raises UserFault("class_not_yours" |
@@ -202,6 +208,7 @@ def add_teacher(*, classroom: Classroom, by: Racer, alias: str, now: datetime) -
     return teacher
 
 
+@audited("class.teacher_removed", _("Teacher removed from a class"), target="classroom")
 @transaction.atomic
 def remove_teacher(*, classroom: Classroom, by: Racer, racer: Racer) -> None:
     """Take a second teacher out of the class; they may leave by themselves. Raises UserFault("class_not_yours")."""

@@ -6,7 +6,9 @@ from django.db import transaction
 from django.db.models import ProtectedError
 from django.utils.crypto import get_random_string
 from django.utils.text import slugify
+from django.utils.translation import gettext_lazy as _
 
+from core.audit.recording import audited
 from core.database.locks import hold
 from paddock.errors import UserFault
 
@@ -18,6 +20,7 @@ GROUPS_PER_RACER = 20
 RESERVED = frozenset({"new", "join"})
 
 
+@audited("group.created", _("Group created"))
 @transaction.atomic
 def make_group(*, by: Racer, name: str, now: datetime, description: str = "") -> RacerGroup:
     """A group that ``by`` leads, not listed. Raises UserFault("group_limit") and django's ValidationError by field."""
@@ -31,6 +34,7 @@ def make_group(*, by: Racer, name: str, now: datetime, description: str = "") ->
     return group
 
 
+@audited("group.changed", _("Group changed"), target="group")
 def change_group(*, group: RacerGroup, by: Racer, name: str, description: str) -> RacerGroup:
     """Another name or description; the address stays. Raises UserFault("group_not_yours") and ValidationError."""
     _require_lead(group, by)
@@ -55,6 +59,7 @@ def ask_to_join(*, code: str, racer: Racer, now: datetime) -> GroupMember:
     return member
 
 
+@audited("group.member_confirmed", _("Member of a group confirmed"), target="member")
 def confirm_member(*, member: GroupMember, by: Racer, now: datetime) -> GroupMember:
     """Say that the racer belongs to the group. Raises UserFault("group_not_yours")."""
     _require_lead(member.group, by)
@@ -63,6 +68,7 @@ def confirm_member(*, member: GroupMember, by: Racer, now: datetime) -> GroupMem
     return member
 
 
+@audited("group.member_removed", _("Member of a group removed"), target="member")
 def remove_member(*, member: GroupMember, by: Racer) -> None:
     """Remove a member or decline a request; racers may leave, except from their class. Raises
     UserFault("group_not_yours" | "group_is_a_class")."""
@@ -73,6 +79,7 @@ def remove_member(*, member: GroupMember, by: Racer) -> None:
     GroupMember.objects.filter(pk=member.pk).delete()
 
 
+@audited("group.handed_over", _("Group handed over"), target="group")
 def hand_over_group(*, group: RacerGroup, to: Racer, by: Racer) -> RacerGroup:
     """Let a confirmed member lead. Raises UserFault("group_not_yours" | "group_not_a_member" | "group_is_a_class")."""
     _require_lead(group, by)
@@ -85,6 +92,7 @@ def hand_over_group(*, group: RacerGroup, to: Racer, by: Racer) -> RacerGroup:
     return group
 
 
+@audited("group.link_replaced", _("Group's link replaced"), target="group")
 def new_group_link(*, group: RacerGroup, by: Racer) -> RacerGroup:
     """Another link to ask with; the one before is worth nothing. Raises UserFault("group_not_yours")."""
     _require_lead(group, by)
@@ -93,6 +101,7 @@ def new_group_link(*, group: RacerGroup, by: Racer) -> RacerGroup:
     return group
 
 
+@audited("group.deleted", _("Group deleted"), target="group")
 def delete_group(*, group: RacerGroup, by: Racer) -> None:
     """Raises UserFault("group_not_yours"), and UserFault("group_has_races") where races are held for it alone."""
     _require_lead(group, by)

@@ -11,7 +11,9 @@ from django.db import transaction
 from django.db.models import F
 from django.http import HttpRequest
 from django.utils import timezone
+from django.utils.translation import gettext_lazy as _
 
+from core.audit.recording import audited
 from paddock.errors import UserFault
 
 from ..models import Racer, SignUpInvitation
@@ -79,6 +81,7 @@ def take_over(*, racer: Racer) -> bool:
     return True
 
 
+@audited("admin.created", _("Admin created"))
 @transaction.atomic
 def create_admin(*, alias: str, email: str, password: str) -> Racer:
     """An admin with every permission, whose e-mail address counts as confirmed. Raises ValidationError."""

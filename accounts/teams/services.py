@@ -6,7 +6,9 @@ from django.db import transaction
 from django.db.models import QuerySet
 from django.utils.crypto import get_random_string
 from django.utils.text import slugify
+from django.utils.translation import gettext_lazy as _
 
+from core.audit.recording import audited
 from core.database.locks import hold
 from core.events import record
 from core.validators import normalized
@@ -56,6 +58,7 @@ def found_team(*, by: Racer, name: str, now: datetime) -> Team:
     return team
 
 
+@audited("team.invited", _("Racer invited to a team"), unless="captain")
 @transaction.atomic
 def invite_to_team(*, team: Team, alias: str, by: Racer, now: datetime) -> TeamInvitation:
     """Invite a racer to a team; an open invitation stays as it is. Raises UserFault("team_captain_only" |
@@ -82,6 +85,7 @@ def accept_team(*, invitation: TeamInvitation, racer: Racer, now: datetime) -> T
     return _join(invitation.team, racer, now)
 
 
+@audited("team.invitation_withdrawn", _("Invitation to a team withdrawn"), target="invitation", unless="racer")
 def decline_team(*, invitation: TeamInvitation, by: Racer) -> None:
     """Turn an invitation down, or take it back as captain. Raises UserFault("team_captain_only")."""
     if by.pk != invitation.racer_id:
@@ -108,6 +112,7 @@ def leave_team(*, racer: Racer) -> None:
         _name(racer, "")
 
 
+@audited("team.member_removed", _("Member of a team removed"), target="team", unless="captain")
 @transaction.atomic
 def remove_from_team(*, team: Team, racer: Racer, by: Racer) -> None:
     """Raises UserFault("team_captain_only" | "team_not_a_member" | "team_hand_over_first")."""
@@ -115,6 +120,7 @@ def remove_from_team(*, team: Team, racer: Racer, by: Racer) -> None:
     _take_out(team, _member(team, racer))
 
 
+@audited("team.handed_over", _("Team handed over"), target="team", unless="captain")
 @transaction.atomic
 def hand_over_team(*, team: Team, to: Racer, by: Racer) -> Team:
     """Another captain. Raises UserFault("team_captain_only" | "team_not_a_member")."""
@@ -125,6 +131,7 @@ def hand_over_team(*, team: Team, to: Racer, by: Racer) -> Team:
     return team
 
 
+@audited("team.link_replaced", _("Team's link replaced"), target="team", unless="captain")
 def new_team_link(*, team: Team, by: Racer) -> Team:
     """Another link to join with. Raises UserFault("team_captain_only")."""
     _require_captain(team, by)

@@ -7,8 +7,10 @@ from typing import Any
 from django.conf import settings
 from django.db import transaction
 from django.db.models import Q, QuerySet
+from django.utils.translation import gettext_lazy as _
 from knox.models import AuthToken, get_token_model
 
+from core.audit.recording import audited
 from paddock.errors import UserFault
 
 from ..models import Racer, TokenGrant
@@ -25,6 +27,7 @@ def tokens_of(racer: Racer, now: datetime) -> QuerySet[AuthToken]:
     return get_token_model().objects.filter(valid, user=racer).select_related("grant").order_by("-created")
 
 
+@audited("token.created", _("API token created"), by="racer")
 @transaction.atomic
 def create_token(
     *, racer: Racer, now: datetime, scopes: Iterable[str] = SCOPES, days: int | None = None
@@ -63,6 +66,7 @@ def note_use(*, grant: TokenGrant, now: datetime) -> None:
     grant.last_used_at = now
 
 
+@audited("token.revoked", _("API token revoked"), target="racer", by="racer")
 def revoke_token(*, racer: Racer, key: str) -> bool:
     """Revoke the racer's token that starts with ``key``; False when there is none."""
     return bool(get_token_model().objects.filter(user=racer, token_key=key).delete()[0])

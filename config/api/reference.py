@@ -16,8 +16,8 @@ from .schema_view import schema_in
 
 METHODS = ("get", *WRITES)
 SUBJECTS = (
-    *("account", "groups", "teams", "classes", "notices", "webhooks", "models", "vehicles", "trainings"),
-    *("sweeps", "tracks", "races", "timing", "cups", "following", "seasons", "evaluations", "reports"),
+    *("account", "programs", "groups", "teams", "classes", "notices", "webhooks", "models", "vehicles", "trainings"),
+    *("sweeps", "tracks", "races", "timing", "cups", "following", "seasons", "evaluations", "reports", "audit"),
 )
 
 

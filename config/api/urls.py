@@ -13,6 +13,7 @@ from league.racers import api as racers
 from league.seasons.api import organising, seasons
 from league.webhooks import api as webhooks
 from races.aftermath import api as afterwards
+from races.audit import api as audit
 from races.duels import api as duels
 from races.live import api as live
 from races.pages.api import boards, races
@@ -30,6 +31,8 @@ version_1: list[URLPattern | URLResolver] = [
     path("auth/tokens/<slug:key>/", views.TokenRevocationView.as_view(), name="api-token-revoke"),
     path("me/", views.MeView.as_view(), name="api-me"),
     path("me/usage/", views.UsageView.as_view(), name="api-usage"),
+    path("audit/", audit.AuditView.as_view(), name="api-audit"),
+    path("audit/export/<slug:form>/", audit.AuditExportView.as_view(), name="api-audit-export"),
     path("notices/", notices.NoticesView.as_view(), name="api-notices"),
     path("notices/read/", notices.NoticesReadView.as_view(), name="api-notices-read"),
     path("notices/settings/", notices.NoticeSettingsView.as_view(), name="api-notice-settings"),
@@ -68,6 +71,7 @@ version_1: list[URLPattern | URLResolver] = [
     path("tracks/<slug:slug>/", tracks.TrackView.as_view(), name="api-track"),
     path("races/", races.RacesView.as_view(), name="api-races"),
     path("races/<slug:slug>/", races.RaceView.as_view(), name="api-race"),
+    path("races/<slug:slug>/audit/", audit.RaceAuditView.as_view(), name="api-race-audit"),
     path("races/<slug:slug>/close/", races.CloseView.as_view(), name="api-race-close"),
     path("races/<slug:slug>/cancel/", races.CancelView.as_view(), name="api-race-cancel"),
     path("races/<slug:slug>/spectators/", races.SpectatorLinkRenewView.as_view(), name="api-race-spectators"),

@@ -1,4 +1,4 @@
-"""Gives every request an id for its answer and its lines in the log."""
+"""Gives every request an id for its answer and its lines in the log, and keeps it for the audit log."""
 
 import re
 import uuid
@@ -7,6 +7,7 @@ from contextvars import Token
 
 from django.http import HttpRequest, HttpResponse
 
+from core.audit.acting import current_request
 from core.logs.lines import request_id
 
 HEADER = "X-Request-ID"
@@ -21,7 +22,11 @@ class RequestIds:
 
     def __call__(self, request: HttpRequest) -> HttpResponse:
         begin(request.headers.get(HEADER, ""))
-        response = self.get_response(request)
+        current = current_request.set(request)
+        try:
+            response = self.get_response(request)
+        finally:
+            current_request.reset(current)
         response[HEADER] = request_id.get()
         return response
 

@@ -6,9 +6,12 @@ from dataclasses import dataclass, field
 from datetime import datetime, timedelta
 from typing import Any
 
-from django.db import IntegrityError
+from django.db import IntegrityError, transaction
 from django.db.models import Count, QuerySet
+from django.utils.translation import gettext_lazy as _
 
+from core.audit.acts import AuditAct, register
+from core.audit.recording import record
 from core.jobs.holds import holds_by_worker
 from core.jobs.models import WorkerHold
 from core.jobs.queues import Queue, all_queues
@@ -18,6 +21,7 @@ from paddock.errors import UserFault
 from paddock.errors.reasons import REASONS
 
 FAILED_WITHIN = timedelta(hours=1)
+RUN_AGAIN = register(AuditAct("job.run_again", _("Failed job run again")))
 
 
 @dataclass(frozen=True)
@@ -129,7 +133,10 @@ def retry_jobs(*, queue: Queue, jobs: Iterable[Any], now: datetime) -> RetryRepo
     report = RetryReport()
     for job in jobs:
         try:
-            report.queued += bool(queue.run_again(job, now))
+            with transaction.atomic():
+                if queue.run_again(job, now):
+                    report.queued += 1
+                    record(RUN_AGAIN, job)
         except UserFault as fault:
             report.refused[str(fault)] += 1
         except IntegrityError:  # another one of that name runs by now

@@ -1,6 +1,7 @@
 """Personal data of the ground floor."""
 
 from ..api.models import StoredAnswer
+from ..audit.models import AuditEntry
 from ..events.models import Event
 from ..jobs.models import WorkerHold
 from .rules import NOBODY, PersonalData, register
@@ -13,6 +14,19 @@ register(
         rows=True,
         mentions="body",
         withheld={"Answers of the API, kept for a day in case a program repeats its request.": "*"},
+    ),
+    PersonalData(
+        AuditEntry,
+        owner="actor racer",
+        anonymised="actor racer",
+        kept={
+            "It is the record of an act, which nobody changes; names and addresses of persons are not copied to it.": (
+                "action program target_kind target_id target_name changes request network"
+            )
+        },
+        section="audit",
+        exported="action program target_kind target_id target_name",
+        withheld={"It is about the site, or about others.": "changes request network"},
     ),
     PersonalData(
         Event,

@@ -12,10 +12,12 @@ from django.core.files.storage import default_storage
 from django.db import IntegrityError, transaction
 from django.db.models import ProtectedError, QuerySet
 from django.utils import timezone
+from django.utils.translation import gettext_lazy as _
 
 from accounts.class_accounts.services import is_learner
 from accounts.models import Racer
 from accounts.quotas import limit_of, used_by
+from core.audit.recording import audited
 from core.database.after_commit import after_commit
 from core.database.columns import length_of
 from core.database.locks import hold
@@ -149,6 +151,7 @@ def _keep_now(model: TrainedModel, files: Sequence[UploadPart]) -> None:
     model.refresh_from_db(fields=["source_file", "source_name"])
 
 
+@audited("model.changed", _("Model changed"), target="model", unless="owner")
 @transaction.atomic
 def describe_model(
     *, model: TrainedModel, name: str, description: str, look: VehicleLook | None = None
@@ -184,6 +187,7 @@ def stop_sharing_model(*, model: TrainedModel) -> None:
     model.refresh_from_db(fields=["shared_at"])
 
 
+@audited("model.deleted", _("Model deleted"), target="model", unless="owner")
 @transaction.atomic
 def delete_model(*, model: TrainedModel, now: datetime) -> None:
     """Take a model out of its owner's garage, end its sharing, and delete its upload. Results and trainings that began

@@ -4,9 +4,11 @@ from collections.abc import Sequence
 from datetime import datetime, timedelta
 
 from django.db import transaction
+from django.utils.translation import gettext_lazy as _
 
 from accounts.models import Racer
 from accounts.quotas import Quota, limit_of, used_by
+from core.audit.recording import audited
 from core.database.locks import hold
 from paddock.errors import UserFault
 from paddock.rules.race import DIRECTIONS
@@ -98,6 +100,7 @@ def drive_report_again(*, report: CarReport, now: datetime) -> CarReport:
     )
 
 
+@audited("report.stopped", _("Report stopped"), target="report", unless="owner")
 @transaction.atomic
 def stop_report(*, report: CarReport, now: datetime) -> bool:
     """Stop an unfinished report for good. False when it had ended. Workers find their leases gone and write nothing."""

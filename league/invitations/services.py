@@ -19,6 +19,7 @@ from django.utils.translation import gettext_lazy
 
 from accounts.models import Racer
 from accounts.quotas import CountedRows, Quota, Racers, limit_of, only, used_by
+from core.audit.recording import audited
 from core.database.columns import length_of
 from core.database.locks import hold
 from core.jobs.kinds import register
@@ -109,6 +110,7 @@ def _is_address(word: str) -> bool:
     return len(word) <= LONGEST_ADDRESS
 
 
+@audited("mail_invitation.sent", gettext_lazy("Racers invited by e-mail"), target="race")
 @transaction.atomic
 def invite_by_mail(*, race: Race, by: Racer, addresses: Iterable[str], language: str, now: datetime) -> int:
     """Invite these addresses (:func:`addresses_of`) to a race; racers with an invitation keep it. How many are
@@ -129,6 +131,7 @@ def invite_by_mail(*, race: Race, by: Racer, addresses: Iterable[str], language:
     return len(new)
 
 
+@audited("mail_invitation.repeated", gettext_lazy("Invitation sent again"), target="invitation")
 @transaction.atomic
 def invite_again(*, invitation: MailInvitation, by: Racer, now: datetime) -> MailInvitation:
     """Send another mail, whose link replaces the one before; a withdrawn invitation is valid again.
@@ -161,6 +164,7 @@ def invite_again(*, invitation: MailInvitation, by: Racer, now: datetime) -> Mai
     return invitation
 
 
+@audited("mail_invitation.withdrawn", gettext_lazy("Invitation withdrawn"), target="invitation")
 def withdraw_invitation(*, invitation: MailInvitation, by: Racer, now: datetime) -> MailInvitation:
     """Its link joins nobody any more. Raises UserFault("race_not_yours" | "invitation_taken")."""
     _require_organiser(invitation.race, by)

@@ -10,8 +10,10 @@ from django.db import transaction
 from django.urls import reverse
 from django.utils import translation
 from django.utils.translation import gettext as _
+from django.utils.translation import gettext_lazy
 
 from accounts.models import Racer
+from core.audit.recording import audited
 from core.jobs.kinds import register
 from core.jobs.mails import MailKind
 from races.models import Race
@@ -26,6 +28,7 @@ KEPT = timedelta(days=180)
 _STOPPING = "league.notices.stop"
 
 
+@audited("race.announced", gettext_lazy("Message sent to the racers of a race"), target="race")
 def announce(*, race: Race, text: str, now: datetime) -> int:
     """Send a notice from the organisers to all racers that a race concerns, unless empty; returns how many."""
     text = " ".join(text.split())[:500]

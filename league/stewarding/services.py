@@ -4,8 +4,10 @@ from datetime import datetime
 
 from django.db import transaction
 from django.db.models import QuerySet
+from django.utils.translation import gettext_lazy as _
 
 from accounts.models import Racer
+from core.audit.recording import audited
 from core.events import record
 from paddock.errors import UserFault
 from races.entries.services.entries import remove_entry, restore_entry
@@ -21,6 +23,7 @@ from .official_results import forget_outcomes, rework
 _REASON_LIMIT = StewardDecision._meta.get_field("reason").max_length
 
 
+@audited("steward.disqualified", _("Racer disqualified"))
 @transaction.atomic
 def disqualify(*, round: Round, racer: Racer, by: Racer, reason: str, now: datetime) -> StewardDecision:
     """Take a racer out of a round for a public reason, before the steward window ends; the season is recomputed.
@@ -33,6 +36,7 @@ def disqualify(*, round: Round, racer: Racer, by: Racer, reason: str, now: datet
     return _decide(round_, Decision.DISQUALIFIED, by, reason, now, racer)
 
 
+@audited("steward.reinstated", _("Disqualification revoked"))
 @transaction.atomic
 def put_back(*, round: Round, racer: Racer, by: Racer, reason: str, now: datetime) -> StewardDecision:
     """Undo a disqualification; everything follows as if it had not been. Raises as :func:`disqualify`."""
@@ -41,6 +45,7 @@ def put_back(*, round: Round, racer: Racer, by: Racer, reason: str, now: datetim
     return _decide(round_, Decision.RESTORED, by, reason, now, racer)
 
 
+@audited("steward.reopened", _("Official results revoked"))
 @transaction.atomic
 def reopen_round(*, round: Round, by: Racer, reason: str, now: datetime) -> StewardDecision:
     """Revoke official results until an admin publishes them again, while nothing official or driven depends on them.
@@ -64,6 +69,7 @@ def reopen_round(*, round: Round, by: Racer, reason: str, now: datetime) -> Stew
     return _decide(round_, Decision.REOPENED, by, reason, now, None)
 
 
+@audited("steward.locked", _("Steward window ended"))
 @transaction.atomic
 def lock_round(*, round: Round, by: Racer, reason: str, now: datetime) -> StewardDecision:
     """End the steward window now. Raises UserFault("round_not_official"), or as :func:`disqualify`."""

@@ -9,8 +9,10 @@ from django.core.cache import cache
 from django.db import transaction
 from django.db.models import Q, QuerySet
 from django.utils import translation
+from django.utils.translation import gettext_lazy as _
 
 from accounts.models import Racer
+from core.audit.recording import audited
 from core.events import Event, EventReader
 from core.wakeups.workers import wake
 from paddock.errors import UserFault
@@ -53,6 +55,7 @@ def add_webhook(
     return _add_webhook(owner, url, race, events)
 
 
+@audited("webhook.added", _("Webhook added"), by="owner")
 @transaction.atomic
 def _add_webhook(owner: Racer, url: str, race: Race | None, events: Sequence[str]) -> Webhook:
     if unknown := sorted(set(events) - set(EVENTS)):
@@ -69,10 +72,12 @@ def _add_webhook(owner: Racer, url: str, race: Race | None, events: Sequence[str
     return hook
 
 
+@audited("webhook.removed", _("Webhook removed"), target="webhook")
 def remove_webhook(*, webhook: Webhook) -> None:
     webhook.delete()
 
 
+@audited("webhook.secret_replaced", _("Webhook's secret replaced"), target="webhook")
 @transaction.atomic
 def change_secret(*, webhook: Webhook, now: datetime) -> Webhook:
     """Make a new secret; the previous one signs too for a day, one before that no more."""

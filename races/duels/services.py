@@ -12,7 +12,9 @@ from datetime import datetime
 from django.conf import settings
 from django.db import transaction
 from django.db.models import Min, QuerySet
+from django.utils.translation import gettext_lazy as _
 
+from core.audit.recording import audited
 from core.database.after_commit import after_commit
 from core.events import record
 from evaluation.models import Evaluation, Result, State
@@ -48,6 +50,7 @@ DUEL_PRIORITY = -1  # somebody who waits for a lap time comes first, house cars 
 _STANDING = ("seed", "points", "duels", "duel_lap_ms", "rank_score", "rank_lap")
 
 
+@audited("duels.drawn", _("Duels drawn"), target="race")
 @transaction.atomic
 def draw_duels(*, race: Race, now: datetime) -> Draw:
     """End a race's qualifying: seed the classified cars and write the heats. An earlier draw stays unchanged. Raises

@@ -12,9 +12,11 @@ from django.db.models import F
 from django.utils import timezone
 from django.utils.crypto import get_random_string
 from django.utils.text import slugify
+from django.utils.translation import gettext_lazy as _
 
 from accounts.models import Racer
 from accounts.quotas import limit_of, used_by
+from core.audit.recording import audited
 from core.database.after_commit import after_commit
 from core.database.columns import copied_values
 from core.database.locks import hold
@@ -37,6 +39,7 @@ from ..rules.validation import EDITABLE_FIELDS, check_race, hold_above, stored_v
 _COPIED = tuple(name for name in EDITABLE_FIELDS if name not in ("opens_at", "closes_at"))
 
 
+@audited("race.created", _("Race created"), by="organiser")
 @transaction.atomic
 def create_community_race(
     *, organiser: Racer, now: datetime, name: str, track: Track, opens_at: datetime, closes_at: datetime, **options: Any
@@ -65,6 +68,7 @@ def create_community_race(
     )
 
 
+@audited("race.created", _("Race created"))
 @transaction.atomic
 def create_league_race(
     *, now: datetime, division: str, name: str, track: Track, opens_at: datetime, closes_at: datetime, **options: Any
@@ -91,6 +95,7 @@ def edition_of(race: Race) -> str:
     return hashlib.sha256(repr(values).encode()).hexdigest()[:16]
 
 
+@audited("race.changed", _("Race changed"), target="race")
 @transaction.atomic
 def edit_race(*, race: Race, now: datetime, edition: str | None = None, **changes: Any) -> Race:
     """Change fields in ``EDITABLE_FIELDS``. ``edition``: the :func:`edition_of` that the changes are based on; None
@@ -116,6 +121,7 @@ def edit_race(*, race: Race, now: datetime, edition: str | None = None, **change
     return race
 
 
+@audited("race.cancelled", _("Race cancelled"), target="race")
 @transaction.atomic
 def cancel_race(*, race: Race, reason: str, now: datetime) -> Race:
     """Cancel an unfinished race and stop its cars; entries and results remain. Raises
@@ -134,6 +140,7 @@ def cancel_race(*, race: Race, reason: str, now: datetime) -> Race:
     return race
 
 
+@audited("race.closed", _("Race closed before its time"), target="race")
 @transaction.atomic
 def close_race(*, race: Race, now: datetime, duels_live_only: bool = False) -> Race:
     """Close an open race now; queued and driving cars still count. ``duels_live_only``: its duels wait for a live
@@ -154,6 +161,7 @@ def close_race(*, race: Race, now: datetime, duels_live_only: bool = False) -> R
     return race
 
 
+@audited("race.link_replaced", _("Invitation link replaced"), target="race")
 def reset_invitation(*, race: Race) -> Race:
     """Replace a race's invitation link: the old one stops working, its entries stay."""
     race.invitation = new_invitation()
@@ -161,6 +169,7 @@ def reset_invitation(*, race: Race) -> Race:
     return race
 
 
+@audited("race.spectator_link_replaced", _("Spectators' link replaced"), target="race")
 @transaction.atomic
 def renew_spectator_link(*, race: Race, now: datetime) -> Race:
     """Give a race another spectators' link. The old one opens nothing any more, and streams opened with it end."""
@@ -171,6 +180,7 @@ def renew_spectator_link(*, race: Race, now: datetime) -> Race:
     return race
 
 
+@audited("race.copied", _("Race copied"))
 @transaction.atomic
 def clone_race(*, race: Race, now: datetime, months: int = 1) -> Race:
     """The same race ``months`` calendar months later. Raises RaceRefused for a time that has passed."""

@@ -65,6 +65,10 @@ REASONS = {
     "an answer that was given, kept for a repeated request": """
         core.StoredAnswer.digest core.StoredAnswer.request core.StoredAnswer.body
     """,
+    "a code, or a copy of a checked text, in an entry that never changes": """
+        core.AuditEntry.action core.AuditEntry.program core.AuditEntry.target_kind core.AuditEntry.target_id
+        core.AuditEntry.target_name core.AuditEntry.request core.AuditEntry.network
+    """,
     "the name of a time zone, from a list": """
         league.Season.zone races.LiveEvent.time_zone
     """,

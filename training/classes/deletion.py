@@ -7,9 +7,11 @@ from collections.abc import Collection
 
 from django.db import transaction
 from django.db.models import Q
+from django.utils.translation import gettext_lazy as _
 
 from accounts.class_accounts.services import can_lead_class, can_teach
 from accounts.models import Classroom, Racer
+from core.audit.recording import audited
 from evaluation.models import Evaluation, Result, RivalResult, TrainedModel
 from paddock.errors import UserFault
 from races.entries.services.standings import recompute_race
@@ -20,6 +22,7 @@ from ..models import TrainingJob
 from ..quotas import files_of
 
 
+@audited("class.deleted", _("Class deleted"), target="classroom")
 @transaction.atomic
 def delete_class(*, classroom: Classroom, by: Racer) -> int:
     """Delete a class with all content of its learners; the number of accounts. The next purge deletes unused networks.
@@ -38,6 +41,7 @@ def delete_class(*, classroom: Classroom, by: Racer) -> int:
     return len(learners)
 
 
+@audited("class.learner_removed", _("Learner removed from a class"), target="classroom")
 @transaction.atomic
 def remove_learner(*, classroom: Classroom, by: Racer, racer: Racer) -> None:
     """Delete a learner's account with all its content, and rank the boards of the class anew.

@@ -10,8 +10,10 @@ from typing import Any, TypedDict, Unpack
 
 from django.db import transaction
 from django.db.models import Exists, OuterRef, QuerySet
+from django.utils.translation import gettext_lazy as _
 
 from accounts.models import Racer
+from core.audit.recording import audited
 from core.database.locks import hold
 from core.streams import poke_after_commit
 from paddock.errors import PlatformFault, UserFault
@@ -258,6 +260,7 @@ def _end(
 # --- by hand
 
 
+@audited("sweep.stopped", _("Sweep stopped"), target="sweep", unless="owner")
 @transaction.atomic
 def stop_sweep(*, sweep: Sweep, now: datetime, by: Racer | None = None) -> bool:
     """Stop a sweep; its best trial so far becomes a model. False if it had ended already, or was stopped before."""

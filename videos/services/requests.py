@@ -9,8 +9,10 @@ from typing import TYPE_CHECKING
 
 from django.conf import settings
 from django.db import IntegrityError, transaction
+from django.utils.translation import gettext_lazy as _
 
 from accounts.quotas import limit_of, used_by
+from core.audit.recording import audited
 from core.database.locks import hold
 from evaluation.garage.quotas import STORAGE
 from evaluation.models import Evaluation
@@ -128,6 +130,7 @@ def redraw_video(*, video: Video, now: datetime) -> bool:
     return VIDEOS.begin_anew(failed, asked_at=now, **NO_FILE)
 
 
+@audited("video.stopped", _("Video stopped"), target="video", unless="asked_by")
 def stop_video(*, video: Video, now: datetime) -> bool:
     """Remove an unfinished video from the queue; a worker that draws it stops at its next heartbeat. False when it was
     finished."""

@@ -4,8 +4,10 @@ from collections.abc import Sequence
 from datetime import datetime
 
 from django.db import transaction
+from django.utils.translation import gettext_lazy as _
 
 from accounts.models import Racer
+from core.audit.recording import audited
 from paddock.errors import UserFault
 from paddock.rules.race import RaceRules
 from tracks.models import Track
@@ -104,6 +106,7 @@ def queue_again(*, evaluation: Evaluation) -> bool:
     return EVALUATIONS.begin_anew(Evaluation.objects.filter(pk=evaluation.pk, state=State.FAILED))
 
 
+@audited("run.stopped", _("Run stopped"), target="evaluation", unless="owner")
 @transaction.atomic
 def stop_evaluation(*, evaluation: Evaluation, now: datetime) -> bool:
     """Stop a queued or running evaluation for good. False when it had ended. Its worker finds the lease gone at the

@@ -7,7 +7,9 @@ from typing import Any
 
 from django.db import transaction
 from django.utils import timezone
+from django.utils.translation import gettext_lazy
 
+from core.audit.recording import audited
 from paddock.rules.race import ROUND_ROBIN_DUELS, RULES, STAGE, UNTIL_THE_FIRST_FAULT
 from races.models import RaceType, RankingMethod
 from races.models.sensors import OFFERABLE
@@ -138,6 +140,7 @@ COMMUNITY_RACES: tuple[tuple[int, dict[str, Any]], ...] = (
 )
 
 
+@audited("season.created", gettext_lazy("Season created"))
 @transaction.atomic
 def open_demo_season(*, now: datetime) -> Season:
     """Load the catalogue and open a season of monthly races with finales and a championship; returns an existing

@@ -6,9 +6,10 @@ from datetime import datetime, timedelta
 
 from django.db import transaction
 from django.utils.translation import gettext as _
-from django.utils.translation import ngettext
+from django.utils.translation import gettext_lazy, ngettext
 
 from accounts.models import Racer
+from core.audit.recording import audited
 from paddock.errors import UserFault
 from races.boards.selectors.board import CLASSIFIED
 from races.entries.services.entries import remove_entry
@@ -24,6 +25,7 @@ Fact = tuple[str, str, str]
 _BOARD = "board"  # of a pro race, a finale or a championship
 
 
+@audited("round.postponed", gettext_lazy("Round postponed"))
 @transaction.atomic
 def postpone_round(*, round: Round, hours: int, reason: str, now: datetime) -> Race:
     """Move a round's race by 1 to 2,160 hours, and notify its racers of the reason; an open race only closes later.

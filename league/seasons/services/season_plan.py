@@ -12,6 +12,7 @@ from django.db import models, transaction
 from django.utils.dates import MONTHS
 from django.utils.translation import gettext_lazy as _
 
+from core.audit.recording import audited
 from paddock.errors import UserFault
 from paddock.rules.race import BOTS_DRIVING, DRAWN_BOXES, DUELS, LAYOUT, RULES
 from races.errors import RaceRefused
@@ -214,6 +215,7 @@ def digest_of(rounds: Sequence[RoundPlan]) -> str:
     return hashlib.sha256(repr(content).encode()).hexdigest()[:16]
 
 
+@audited("season.created", _("Season created"))
 @transaction.atomic
 def schedule_season(*, plan: SeasonPlan, now: datetime) -> tuple[Season, int]:
     """Make the season and all its races at once, without past months; returns it and the number of races.

@@ -7,8 +7,10 @@ from typing import Any
 
 from django.core.exceptions import ValidationError
 from django.db import transaction
+from django.utils.translation import gettext_lazy as _
 
 from accounts.models import Racer
+from core.audit.recording import audited
 from paddock.errors import UserFault
 from paddock.rules.race import STAGE
 from races.entries.time_checks import moment
@@ -22,6 +24,7 @@ from ...standings.services import give_round_its_field
 from ..selectors import cancelled_at, free_season_slug, why_kept
 
 
+@audited("season.created", _("Season created"))
 @transaction.atomic
 def create_season(*, slug: str, name: str, starts_on: date, ends_on: date, **settings: Any) -> Season:
     """Make a season, both days included; a season at this address with only cancelled races moves to another address.
@@ -36,6 +39,7 @@ def create_season(*, slug: str, name: str, starts_on: date, ends_on: date, **set
     return season
 
 
+@audited("season.deleted", _("Season deleted"), target="season")
 @transaction.atomic
 def delete_season(*, season: Season, now: datetime) -> None:
     """Delete a season with its races; the season before it no longer continues.
@@ -49,6 +53,7 @@ def delete_season(*, season: Season, now: datetime) -> None:
     Race.objects.filter(pk__in=races).delete()
 
 
+@audited("round.deleted", _("Round deleted"), target="round")
 @transaction.atomic
 def delete_round(*, round: Round, now: datetime) -> None:
     """Delete a round with its race, which has neither opened nor entries. Raises as :func:`delete_season`."""
@@ -71,6 +76,7 @@ def _unopened(races: Iterable[int], now: datetime) -> list[int]:
 FIXED_ONCE_OFFICIAL = ("promotion_percent", "finale_size", "championship_places", "points", "drop_worst")
 
 
+@audited("season.changed", _("Season changed"), target="season")
 @transaction.atomic
 def edit_season(*, season: Season, edition: str | None = None, **changes: Any) -> Season:
     """Change any fields of a season but the address. ``edition``: see :func:`edition_of`; None overwrites other
@@ -101,6 +107,7 @@ def edition_of(season: Season) -> str:
     return hashlib.sha256(repr((settings, listed, official)).encode()).hexdigest()[:16]
 
 
+@audited("season.rules_changed", _("Rules of a stage changed"))
 @transaction.atomic
 def set_stage_rules(*, season: Season, stage: str, **rules: Any) -> StageRules:
     """Set how the races of a stage are ranked and limited from now on. Raises ValidationError."""
@@ -114,6 +121,7 @@ def set_stage_rules(*, season: Season, stage: str, **rules: Any) -> StageRules:
     return row
 
 
+@audited("round.created", _("Round created"))
 @transaction.atomic
 def schedule_round(
     *,
@@ -145,6 +153,7 @@ def schedule_round(
     return round_
 
 
+@audited("racer.moved", _("Racer put into a division"))
 @transaction.atomic
 def put_in_division(*, season: Season, racer: Racer, division: str, now: datetime) -> Membership:
     """Put a racer into a division for the rest of a season. What they have driven in the other one stays there."""

@@ -10,7 +10,9 @@ from datetime import date, datetime, time, timedelta
 from django.core.exceptions import ValidationError
 from django.db import DatabaseError, transaction
 from django.utils import timezone
+from django.utils.translation import gettext_lazy as _
 
+from core.audit.recording import audited
 from core.database.columns import copied_values
 from core.events import record
 from core.validators import without_invisible
@@ -53,6 +55,7 @@ class Copied:
     left_out: list[str]
 
 
+@audited("season.copied", _("Season copied"))
 @transaction.atomic
 def copy_season(
     *, season: Season, now: datetime, months: int | None = None, name: str = "", slug: str = "", promises: bool = True

@@ -6,9 +6,11 @@ from datetime import datetime
 from django.db import transaction
 from django.db.models import Q
 from django.utils import timezone
+from django.utils.translation import gettext_lazy as _
 
 from accounts.groups.selectors import is_in
 from accounts.models import Racer
+from core.audit.recording import audited
 from core.database.after_commit import after_commit
 from evaluation.models import Evaluation
 from paddock.errors import UserFault
@@ -82,6 +84,7 @@ def withdraw(*, entry: Entry, now: datetime) -> Entry:
     return entry
 
 
+@audited("entry.removed", _("Racer removed from a race"), target="entry")
 @transaction.atomic
 def remove_entry(*, entry: Entry, by: Racer, now: datetime, reason: str = "") -> Entry:
     """Take a racer out of a race for good, also after it has closed. Raises UserFault("race_not_yours")."""
@@ -95,6 +98,7 @@ def remove_entry(*, entry: Entry, by: Racer, now: datetime, reason: str = "") ->
     return entry
 
 
+@audited("entry.restored", _("Racer let back into a race"), target="entry")
 @transaction.atomic
 def restore_entry(*, entry: Entry, by: Racer, now: datetime | None = None) -> Entry:
     """Restore a removed racer. Raises UserFault("race_not_yours") unless ``by`` organises the race."""

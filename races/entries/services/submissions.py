@@ -4,8 +4,10 @@ from datetime import datetime
 
 from django.db import transaction
 from django.db.models import F
+from django.utils.translation import gettext_lazy as _
 
 from accounts.models import Racer
+from core.audit.recording import audited
 from evaluation.models import State, TrainedModel
 from evaluation.running.queue.services import queue_evaluation
 from evaluation.selectors import can_use_model
@@ -67,6 +69,7 @@ def _submit(race: Race, racer: Racer, model: TrainedModel, now: datetime, terms:
     return _queue(entry, race, model, submitted_at=now, now=now)
 
 
+@audited("run.repeated", _("Run repeated"), target="submission")
 @transaction.atomic
 def repeat_submission(*, submission: Submission, now: datetime) -> Submission:
     """Repeat a failed or stopped run, for an admin: also after the race has closed.

@@ -8,8 +8,11 @@ from typing import Any, TypedDict
 
 from django.db import transaction
 from django.utils.dateparse import parse_datetime
+from django.utils.translation import gettext_lazy as _
 
 from accounts.models import Racer
+from core.audit.acts import AuditAct, register
+from core.audit.recording import record as record_act
 from core.events import record
 from paddock.errors import UserFault
 
@@ -17,6 +20,8 @@ from ...entries.selectors.visibility import can_organise
 from ...events import LIVE_CHANGED, of_race
 from ...models import HEAT_CARS, LiveEvent, LiveLog, LiveSlot, LiveState, SlotState
 from ...models.live import UNDO_FOR
+
+CONTROLLED = register(AuditAct("live.controlled", _("Live event controlled")))
 
 
 @dataclass
@@ -72,6 +77,8 @@ def acting(
         undo = None if act.final else before_and_after(before, snapshot(locked))
         LiveLog.objects.create(event=locked, at=now, by=by, action=action, told=act.details, undo=undo)
         publish_change(locked, now)
+        if by is not None:
+            record_act(CONTROLLED, locked, by=by, changes={"act": [None, action]})
     event.refresh_from_db()
 
 

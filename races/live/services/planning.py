@@ -6,8 +6,10 @@ from typing import Any
 from zoneinfo import ZoneInfo, ZoneInfoNotFoundError
 
 from django.db import transaction
+from django.utils.translation import gettext_lazy as _
 
 from accounts.models import Racer
+from core.audit.recording import audited
 from core.database.locks import hold
 from core.events import record
 from paddock.errors import UserFault
@@ -48,6 +50,7 @@ PLANNABLE = (
 MOST_GAP_S = 600
 
 
+@audited("live.planned", _("Live event planned"))
 @transaction.atomic
 def plan_live(*, race: Race, by: Racer, now: datetime, starts_at: datetime, **plan: Any) -> LiveEvent:
     """Plan a race's live event; an event cancelled before its start is planned again.

@@ -13,8 +13,10 @@ from django.db import transaction
 from django.utils.dateparse import parse_datetime
 from django.utils.timezone import get_default_timezone, is_naive, make_aware
 from django.utils.translation import gettext as _
+from django.utils.translation import gettext_lazy
 
 from accounts.models import Racer
+from core.audit.recording import audited
 from core.forms import explain
 from core.times import clock
 from paddock.errors import UserFault
@@ -114,6 +116,7 @@ def read_laps(race: Race, text: str) -> list[FileLap]:
     return lines
 
 
+@audited("laps.imported", gettext_lazy("Laps imported from a file"), target="race")
 @transaction.atomic
 def take_file(*, race: Race, by: Racer, text: str, now: datetime) -> int:
     """Store the laps of a file and return their number. Taking the same file again changes nothing. Needs the right to

@@ -5,8 +5,10 @@ from uuid import UUID
 
 from django.db import transaction
 from django.utils.crypto import get_random_string
+from django.utils.translation import gettext_lazy as _
 
 from accounts.models import Racer
+from core.audit.recording import audited
 from core.validators import without_invisible
 from paddock.errors import UserFault
 
@@ -66,6 +68,7 @@ def _known(race: Race, id: UUID) -> Guest | None:
     return found
 
 
+@audited("guest.linked", _("Guest's results given to a racer"))
 def link_guest(*, guest: Guest, racer: Racer, by: Racer, now: datetime) -> Entry:
     """Transfer a guest's sessions to a racer. Needs the right to correct laps. Raises UserFault("guest_linked" |
     "entry_removed") and the faults of the eligibility check and of

@@ -11,8 +11,10 @@ from datetime import datetime, timedelta
 
 from django.db import transaction
 from django.utils.crypto import get_random_string
+from django.utils.translation import gettext_lazy as _
 
 from accounts.models import Racer
+from core.audit.recording import audited
 from paddock.errors import UserFault
 
 from ...entries.services.locks import lock_entry
@@ -38,6 +40,7 @@ class Taken:
     again: bool = False
 
 
+@audited("sensor.made", _("Timing sensor added"))
 @transaction.atomic
 def make_sensor(*, race: Race, name: str, by: Racer, now: datetime) -> tuple[TimingSensor, str]:
     """A sensor of a race and its token, never to be seen again. Raises UserFault("race_not_physical" | "race_not_yours"
@@ -52,6 +55,7 @@ def make_sensor(*, race: Race, name: str, by: Racer, now: datetime) -> tuple[Tim
     return sensor, text
 
 
+@audited("sensor.revoked", _("Timing sensor revoked"), target="sensor")
 @transaction.atomic
 def revoke_sensor(*, sensor: TimingSensor, by: Racer, now: datetime) -> TimingSensor:
     """Revoke a sensor's token; its laps stay. Raises UserFault("race_not_physical" | "race_not_yours")."""

@@ -8,8 +8,10 @@ from uuid import UUID
 
 from django.db import transaction
 from django.db.models import F
+from django.utils.translation import gettext_lazy as _
 
 from accounts.models import Racer
+from core.audit.recording import audited
 from core.events import record
 from paddock.errors import UserFault
 
@@ -49,6 +51,7 @@ class SentSession:
     start_known: bool = True
 
 
+@audited("laps.timed", _("Laps timed"))
 @transaction.atomic
 def carry_over(*, race: Race, by: Racer, sent: SentSession, now: datetime) -> TimedSession | None:
     """Create or update a session atomically. None for a session discarded before its first upload.
@@ -245,6 +248,7 @@ FIELDS = ("time_ms", "off_tracks", "resets", "valid")
 _LONGEST = 255
 
 
+@audited("laps.corrected", _("Lap corrected"), target="lap")
 @transaction.atomic
 def correct_lap(
     *,

@@ -3,8 +3,10 @@
 from datetime import datetime
 
 from django.db import transaction
+from django.utils.translation import gettext_lazy as _
 
 from accounts.models import Racer
+from core.audit.recording import audited
 from evaluation.models import TrainedModel
 from evaluation.selectors import can_use_model
 from paddock.errors import UserFault
@@ -16,6 +18,7 @@ from .checks import require_organiser, require_physical
 MOST_TIMEKEEPERS = 50
 
 
+@audited("timekeeper.named", _("Timekeeper named"))
 @transaction.atomic
 def name_timekeeper(*, race: Race, alias: str, by: Racer, now: datetime) -> Timekeeper:
     """Let a racer take times in a race; naming them again changes nothing. Raises UserFault("race_not_physical" |
@@ -32,6 +35,7 @@ def name_timekeeper(*, race: Race, alias: str, by: Racer, now: datetime) -> Time
     return named
 
 
+@audited("timekeeper.dismissed", _("Timekeeper dismissed"), target="race")
 def dismiss_timekeeper(*, race: Race, racer: Racer, by: Racer) -> bool:
     """Remove a timekeeper, whose laps stay. Returns whether there was one. Raises UserFault("race_not_physical" |
     "race_not_yours")."""

@@ -6,7 +6,9 @@ from typing import Any
 
 from django.db import transaction
 from django.db.models import QuerySet
+from django.utils.translation import gettext_lazy as _
 
+from core.audit.recording import audited
 from core.times import start_of_month
 from evaluation.garage.services import delete_model
 from evaluation.models import Evaluation, State, TrainedModel
@@ -38,6 +40,7 @@ _NOTHING: dict[str, Any] = {
 }
 
 
+@audited("training.deleted", _("Training deleted"), target="job", unless="owner")
 @transaction.atomic
 def delete_training(*, job: TrainingJob, with_models: bool = False, now: datetime) -> int:
     """Delete a training with its files, graph, log and reward function; the bytes of its files.

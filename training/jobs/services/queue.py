@@ -11,6 +11,7 @@ from django.db.models import F, QuerySet
 from django.utils.translation import gettext_lazy as _
 
 from accounts.models import Racer
+from core.audit.recording import audited
 from core.database.clock import database_now
 from core.jobs.heartbeat import Heartbeat
 from core.jobs.kinds import register
@@ -133,6 +134,7 @@ def _what_next(job: TrainingJob, fault: PaddockError) -> tuple[PaddockError | No
     return final, final is None or Checkpoint.objects.filter(job=job).exclude(networks="").exists()
 
 
+@audited("training.stopped", _("Training stopped"), target="job", unless="owner")
 @transaction.atomic
 def stop_training(*, job: TrainingJob, now: datetime, by: Racer | None = None) -> bool:
     """Stop a training; its models stay. False if it had ended already. ``by``: the owner or an admin.
