@@ -60,6 +60,19 @@ def find() -> str | None:
     return shutil.which("bwrap", path=os.environ.get("PATH", "") + os.pathsep + "/usr/local/bin:/usr/bin:/bin")
 
 
+def is_filtered() -> bool:
+    """Whether this process itself runs under a seccomp filter, as in a plain container."""
+    try:
+        with open("/proc/self/status", encoding="ascii", errors="replace") as lines:
+            return any(line.split() == ["Seccomp:", "2"] for line in lines)
+    except OSError:
+        return False
+
+
+def _sysctls_are_read_only() -> bool:
+    return bool(os.statvfs("/proc/sys").f_flag & os.ST_RDONLY)
+
+
 def command(bwrap: str, home: PythonHome, code: Iterable[str], info_fd: int, as_root: bool, random: bool) -> list[str]:
     """Arguments up to and including ``--``. ``code``: more files and directories to show at their own paths.
     ``random``: show ``/dev/urandom`` too.
@@ -71,11 +84,15 @@ def command(bwrap: str, home: PythonHome, code: Iterable[str], info_fd: int, as_
     for the private user id, but may signal that process, and the kernel then ends the namespace.
     """
     arguments = [bwrap, "--unshare-ipc", "--unshare-pid", "--unshare-net", "--unshare-uts", "--unshare-cgroup-try"]
-    arguments += ["--die-with-parent", "--new-session", "--hostname", "paddock"]
+    arguments += ["--die-with-parent", "--new-session"]
+    if not is_filtered():  # the profile of a container refuses it, and the name is the container's already
+        arguments += ["--hostname", "paddock"]
     if as_root:
         arguments += ["--cap-drop", "ALL", "--cap-add", "CAP_SETUID", "--cap-add", "CAP_SETGID"]
     else:
-        arguments += ["--unshare-user", "--uid", "65534", "--gid", "65534", "--disable-userns"]
+        arguments += ["--unshare-user", "--uid", "65534", "--gid", "65534"]
+        if not _sysctls_are_read_only():  # as in a container; the lock's system calls make no namespaces either way
+            arguments.append("--disable-userns")
     arguments += _mounts([*home.parts, *home.packages, *filter(os.path.exists, (*_PROCESSOR, *_LARGE_PAGES)), *code])
     if random:
         arguments += ["--perms", "0755", "--dir", "/dev", "--dev-bind", _RANDOM, _RANDOM]

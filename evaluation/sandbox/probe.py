@@ -111,18 +111,9 @@ def require(minimum: int | None = None) -> int:
     return report.level
 
 
-def is_filtered() -> bool:
-    """Whether this process itself runs under a seccomp filter, as in a plain container."""
-    try:
-        with open("/proc/self/status", encoding="ascii", errors="replace") as lines:
-            return any(line.split() == ["Seccomp:", "2"] for line in lines)
-    except OSError:
-        return False
-
-
 def _hint() -> str:
     """What around this process refuses namespaces."""
-    if is_filtered():
+    if bubblewrap.is_filtered():
         return FILTERED
     try:
         with open(_CONFINING, encoding="ascii") as setting:

@@ -96,7 +96,7 @@ def test_a_bubblewrap_without_namespaces_is_detected(monkeypatch, tmp_path):
 def test_a_restriction_of_apparmor_is_named(setting, user, hint, monkeypatch, tmp_path):
     (tmp_path / "setting").write_text(setting)
     monkeypatch.setattr(probe, "_CONFINING", str(tmp_path / "setting"))
-    monkeypatch.setattr(probe, "is_filtered", lambda: False)
+    monkeypatch.setattr(bubblewrap, "is_filtered", lambda: False)
     monkeypatch.setattr(os, "geteuid", lambda: user)
     assert probe._hint() == (probe.CONFINED if hint else "")
     assert "**On Ubuntu**" in (CHECKOUT / "docs/operators.md").read_text() and "On Ubuntu" in probe.CONFINED
