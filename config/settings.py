@@ -367,7 +367,8 @@ STORAGES = {
     "staticfiles": {"BACKEND": "config.serving.static_files.StaticFiles"},
 }
 STATIC_URL = "static/"
-STATIC_ROOT = DATA_DIR / "static"
+STATIC_PREPARED = env_str("PADDOCK_STATIC", "")  # collected before, as in a container image
+STATIC_ROOT = Path(STATIC_PREPARED or DATA_DIR / "static")
 STATICFILES_DIRS = [BASE_DIR / "static"]
 FILE_UPLOAD_TEMP_DIR = DATA_DIR / "uploads"
 FILE_UPLOAD_TEMP_DIR.mkdir(mode=0o700, exist_ok=True)

@@ -6,6 +6,7 @@ import os
 from collections.abc import Callable, Iterator
 from contextlib import closing, contextmanager
 from datetime import datetime
+from functools import partial
 from importlib.metadata import version
 from pathlib import Path
 from time import monotonic
@@ -14,8 +15,9 @@ from typing import Any
 import django
 from django.conf import settings
 from django.contrib.staticfiles.finders import get_finders
+from django.core.files.storage import default_storage
 from django.core.management import call_command
-from django.core.management.base import BaseCommand, OutputWrapper
+from django.core.management.base import BaseCommand, CommandError, OutputWrapper
 from django.db import connection
 from django.db.models.signals import pre_migrate
 
@@ -45,9 +47,13 @@ def prepare_site(command: BaseCommand, *, now: datetime) -> None:
         with _step(out, "Migrating the database") as progress:
             _migrate(progress)
         command.check(fail_level=40)
-        sources = _static_sources()
-        with _step(out, f"Collecting {len(sources)} static files"):
-            _collect(sources)
+        if settings.STORAGE != "local" and (create := missing_bucket()):
+            with _step(out, f"Creating the bucket of {settings.STORAGE}"):
+                create()
+        if not settings.STATIC_PREPARED:
+            sources = _static_sources()
+            with _step(out, f"Collecting {len(sources)} static files"):
+                _collect(sources)
         with _step(out, f"Loading {len(CATALOGUE)} tracks"):
             load_catalogue(now=now)
         if not Season.objects.exists():
@@ -121,6 +127,26 @@ def _migrate(progress: Progress) -> None:
         call_command(Migrate(), interactive=False, verbosity=0)
     finally:
         pre_migrate.disconnect(count)
+
+
+def missing_bucket() -> Callable[[], object] | None:
+    """What creates the bucket of STORAGE; None where it exists, or may exist and is closed to us. Raises
+    CommandError where the server does not answer."""
+    from botocore.exceptions import BotoCoreError, ClientError
+
+    name, client = default_storage.bucket_name, default_storage.connection.meta.client
+    try:
+        client.head_bucket(Bucket=name)
+    except ClientError as refused:
+        if refused.response["ResponseMetadata"]["HTTPStatusCode"] != 404:
+            return None
+        region = client.meta.region_name
+        there = {} if region in (None, "us-east-1", "aws-global") else {"LocationConstraint": region}
+        options = {"CreateBucketConfiguration": there} if there else {}
+        return partial(client.create_bucket, Bucket=name, **options)
+    except BotoCoreError as problem:
+        raise CommandError(f"The storage {settings.STORAGE} does not answer: {problem}") from None
+    return None
 
 
 def _static_sources() -> dict[str, Path]:

@@ -15,6 +15,7 @@ from django.core.files.base import ContentFile
 from django.core.files.storage import FileSystemStorage
 from django.core.management import call_command
 from django.core.management.base import CommandError
+from storages.backends.s3 import S3Storage
 
 from accounts.models import Racer
 from config.management.commands.setup import PASSWORD
@@ -24,6 +25,7 @@ from league.models import Season
 from paddock.geometry.catalogue import CATALOGUE
 from races.models import Race
 from tests.config.test_run import environment, rows
+from tests.outages.bucket import BUCKET, S3Server
 from tests.shared import CHECKOUT
 from tracks.models import Track
 
@@ -92,6 +94,28 @@ def test_static_files_are_collected_again_only_after_a_change(run, monkeypatch, 
     assert [collections_of_a_setup(), collections_of_a_setup()] == [1, 0]
     next((tmp_path / "static").rglob("*.css")).unlink()
     assert [collections_of_a_setup(), collections_of_a_setup()] == [1, 0]
+
+
+def test_static_files_of_an_image_are_left_as_they_are(run, settings, tmp_path):
+    settings.STATIC_PREPARED = str(tmp_path)
+    assert "static files" not in run()
+    assert not list(tmp_path.iterdir())
+
+
+def test_setup_creates_the_bucket_once(run, monkeypatch, settings):
+    server = S3Server()
+    storage = S3Storage(**server.options())
+    settings.STORAGE = f"s3://{BUCKET}"
+    monkeypatch.setattr(preparation, "default_storage", storage)
+    try:
+        assert f"Creating the bucket of s3://{BUCKET}" in run()
+        assert storage.save("one.txt", ContentFile(b"one")) == "one.txt"
+        assert "bucket" not in run()
+        server.be("stopped")
+        with pytest.raises(CommandError, match=f"The storage s3://{BUCKET} does not answer"):
+            run()
+    finally:
+        server.close()
 
 
 def test_a_static_file_that_is_cut_off_is_no_file(tmp_path):
