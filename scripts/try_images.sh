@@ -1,0 +1,126 @@
+#!/bin/sh
+# Builds the container images without any registry, prints their sizes, and drives a car in them.
+#   sudo scripts/try_images.sh [--place FOLDER] [TARGET]...
+#
+# TARGET: site, worker, trainer, video, embedded (all of them unless some are named). Their base is a Debian 12 that
+# debootstrap makes; a car is uploaded and driven in the embedded one, on a read-only root without any capability.
+# FOLDER holds base and images (default: /var/tmp/paddock-images). pip looks where it is configured to look here, also
+# in a folder of wheels (PIP_FIND_LINKS).
+#
+# It needs root, debootstrap, buildah and podman. Where podman may not set limits or finds cgroups in hybrid mode, as in a
+# virtual machine without systemd, containers run without cgroups.
+set -eu
+
+cd "$(dirname "$0")/.."
+place=/var/tmp/paddock-images port=8199 name=paddock-try
+fail() {
+    echo "try_images.sh: $1" >&2
+    exit "${2:-1}"
+}
+while :; do
+    case "${1:-}" in
+        --help | -h) sed -n '2,/^set/s/^# \{0,1\}//p' "$0" && exit ;;
+        --place) place=${2:?} && shift 2 ;;
+        -*) fail "there is no option $1; --help lists all" 2 ;;
+        *) break ;;
+    esac
+done
+[ $# -gt 0 ] || set -- site worker trainer video embedded
+[ "$(id -u)" -eq 0 ] || fail "only root can make a base and build on it"
+for program in debootstrap buildah podman; do
+    command -v $program >/dev/null || fail "$program is missing: apt-get install debootstrap buildah podman"
+done
+
+mkdir -p "$place"
+printf '[storage]\ndriver = "overlay"\ngraphroot = "%s/images"\nrunroot = "%s/run"\n' "$place" "$place" >"$place/storage.conf"
+export CONTAINERS_STORAGE_CONF="$place/storage.conf" BUILDAH_ISOLATION=chroot
+
+base() {
+    ! podman image exists localhost/paddock-base || return 0
+    rm -rf "$place/base"
+    debootstrap --variant=minbase --include=ca-certificates bookworm "$place/base" >"$place/base.log" || fail "$(tail -n 3 "$place/base.log")"
+    rm -rf "$place"/base/var/cache/apt/archives/*.deb "$place"/base/var/lib/apt/lists/*
+    cp /etc/ssl/certs/ca-certificates.crt "$place/base/etc/ssl/certs/" # of a proxy that this machine trusts
+    tar -C "$place/base" -c . | podman import --quiet - localhost/paddock-base >/dev/null
+    rm -rf "$place/base"
+}
+
+build() { # TARGET
+    wheels=$(python3 -m pip config get env.find-links 2>/dev/null || echo "${PIP_FIND_LINKS:-}")
+    [ -d "$wheels" ] || wheels=$place
+    echo "Building $1"
+    buildah build --format docker --layers --quiet --volume "$wheels:$wheels:ro" --build-arg "PIP_FIND_LINKS=$wheels" \
+        --build-arg BASE=localhost/paddock-base --target "$1" --tag "localhost/paddock-$1" . >"$place/$1.log" 2>&1 ||
+        fail "building $1 failed: $(tail -n 20 "$place/$1.log")"
+}
+
+# podman, and where it cannot manage resources, the same without cgroups, in a mount namespace that has the new ones only
+run() {
+    # shellcheck disable=SC2086
+    podman run $limits "$@"
+}
+choose_limits() { # TARGET...
+    limits=""
+    ! run --rm localhost/paddock-base true 2>"$place/run.log" || return 0
+    limits="--cgroups=disabled --ulimit=nofile=4096:4096 --ulimit=nproc=4096:4096"
+    ! run --rm localhost/paddock-base true 2>>"$place/run.log" || return 0
+    [ -z "${PADDOCK_TRY_AGAIN:-}" ] || fail "podman cannot run containers here: $(cat "$place/run.log")"
+    echo "podman runs containers without cgroups here: $(head -n 1 "$place/run.log")"
+    # shellcheck disable=SC2016
+    PADDOCK_TRY_AGAIN=1 exec unshare --mount sh -c 'umount -R /sys/fs/cgroup && mount -t cgroup2 cgroup2 /sys/fs/cgroup && exec "$@"' \
+        - "$0" --place "$place" "$@"
+}
+
+stop() { podman rm --force --volumes --time 5 $name >/dev/null 2>&1 || true; }
+
+drive() { # a house car with one weight changed, through the command and HTTP, on a read-only root
+    stop
+    podman volume rm --force $name >/dev/null
+    run --detach --name $name --read-only --tmpfs /tmp --cap-drop ALL --security-opt no-new-privileges \
+        --volume $name:/data --publish 127.0.0.1:$port:8000 localhost/paddock-embedded >/dev/null
+    trap stop EXIT
+    tries=0
+    until podman healthcheck run $name >/dev/null 2>&1; do
+        tries=$((tries + 1))
+        [ $tries -lt 600 ] || fail "not ready: $(podman logs --tail 30 $name 2>&1)"
+        sleep 1
+    done
+    inside() { podman exec --env DJANGO_SUPERUSER_PASSWORD=correct-horse-7 "$@"; }
+    inside $name id
+    inside $name python manage.py setup --no-input --admin driver --email driver@example.org | tail -n 2
+    inside $name python -c "
+import onnx, pathlib, shutil
+from onnx import numpy_helper
+folder = pathlib.Path('/tmp/car')
+folder.mkdir()
+network = onnx.load('training/house_cars/brisk.onnx')
+weights = network.graph.initializer[0]
+values = numpy_helper.to_array(weights).copy()
+values.flat[0] += 0.001
+weights.CopyFrom(numpy_helper.from_array(values, weights.name))
+onnx.save(network, folder / 'car.onnx')
+shutil.copy('training/house_cars/brisk.json', folder / 'model_metadata.json')"
+    api=http://127.0.0.1:$port/api/v1
+    token=$(curl -sS --fail --json '{"login": "driver", "password": "correct-horse-7"}' $api/auth/token/ | sed 's/.*"token": *"\([^"]*\)".*/\1/')
+    race=$(curl -sS --fail "$api/races/?state=open&kind=league&race_type=time_trial" | grep -o '"slug": *"[^"]*-open"' | head -n 1 | sed 's/.*"\([^"]*\)"$/\1/')
+    inside --env PADDOCK_SITE=http://127.0.0.1:8000 --env "PADDOCK_TOKEN=$token" $name \
+        python -m paddock.cli submit /tmp/car/car.onnx /tmp/car/model_metadata.json "$race" --wait
+    curl -sS --fail "$api/races/$race/board/" | grep -o '"racer": *"driver"'
+    inside $name python manage.py doctor
+}
+
+levels() { # what the sandbox comes to under a runtime's options
+    for options in "" "--security-opt=seccomp=containers/seccomp.json" "--security-opt=seccomp=unconfined" \
+        "--user=0" "--user=0 --cap-add=SYS_ADMIN --cap-add=NET_ADMIN"; do
+        # shellcheck disable=SC2086
+        level=$(run --rm --read-only --tmpfs /tmp $options localhost/paddock-worker python manage.py doctor 2>&1 | grep -E '^ +(ok|fail) +level') || true
+        echo "podman run $options: ${level:-it did not run}"
+    done
+}
+
+base
+choose_limits "$@"
+for target in "$@"; do build "$target"; done
+podman images --format '{{.Repository}} {{.Size}}' | grep localhost/paddock-
+case " $* " in *" worker "*) levels ;; esac
+case " $* " in *" embedded "*) drive ;; esac
