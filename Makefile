@@ -18,7 +18,7 @@ unexport PYTHONDONTWRITEBYTECODE
 
 # A Python that is gone takes .venv and its stamps with it, so that comes first
 .NOTPARALLEL:
-.PHONY: help setup run training ldap package wheels test journeys soak lint lock audit bench clean compiled system-run system-test
+.PHONY: help setup run training ldap package wheels test journeys soak lint lock audit sbom bench clean compiled system-run system-test
 
 help: ## what can be made
 	@grep -E '^[a-z-]+:.*## ' $(MAKEFILE_LIST) | sed -E 's/:.*## /\t/' | expand -t 12
@@ -67,6 +67,12 @@ lint: system-test $(VENV)/.test ## style, layering, types, migrations, translati
 
 bench: system-run $(VENV)/.test compiled ## all benchmarks, as one JSON object (BENCH_ARGS=--quick: minutes)
 	@$(BIN)/python -m benchmarks $(BENCH_ARGS)
+
+CYCLONEDX = $(VENV)/tools/bin/cyclonedx-py requirements --pyproject pyproject.toml --output-reproducible
+sbom: $(VENV)/.tools ## what is locked as bills of materials (CycloneDX) in dist/: of the site, and of training
+	@mkdir -p dist
+	@$(CYCLONEDX) --output-file dist/paddock-run.cdx.json locks/run.txt
+	@{ cat locks/training.txt; grep ^torch== constraints.txt; } | $(CYCLONEDX) --output-file dist/paddock-training.cdx.json -
 
 clean: ## the virtual environment (never the data)
 	rm -rf $(VENV)
