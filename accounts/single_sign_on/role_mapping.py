@@ -15,7 +15,8 @@ def roles_in(text: str) -> tuple[tuple[str, str], ...]:
         group, _, role = (part.strip() for part in pair.rpartition("="))
         if not group:
             raise ValueError(f"{pair!r} names no group")
-        if role not in (*STANDINGS, *QUOTAS) and not role.removeprefix(PERMISSIONS).strip() != role:
+        is_permissions = role.startswith(PERMISSIONS) and role != PERMISSIONS
+        if role not in (*STANDINGS, *QUOTAS) and not is_permissions:
             raise ValueError(f"{role!r} is none of {', '.join((*STANDINGS, *QUOTAS))} and {PERMISSIONS}NAME")
         pairs.append((group.casefold(), role))
     return tuple(pairs)

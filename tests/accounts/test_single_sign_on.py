@@ -34,6 +34,7 @@ pytestmark = pytest.mark.slow
         pytest.param("test_openid_connect.py", marks=PROVIDER),
         pytest.param("test_hostile_tokens.py", marks=PROVIDER),
         pytest.param("test_directory.py", marks=DIRECTORY),
+        pytest.param("../../core/personal_data/test_rules.py", marks=PROVIDER),
         pytest.param("test_journey_browser.py", marks=[PROVIDER, BROWSER, pytest.mark.browser]),
     ],
 )

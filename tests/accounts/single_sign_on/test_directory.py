@@ -12,8 +12,9 @@ from django.core import mail
 from django.core.cache import cache
 
 from accounts.models import Racer
-from accounts.single_sign_on import backends
+from accounts.single_sign_on import backends, examination
 from accounts.single_sign_on.roles import apply_roles
+from config.operations import doctor
 
 from .conftest import alias_of
 from .directory_server import PASSWORD, SUFFIX, change
@@ -171,6 +172,27 @@ def test_a_directory_that_cannot_be_asked_is_named_and_local_passwords_work(clie
 def test_without_its_packages_the_form_says_what_to_install(client, monkeypatch):
     monkeypatch.setattr(backends, "is_installed", lambda: False)
     assert "make ldap" in send(client).content.decode()
+
+
+@pytest.mark.parametrize(
+    ("wrong", "problem"),
+    [
+        ({}, "answers"),
+        ({"bind_password": "wrong"}, "Invalid credentials"),
+        ({"uri": "ldap://127.0.0.1:9"}, "it cannot be asked"),
+        ({"uri": "ldap://ldap.invalid", "start_tls": False}, "in the clear"),
+    ],
+)
+def test_the_doctor_asks_the_directory(settings, wrong, problem):
+    settings.OIDC = {}
+    settings.LDAP = site.LDAP | wrong
+    assert problem in next(doctor.log_in()).detail
+
+
+def test_the_doctor_names_the_command_that_installs_the_packages(settings, monkeypatch):
+    settings.OIDC = {}
+    monkeypatch.setattr(examination, "is_installed", lambda: False)
+    assert [(line.status, "make ldap" in line.detail) for line in doctor.log_in()] == [("fail", True)]
 
 
 def test_a_distinguished_name_by_a_template_needs_no_search(client, settings):

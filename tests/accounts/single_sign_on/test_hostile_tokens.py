@@ -10,6 +10,7 @@ from django.conf import settings as site
 from django.core.cache import cache
 
 from accounts.models import Racer
+from config.operations import doctor
 
 from .conftest import LOG_IN, alias_of, begin, come_back, log_in, sign_up
 
@@ -77,6 +78,14 @@ def test_an_answer_that_is_not_of_this_provider_is_refused(client, provider, mon
     made.status_code, made._content = 200, answer
     monkeypatch.setattr(requests.Session, "request", lambda *args, **kwargs: made)
     assert client.post(LOG_IN).status_code == 401
+
+
+def test_the_doctor_asks_the_provider(provider, settings):
+    assert list(doctor.log_in()) == [(site.OIDC["issuer"], "ok", "answers")]
+    settings.OIDC = site.OIDC | {"issuer": "http://127.0.0.1:9"}
+    assert [line.status for line in doctor.log_in()] == ["fail"]
+    settings.OIDC = site.OIDC | {"issuer": "http://login.invalid"}
+    assert "can read and change" in list(doctor.log_in())[-1].detail
 
 
 def test_a_log_in_begins_by_a_form_of_this_site_alone(provider):
