@@ -23,6 +23,7 @@ from core.admin import ComparedChanges
 
 from .models import Classroom, GroupMember, Racer, RacerGroup, RacerQuota, SignUpInvitation, Team, TeamMember
 from .pictures.services import remove_picture
+from .programs.services import disable_programs_of
 from .request_racer import racer_of
 from .templatetags.accounts import avatar
 
@@ -149,6 +150,8 @@ class RacerAdmin(ComparedChanges, UserAdmin):
             if self.has_change_permission(request, racer):
                 racer.is_active = active
                 racer.save(update_fields=["is_active"])
+                if not active:
+                    disable_programs_of(owner=racer)
                 self.log_change(request, racer, "Activated" if active else "Deactivated")
                 done += 1
         self.message_user(request, ngettext("%d racer was changed.", "%d racers were changed.", done) % done)

@@ -31,6 +31,10 @@ class PasswordBackend(AuthenticationBackend):
         racer = next(iter(_racers(pk=user_id)), None)
         return racer if racer is not None and self.user_can_authenticate(racer) else None
 
+    def user_can_authenticate(self, user: Any) -> bool:
+        """As Django's; programs have tokens and no sessions."""
+        return super().user_can_authenticate(user) and not user.is_program
+
     def _authenticate(self, request: HttpRequest | None, **credentials: Any) -> AbstractBaseUser | None:
         racer = racer_with(credentials)
         return self._check_password(racer if racer and may_use_password(racer) else None, credentials["password"])

@@ -79,6 +79,14 @@ register(
         exported="name",
         withheld={SECRET: "code", "It is the name in lower case.": "key"},
     ),
+    PersonalData(
+        accounts.ServiceAccount,
+        owner="owner",
+        erased="owner",
+        kept={"It is what a program is for.": "purpose", "It is the program's account.": "racer"},
+        section="programs",
+        exported="racer purpose",
+    ),
     PersonalData(accounts.TeamInvitation, owner="racer", rows=True, section="team_invitations"),
     PersonalData(accounts.TeamMember, owner="racer", rows=True, section="team"),
     PersonalData(

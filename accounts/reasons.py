@@ -32,6 +32,7 @@ register(
             "Your e-mail address is not one for this site. Use an address of: %(domains)s. Otherwise ask an admin."
         ),
         "sso_cancelled": _("You cancelled the log-in at %(provider)s. Log in again to continue."),
+        "program_not_yours": _("Only admins with the permission to add programs can do this."),
         "team_by_invitation": _("There is a team of this name: its captain can invite you."),
         "team_captain_only": _("Only the captain of the team may do this."),
         "team_not_asked": _("This invitation is not yours, or was taken back."),
@@ -43,6 +44,7 @@ register(
         ),
         "group_link_unknown": _("This link belongs to no group: it was replaced, or the group is gone."),
         "group_not_a_member": _("Only members can lead the group."),
+        "program_owner_unknown": _("Name an active racer who answers for the program."),
         "team_link_unknown": _("This link belongs to no team: it was replaced, or the team is gone."),
         "team_no_such_racer": _("There is no racer of this alias."),
         "team_not_a_member": _("This racer is not in the team."),
@@ -58,6 +60,8 @@ register(
             "Another account has the address %(email)s. Log in to that account with its password, verify the address "
             "and connect %(provider)s in the settings. If that is impossible, ask an admin."
         ),
+        "program_disabled": _("This program is disabled. Enable it first."),
+        "program_name_taken": _("There is an account of this name. Choose another one."),
         "team_full": _("The team already has %(limit)s racers, the maximum."),
         "team_hand_over_first": _("A captain makes somebody else captain before they leave."),
         "team_in_it_already": _("This racer is in the team already."),

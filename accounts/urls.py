@@ -4,6 +4,7 @@ from django.urls import include, path
 
 from .pictures import views as pictures
 from .profile import views as profile
+from .programs import views as programs
 from .signing_in import views as signing_in
 from .tokens import views as tokens
 from .usage import views as usage
@@ -12,6 +13,8 @@ urlpatterns = [
     path("settings/", profile.settings_page, name="settings"),
     path("settings/tokens/", tokens.api_tokens, name="api_tokens"),
     path("settings/tokens/<str:key>/revoke/", tokens.api_token_revoke, name="api_token_revoke"),
+    path("programs/", programs.programs, name="programs"),
+    path("programs/<str:alias>/", programs.program, name="program"),
     path("join/<str:code>/", signing_in.invitation, name="sign_up_invitation"),
     path("settings/usage/", usage.usage, name="usage"),
     path("settings/picture/", pictures.picture_set, name="picture_set"),

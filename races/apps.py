@@ -19,7 +19,7 @@ class RacesConfig(AppConfig):
         from .duels.services import recount
         from .entries import queues
         from .entries.audiences import register_audiences
-        from .entries.eligibility import check_group, check_learner, check_team
+        from .entries.eligibility import check_group, check_learner, check_program, check_team
         from .entries.eligibility import register as check_races
         from .entries.hooks import register_departure, register_recount
         from .live.services.sealing import take_out_departed
@@ -32,6 +32,7 @@ class RacesConfig(AppConfig):
         from .timing import selectors as timing
         from .web.race_page import register_part
 
+        check_races(check_program)
         check_races(check_group)
         check_races(check_team)
         check_races(check_learner)

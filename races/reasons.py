@@ -130,6 +130,7 @@ register(
     },
     forbidden={
         "race_group_not_yours": _("You can hold races for listed groups and for those that you lead."),
+        "race_program": _("Programs do not race. Enter with a racer's account."),
         "race_group_only": _("This race is for members of %(group)s alone."),
         "race_not_of_class": _("An account of a class races in the races of its class alone."),
         "race_needs_team": _("This race is for teams. Found one or join one first."),

@@ -40,8 +40,8 @@ class RacerManager(BaseUserManager["Racer"]):
 class Racer(AbstractBaseUser, PermissionsMixin):
     """A racer. The alias is public; only the owner and admins see the e-mail address.
 
-    House cars belong to racers with ``is_house``, known racers of imported seasons have a ``record_id``, and guests
-    with real cars a ``guest_name``: none of them can log in.
+    House cars belong to racers with ``is_house``, programs have ``is_program`` and tokens, known racers of imported
+    seasons have a ``record_id``, and guests with real cars a ``guest_name``: none of them can log in.
     """
 
     alias = models.CharField(_("alias"), max_length=64, unique=True, validators=ALIAS_VALIDATORS)
@@ -66,6 +66,7 @@ class Racer(AbstractBaseUser, PermissionsMixin):
         ),
     )
     is_house = models.BooleanField(_("house car"), default=False)
+    is_program = models.BooleanField(_("program"), default=False, db_default=False, editable=False)
     is_staff = models.BooleanField(_("admin"), default=False)
     is_active = models.BooleanField(_("active"), default=True)
     joined_at = models.DateTimeField(_("joined"), default=timezone.now)
@@ -124,7 +125,7 @@ class Racer(AbstractBaseUser, PermissionsMixin):
     @property
     def has_page(self) -> bool:
         """Whether the racer has a public page: active accounts and racers of imported seasons."""
-        return self.is_active or (self.record_id is not None and not self.guest_name)
+        return (self.is_active and not self.is_program) or (self.record_id is not None and not self.guest_name)
 
     def get_absolute_url(self) -> str:
         return reverse("racer", args=[self.alias])

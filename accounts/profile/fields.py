@@ -101,6 +101,14 @@ register(
 )
 register(
     ProfileField(
+        "is_program",
+        lambda racer, viewer: racer.is_program,
+        lambda is_program: _("program, does not race") if is_program else "",
+        lambda: api_field("BooleanField", help_text="A program's account, which cannot race."),
+    )
+)
+register(
+    ProfileField(
         "is_house",
         lambda racer, viewer: racer.is_house,
         lambda is_house: _("house car, not ranked") if is_house else "",

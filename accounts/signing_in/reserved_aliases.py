@@ -5,7 +5,7 @@ import re
 # By a word of their own: house-flyer and admin_jane as well.
 _OFFICES = """
 admin administrator administration house mod moderator official officials operator organiser organizer owner paddock
-root staff steward stewards support sysadmin superuser system webmaster
+program root staff steward stewards support sysadmin superuser system webmaster
 """
 # As a whole.
 _NAMES = """

@@ -35,7 +35,7 @@ def factors_of(racer: Racer) -> QuerySet[Authenticator]:
 
 def lacks_demanded_factor(racer: Viewer) -> bool:
     """Whether this is an admin on a site that demands a second factor of admins, and there is none."""
-    if not isinstance(racer, Racer) or not racer.is_staff:
+    if not isinstance(racer, Racer) or not racer.is_staff or racer.is_program:
         return False
     return bool(settings.STAFF_SECOND_FACTOR and not factors_of(racer).exists())
 

@@ -3,6 +3,7 @@
 from django.urls import URLPattern, URLResolver, include, path, re_path
 
 from accounts.groups import api as groups
+from accounts.programs import api as programs
 from accounts.teams import api as teams
 from evaluation.garage import api as models
 from evaluation.reports import api as reports
@@ -40,6 +41,10 @@ version_1: list[URLPattern | URLResolver] = [
     path("following/", following.FollowingView.as_view(), name="api-following"),
     path("following/<slug:alias>/", following.FollowView.as_view(), name="api-follow"),
     path("racers/<slug:alias>/", racers.RacerView.as_view(), name="api-racer"),
+    path("programs/", programs.ProgramsView.as_view(), name="api-programs"),
+    path("programs/<slug:alias>/", programs.ProgramView.as_view(), name="api-program"),
+    path("programs/<slug:alias>/tokens/", programs.ProgramTokensView.as_view(), name="api-program-tokens"),
+    path("programs/<slug:alias>/tokens/<slug:key>/", programs.ProgramTokenView.as_view(), name="api-program-token"),
     path("groups/", groups.GroupsView.as_view(), name="api-groups"),
     path("groups/join/", groups.GroupJoinView.as_view(), name="api-group-join"),
     path("groups/<slug:slug>/", groups.GroupView.as_view(), name="api-group"),

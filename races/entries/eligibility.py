@@ -66,6 +66,12 @@ def check_group(race: Race, racer: Racer, now: datetime) -> None:
         raise UserFault("race_group_only", group=race.group.name)
 
 
+def check_program(race: Race, racer: Racer, now: datetime) -> None:
+    """Refuse accounts of programs. Raises UserFault("race_program")."""
+    if racer.is_program:
+        raise UserFault("race_program")
+
+
 def check_learner(race: Race, racer: Racer, now: datetime) -> None:
     """Refuse a class account in other races than its class's. Raises UserFault("race_not_of_class")."""
     learner: ClassLearner | None = getattr(racer, "learner", None)  # asked once for many races

@@ -50,6 +50,8 @@ OPERATIONS: dict[str, dict[str, Any]] = {
     "POST /api/v1/groups/join/": {"code": "{group_code}"},
     "POST /api/v1/teams/join/": {"code": "{team_code}"},
     "POST /api/v1/classes/": {"name": "8a"},
+    "POST /api/v1/programs/": {"name": "other", "purpose": "Results", "owner": "alice"},
+    "PATCH /api/v1/programs/{program}/": {"purpose": "Other results"},
 }
 # what buttons and scripts of pages send, and fields that a form leaves to the racer, by the address
 PAGES: dict[str, dict[str, Any]] = {
@@ -59,6 +61,7 @@ PAGES: dict[str, dict[str, Any]] = {
     "/races/{secret}/cancel/": {"reason": "Rain"},
     "/cups/starter/": {"model": "{mine}"},
     "/groups/{group}/": {"do": "link"},
+    "/programs/{program}/": {"action": "disable"},
     "/seasons/{season}/continues/": {"continues": "1"},
     "/settings/": {"country": "DE"},
     "/races/{show}/event/act/": {"action": "message", "message": "Hello", "version": "{version}"},

@@ -22,6 +22,7 @@ from django.test.client import ClientHandler
 
 from accounts.class_accounts.services import add_teacher
 from accounts.models import ClassLearner, Classroom, Racer
+from accounts.programs.services import make_program, make_program_token
 from accounts.tokens.services import create_token, note_use
 from core.events import waking
 from core.wakeups import workers as wakeup
@@ -208,11 +209,15 @@ def _made_cast() -> Cast:
         finish_evaluation(pk=run.pk, lease=running.lease, outcome=driven(laps(20_000, 21_000, 19_000)), now=now)
     notice = Notice.objects.create(racer=alice, kind=notice_kinds.OPENS, about="x", params={"race": "Open"}, at=now)
     token, _ = create_token(racer=alice, now=now)
+    program = make_program(by=world.admin, name="ci", purpose="Results", owner="alice", now=now)
+    program_token, _ = make_program_token(program=program, by=world.admin, scopes=["read"], days=7, now=now)
     sensor, sensor_token = make_sensor(race=forms.real, name="Line", by=alice, now=now)
     uid, key = forms.words["reset"].split("-", 1)
     words = forms.words | {
         "open": "open-race",
         "secret": "secret-race",
+        "program": program.racer.alias,
+        "program_key": program_token.token_key,
         "show": "show",
         "planned": "planned",
         "shown": ended.slug,

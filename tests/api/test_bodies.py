@@ -21,6 +21,7 @@ from rest_framework.test import APIClient
 from accounts.class_accounts.services import add_learners, add_teacher, make_class
 from accounts.groups.services import ask_to_join, confirm_member, make_group
 from accounts.models import Racer
+from accounts.programs.services import make_program, make_program_token
 from accounts.teams.services import found_team, invite_to_team, join_by_link
 from core.api.bodies import MAX_NAME, MAX_NAMED
 from core.events import waking
@@ -83,6 +84,8 @@ class Owned:
             return path.format(slug="tried-class", alias=self.learner if "/learners/" in path else "guest")
         if "/teams/" in path and "/invitations/" in path:
             return path.format(slug="tried", alias="fast")
+        if "/programs/" in path:
+            return path.format(alias="program-tried", key=self.names["program_key"])
         if "/guests/" in path:
             return path.format(slug=self.real["slug"], id=self.guest)
         if re.search("/(timing|sessions|laps|sensors|timekeepers)/", path):
@@ -111,6 +114,10 @@ def _made_owned(alice: Racer, now: datetime) -> Owned:
     Round.objects.create(season=season, number=1, stage=Stage.OPEN, race=ahead)
     names = {"slug": "tried", "race": ahead.slug, "alias": "guest", "token": race.invitation, "stage": "open-qualifier"}
     names["key"] = AuthToken.objects.create(user=alice)[0].token_key
+    boss = a_racer("boss", is_staff=True, is_superuser=True)
+    program = make_program(by=boss, name="tried", purpose="Results", owner="alice", now=now)
+    made, _text = make_program_token(program=program, by=boss, scopes=["read"], days=7, now=now)
+    names["program_key"] = made.token_key
     notice = Notice.objects.create(racer=alice, kind=notice_kinds.OPENS, about="x", params={"race": "Tried"}, at=now)
     real, mia = a_timed_race(now, alice, a_racer("fast"))
     of = {
@@ -181,7 +188,7 @@ def test_every_write_refuses_an_unknown_field(method, path, owned, as_racer):
     if path == "/api/v1/timing/crossings/":  # a sensor's own token
         _, token = make_sensor(race=Race.objects.get(slug="real-race"), name="Line", by=alice, now=timezone.now())
         client.credentials(HTTP_AUTHORIZATION=f"Bearer {token}")
-    if path.startswith("/api/v1/seasons/"):  # admins alone write these
+    if path.startswith(("/api/v1/seasons/", "/api/v1/programs/")):  # admins alone write these
         Racer.objects.filter(pk=alice.pk).update(is_staff=True, is_superuser=True)
     with CaptureQueriesContext(connection) as queries:
         answer = getattr(client, method)(address, {"lapz": 5}, format=kind)

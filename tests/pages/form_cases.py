@@ -373,6 +373,14 @@ CASES = [
         "admin", "/workers/evaluations/failed/", "Filter", "css=option[value='0'][selected]", {"Ended within": "ever"}
     ),
     Case("admin", "", "Run all of them again", "css=.messages li, .messages p"),
+    Case(
+        "admin",
+        "/programs/",
+        "Create the program",
+        "Program created.",
+        {"Name": "ci", "Purpose": "Results", "Owner": "alice"},
+    ),
+    Case("admin", "/audit/", "Filter", "css=#id_target[value=oval]", {"Target": "oval"}),
     Case("admin", "/seasons/new/", "css=.actions [value=preview]", CHANGE, {"Name": "Next", "Address": "next"}),
     Case("admin", "", CHANGE, "css=[value=pattern]"),
     Case("admin", "", "Same as the pattern", CHANGE),

@@ -246,6 +246,8 @@ class Cast:
             "guides/": [{"slug": "tracks"}],
             "learn/": [{"slug": lesson.slug} for lesson in LESSONS[:1]],
             "join/": [],  # leads to the form for signing up
+            "programs/": [],  # tests/accounts/test_programs.py sends its forms
+            "audit/": [],  # a file
             "workers/": [{"name": "evaluations"}],
             "races/join/": [{"token": said["invitation"]}],
             "races/<slug:slug>/$": [{"slug": slug} for slug in races],
