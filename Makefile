@@ -137,4 +137,4 @@ lock: $(VENV)/.tools ## locks/ and constraints.txt anew, after a change of depen
 	PATH="$(CURDIR)/$(VENV)/tools/bin:$$PATH" $(VENV)/tools/bin/python scripts/lock.py
 
 audit: $(VENV)/.tools ## known holes in what is locked (asks the index's list of them, so it needs the network)
-	@for lock in run test training; do echo "$$lock:"; $(VENV)/tools/bin/pip-audit --strict --require-hashes --disable-pip --requirement locks/$$lock.txt || exit 1; done
+	@for lock in run test training ldap; do echo "$$lock:"; $(VENV)/tools/bin/pip-audit --strict --require-hashes --disable-pip --requirement locks/$$lock.txt || exit 1; done

@@ -6,12 +6,17 @@ from collections.abc import Collection
 from django.conf import settings
 from django.contrib.auth.models import Group
 from django.db import transaction
+from django.utils.translation import gettext_lazy as _
+
+from core.audit.acts import AuditAct, register
+from core.audit.recording import record
 
 from ..models import Racer
 from ..quotas import limit_of
 from .role_mapping import PERMISSIONS, QUOTAS, STANDINGS
 
 logger = logging.getLogger(__name__)
+ROLES_SET = register(AuditAct("racer.roles_set", _("Roles set by single sign-on")))
 
 
 @transaction.atomic
@@ -34,6 +39,7 @@ def apply_roles(*, racer: Racer, groups: Collection[str]) -> list[str]:
             changes.append(f"{'+' if is_wanted else '-'}{role}")
     if changes:
         logger.warning("Single sign-on changed the roles of %s: %s", racer.alias, " ".join(changes))
+        record(ROLES_SET, racer, by=racer, changes={"roles": ["", " ".join(changes)]})
     return changes
 
 

@@ -12,6 +12,7 @@ from django.contrib.auth.models import Group
 from django.core import mail
 
 from accounts.models import Racer, SignUpInvitation
+from core.audit.models import AuditEntry
 from tests.accounts.one_time_codes import code_of
 
 from .conftest import alias_of, begin, come_back, log_in, sign_up
@@ -161,6 +162,7 @@ def test_groups_give_roles_at_sign_up_and_take_them_at_the_next_log_in(client, p
     assert (racer.is_staff, racer.is_superuser) == (True, True)
     assert [group.name for group in racer.groups.all()] == ["Writers"]
     assert SocialAccount.objects.get().extra_data["groups"] == ["Paddock-Admins", "writers", "staff"]
+    assert AuditEntry.objects.get().changes == {"roles": ["", "+admin +group:Writers"]}
     client.post("/accounts/logout/")
     racer.groups.add(Group.objects.create(name="By hand"))
     provider.says("mia", groups=["staff"])
