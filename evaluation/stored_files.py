@@ -44,9 +44,7 @@ def store(name: str, content: bytes) -> str:
 
 def store_file(name: str, content: File) -> str:
     """As :func:`store`, for a file too large for memory, from its beginning."""
-    if not isinstance(
-        default_storage, FileSystemStorage
-    ):  # no bucket reserves a name: of two writers one deletes its file
+    if not isinstance(default_storage, FileSystemStorage):  # a bucket reserves no name for one of two writers
         name = default_storage.get_alternative_name(*splitext(name))
     content.seek(0)
     sha256, size = _summed(content)

@@ -19,7 +19,7 @@ from importlib import import_module
 from types import FrameType
 from typing import Any
 
-from config.serving.forking import show
+from config.serving.forking import PYTHON, show
 from config.serving.supervisor import CANNOT_RUN, Supervisor
 from core.logs.lines import FORMATTERS, format_name
 
@@ -46,32 +46,34 @@ def main(arguments: list[str] | None = None) -> int:
     parser.add_argument("--processes", type=int, default=PROCESSES)
     parser.add_argument("--threads", type=int, default=THREADS, help="of each process, that run Django")
     parser.add_argument("--application", default=APPLICATION, help=argparse.SUPPRESS)
+    parser.add_argument("--listening", type=int, help=argparse.SUPPRESS)  # the socket, for one of the processes
     given = parser.parse_args(arguments)
     log_lines()
     os.umask(0o077)
+    if given.listening is not None:
+        _serve(socket.socket(fileno=given.listening), given.application, given.threads, ())
+        return 0
     try:
         listening = listen(given.host, given.port)
     except OSError as problem:
         logger.error("Cannot listen on %s port %s: %s", given.host, given.port, problem)
         return 1
+    listening.set_inheritable(True)
+    said = sys.argv[1:] if arguments is None else arguments
+    command = [*PYTHON, "config.web", *said, "--listening", str(listening.fileno())]
+    work = partial(os.execv, command[0], command)  # a fork would keep the modules, as they were, that we have loaded
     supervisor = Supervisor(replaces_on_sighup=True)
-    add_processes(supervisor, listening, given.application, given.processes, given.threads)
+    for _ in range(given.processes):
+        supervisor.add("web", work, vital=True, inherited=[listening.fileno()])
     culprit, status = supervisor.run()
     return status if culprit else 0
 
 
-def add_processes(
-    supervisor: Supervisor,
-    listening: socket.socket,
-    application: str = APPLICATION,
-    processes: int = PROCESSES,
-    threads: int = THREADS,
-    shown_as: Sequence[str] = (),
-) -> None:
-    """Add the processes of the web server to what ``supervisor`` runs. They serve ``application`` (``module:name``) on
-    the socket ``listening``; ``ps`` shows them as the command ``shown_as``."""
-    for _ in range(processes):
-        work = partial(_serve, listening, application, threads, shown_as)
+def add_processes(supervisor: Supervisor, listening: socket.socket, shown_as: Sequence[str]) -> None:
+    """Add the processes of the web server to what ``supervisor`` runs. They serve on the socket ``listening``; ``ps``
+    shows them as the command ``shown_as``."""
+    for _ in range(PROCESSES):
+        work = partial(_serve, listening, APPLICATION, THREADS, shown_as)
         supervisor.add("web", work, vital=True, inherited=[listening.fileno()])
 
 

@@ -230,6 +230,24 @@ def test_a_dead_process_is_replaced_and_sighup_replaces_all(small):
         assert server.get("/health/live") == (200, b"ok")
 
 
+def test_sighup_brings_new_code_of_what_the_supervisor_has_loaded_too(tmp_path, monkeypatch):
+    monkeypatch.chdir(CHECKOUT)
+    monkeypatch.setenv("PYTHONPATH", str(tmp_path))
+    (tmp_path / "sitecustomize.py").write_text("import release")
+    (tmp_path / "releases.py").write_text(
+        "import release, tests.config.web_site\n"
+        "def application(environ, start_response):\n"
+        "    start_response('200 OK', [])\n"
+        "    return [release.NAME]\n"
+    )
+    (tmp_path / "release.py").write_text("NAME = b'old'")
+    with web("releases:application", "--processes", "1") as server:
+        assert server.get("/") == (200, b"old")
+        (tmp_path / "release.py").write_text("NAME = b'newer'")
+        server.process.send_signal(signal.SIGHUP)
+        wait_for(lambda: server.get("/") == (200, b"newer"), 20)
+
+
 def test_sigkill_ends_the_child_processes_too(small):
     with small() as server:
         family = server.serving()

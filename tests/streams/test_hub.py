@@ -7,11 +7,12 @@ from collections.abc import AsyncIterator
 from datetime import date
 
 import pytest
+from django.db import OperationalError
 
 from config.serving.streams.hub import BEAT_S, Hub
 from config.serving.streams.reader import HELD_BYTES, Reader, message
 from core.events import KINDS, Event
-from core.streams import TOPICS, Backstage, Topic, register_topic, topics_of
+from core.streams import TOPICS, Backstage, Topic, life, register_topic, topics_of
 from core.streams.topics import asked_for
 from league.events import SEASON_DRAFTED
 from league.seasons.services.seasons import create_season
@@ -88,6 +89,28 @@ def test_a_welcome_is_made_once_for_a_crowd_and_one_that_fails_costs_nobody_the_
     seen = asyncio.run(look())
     assert made.count("open") == 1
     assert all(b'{"to":"shown:open","data":{"many":1}}' in each and b"event: hello" in each for each in seen)
+
+
+def test_its_sign_of_life_comes_again_after_the_database_was_away(monkeypatch):
+    async def look() -> None:
+        hub, again = Hub(), asyncio.Event()
+        faults = [OperationalError("terminating connection due to administrator command")]
+        loop = asyncio.get_running_loop()
+
+        def report(figures: dict) -> None:
+            if faults:
+                raise faults.pop()
+            loop.call_soon_threadsafe(again.set)
+
+        monkeypatch.setattr(life, "report", report)
+        monkeypatch.setattr(life, "REPORTED_EVERY_S", 0.01)
+        hub.start()
+        try:
+            await asyncio.wait_for(again.wait(), 20)
+        finally:
+            await hub.close()
+
+    asyncio.run(look())
 
 
 def test_what_is_said_while_a_reader_is_welcomed_comes_after_it():

@@ -297,7 +297,8 @@ class Hub:
     async def _live(self) -> None:
         """Report the figures now and then."""
         while True:
-            await self._people.ask(life.report, self.figures())
+            with suppress(Error):  # the database is away
+                await self._people.ask(life.report, self.figures())
             await asyncio.sleep(life.REPORTED_EVERY_S)
 
     async def _check(self) -> None:
