@@ -8,19 +8,23 @@ from allauth.account.models import EmailAddress, EmailConfirmation
 from allauth.mfa import admin as mfa_admin
 from allauth.mfa.models import Authenticator
 from django.conf import settings
-from django.contrib import admin
+from django.contrib import admin, messages
 from django.contrib.auth.admin import UserAdmin
 from django.contrib.auth.forms import AdminUserCreationForm, UserChangeForm
 from django.db.models import QuerySet
 from django.forms import ModelForm
-from django.http import HttpRequest
+from django.http import HttpRequest, HttpResponseBase
 from django.utils import timezone
 from django.utils.html import format_html
 from django.utils.translation import gettext_lazy as _
 from django.utils.translation import ngettext
 
 from core.admin import ComparedChanges
+from core.forms import explain
+from paddock.errors import UserFault
 
+from .leaving.downloads import download_of_data
+from .leaving.services import check_deletion, delete_account, is_deletable
 from .models import Classroom, GroupMember, Racer, RacerGroup, RacerQuota, SignUpInvitation, Team, TeamMember
 from .pictures.services import remove_picture
 from .programs.services import disable_programs_of
@@ -50,7 +54,7 @@ class NewRacerForm(AdminUserCreationForm):
 
 
 class RacerForm(UserChangeForm):
-    """A racer that an admin changes. The alias was chosen once, and stays."""
+    """A racer that an admin changes. The alias is the racer's to change."""
 
     class Meta:
         model = Racer
@@ -78,7 +82,7 @@ class FactorInline(admin.TabularInline):
 
 @admin.register(Racer)
 class RacerAdmin(ComparedChanges, UserAdmin):
-    """Racers. They are deactivated, not deleted: their results belong to other racers' boards."""
+    """Racers. Deleting an account keeps its results without the name (:mod:`accounts.leaving`)."""
 
     form = RacerForm
     add_form = NewRacerForm
@@ -88,12 +92,12 @@ class RacerAdmin(ComparedChanges, UserAdmin):
     ordering = ("alias",)
     date_hierarchy = "joined_at"
     filter_horizontal = ("groups", "user_permissions")
-    readonly_fields = ("joined_at", "last_login", "is_house", "picture")
+    readonly_fields = ("joined_at", "last_login", "is_house", "picture", "past_aliases")
     inlines = (EmailInline, FactorInline, QuotaInline)
-    actions = ("deactivate", "activate", "remove_pictures")
+    actions = ("deactivate", "activate", "remove_pictures", "download_data")
     fieldsets = (
         (None, {"fields": ("alias", "email", "password", "country", "picture")}),
-        (_("Standing"), {"fields": ("is_active", "is_house", "joined_at", "last_login")}),
+        (_("Standing"), {"fields": ("past_aliases", "is_active", "is_house", "joined_at", "last_login")}),
         (_("Powers"), {"fields": POWERS}),
     )
     add_fieldsets = (
@@ -104,7 +108,7 @@ class RacerAdmin(ComparedChanges, UserAdmin):
         return () if obj is None or obj.is_house else self.inlines
 
     def get_readonly_fields(self, request: HttpRequest, obj: Racer | None = None) -> tuple[str, ...]:
-        """The alias is chosen once; powers are given by superusers alone."""
+        """The alias is the racer's to change; powers are given by superusers alone."""
         fixed = tuple(super().get_readonly_fields(request, obj))
         if obj is not None:
             fixed += ("alias",)
@@ -115,13 +119,28 @@ class RacerAdmin(ComparedChanges, UserAdmin):
         return super().has_change_permission(request, obj) and not mightier
 
     def has_delete_permission(self, request: HttpRequest, obj: Racer | None = None) -> bool:
-        used = obj is not None and (obj.entries.exists() or obj.evaluations.exists() or obj.organised_races.exists())
-        return super().has_delete_permission(request, obj) and not used
+        mightier = obj is not None and obj.is_superuser and not request.user.is_superuser
+        allowed = super().has_delete_permission(request, obj) and not mightier
+        return allowed and (obj is None or (is_deletable(obj) and obj.pk != request.user.pk))
 
-    def get_actions(self, request: HttpRequest, *where: Any, **named: Any) -> dict[str, Any]:
-        actions = super().get_actions(request, *where, **named)
-        actions.pop("delete_selected", None)
-        return actions
+    def get_deleted_objects(self, objs: Any, request: HttpRequest) -> tuple[list, dict, set, list]:
+        """What the confirmation lists: each account, and what must be done before it can be deleted."""
+        protected = []
+        for racer in objs:
+            try:
+                check_deletion(racer=racer, now=timezone.now())
+            except UserFault as fault:
+                protected.append(f"{racer}: {explain(fault)}")
+        allowed = all(self.has_delete_permission(request, racer) for racer in objs)
+        shown = [_("%(alias)s: all but results, which stay without the name") % {"alias": one} for one in objs]
+        return shown, {self.opts.verbose_name_plural: len(shown)}, set() if allowed else {_("racer")}, protected
+
+    def delete_model(self, request: HttpRequest, obj: Racer) -> None:
+        delete_account(racer=obj, by=racer_of(request), now=timezone.now())
+
+    def delete_queryset(self, request: HttpRequest, queryset: QuerySet[Racer]) -> None:
+        for racer in queryset:
+            self.delete_model(request, racer)
 
     @admin.action(description=_("Deactivate: no log-in, results stay"), permissions=["change"])
     def deactivate(self, request: HttpRequest, queryset: QuerySet[Racer]) -> None:
@@ -139,6 +158,20 @@ class RacerAdmin(ComparedChanges, UserAdmin):
                 self.log_change(request, racer, "Removed the picture")
                 done += 1
         self.message_user(request, ngettext("%d picture was removed.", "%d pictures were removed.", done) % done)
+
+    @admin.action(description=_("Download the data of one racer, at their request"), permissions=["change"])
+    def download_data(self, request: HttpRequest, queryset: QuerySet[Racer]) -> HttpResponseBase | None:
+        racer = queryset.first()
+        if racer is None or queryset.count() > 1 or not self.has_change_permission(request, racer):
+            self.message_user(request, _("Choose one racer."), messages.ERROR)
+            return None
+        self.log_change(request, racer, "Downloaded the personal data")
+        return download_of_data(racer=racer, now=timezone.now(), is_limited=False)
+
+    @admin.display(description=_("past aliases"))
+    def past_aliases(self, racer: Racer) -> str:
+        """With the day until which the racer had each."""
+        return ", ".join(f"{one.alias} ({one.changed_at:%Y-%m-%d})" for one in racer.past_aliases.all()) or "–"
 
     @admin.display(description=_("picture"))
     def picture(self, racer: Racer) -> str:

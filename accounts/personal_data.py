@@ -1,16 +1,77 @@
 """Personal data of accounts, and of the packages that keep a part of them: log-in, second factors, tokens, sessions."""
 
+from contextlib import suppress
+from datetime import datetime
+
 from allauth.account.models import EmailAddress, EmailConfirmation
 from allauth.mfa.models import Authenticator
 from django.contrib.admin.models import LogEntry
+from django.contrib.auth import SESSION_KEY
 from django.contrib.auth.models import Group, Permission
 from django.contrib.contenttypes.models import ContentType
 from django.contrib.sessions.models import Session
+from django.db import transaction
+from django.db.models import ProtectedError, Q, QuerySet
 from knox.models import AuthToken
 
-from core.personal_data.rules import NOBODY, OTHERS, SECRET, PersonalData, register
+from core.personal_data.discarding import discard_files
+from core.personal_data.retention import RetentionPolicy
+from core.personal_data.rules import NOBODY, OTHERS, SECRET, Leaving, PersonalData, register
+from paddock.errors import UserFault
 
 from . import models as accounts
+from .pictures.services import path_of
+
+
+def _check(racer: accounts.Racer, now: datetime) -> None:
+    """Raises UserFault("account_leads_class" | "account_leads_group" | "account_last_admin")."""
+    classroom = accounts.Classroom.objects.filter(group__leader=racer).select_related("group").first()
+    if classroom is not None:
+        raise UserFault("account_leads_class", name=classroom.group.name)
+    for group in accounts.RacerGroup.objects.filter(leader=racer):
+        if group.members.exclude(racer=racer).filter(confirmed_at__isnull=False).exists():
+            raise UserFault("account_leads_group", name=group.name)
+    admins = accounts.Racer.objects.filter(is_superuser=True, is_active=True)
+    if racer.is_superuser and not admins.exclude(pk=racer.pk).exists():
+        raise UserFault("account_last_admin")
+
+
+def _erase(leaving: Leaving) -> None:
+    """Delete the picture, groups without other members, and the sessions, which hold the alias in code. Disable the
+    programs of the racer."""
+    racer = leaving.racer
+    if racer.avatar:
+        discard_files([path_of(racer.avatar)], now=leaving.now)
+    for group in accounts.RacerGroup.objects.filter(leader=racer):
+        with suppress(ProtectedError), transaction.atomic():
+            group.delete()
+    accounts.Racer.objects.filter(program__owner=racer).update(is_active=False)
+    mine = [
+        session.pk
+        for session in Session.objects.iterator(chunk_size=500)
+        if session.get_decoded().get(SESSION_KEY) == str(racer.pk)
+    ]
+    Session.objects.filter(pk__in=mine).delete()
+
+
+def _unconfirmed(before: datetime, now: datetime) -> QuerySet[accounts.Racer]:
+    """Accounts of people who never confirmed an address and never did anything."""
+    unused = dict.fromkeys(("entries", "models", "evaluations", "organised_races", "groups_led", "learner", "tracks"))
+    found = accounts.Racer.objects.filter(
+        Q(last_login=None) | Q(last_login__lt=before), joined_at__lt=before, record_id=None, guest_name="", **unused
+    )
+    found = found.filter(is_house=False, is_staff=False, is_superuser=False, deletion=None)
+    return found.exclude(emailaddress__verified=True)
+
+
+def _delete_unconfirmed(rows: QuerySet[accounts.Racer], now: datetime) -> int:
+    deleted = 0
+    for racer in rows:
+        with suppress(ProtectedError), transaction.atomic():
+            racer.delete()
+            deleted += 1
+    return deleted
+
 
 _IN_USE = "It belongs to its members."
 
@@ -67,6 +128,9 @@ register(
         exported="real_name lessons",
         withheld={SECRET: "code_digest"},
     ),
+    PersonalData(accounts.PastAlias, owner="racer", rows=True, section="past_aliases", exported="alias"),
+    PersonalData(accounts.ReservedAlias, owner="racer", rows=True, withheld={"Digests of the past aliases.": "*"}),
+    PersonalData(accounts.DeletedAccount, kept={"It is the date on which an account was deleted.": "racer"}),
     PersonalData(accounts.Follow, owner="follower followed", rows=True, withheld={OTHERS: "*"}),
     PersonalData(accounts.Racer.groups.through, owner="racer", rows=True, section="roles"),
     PersonalData(accounts.Racer.user_permissions.through, owner="racer", rows=True, section="permissions"),
@@ -96,6 +160,32 @@ register(
         anonymised="alias email",
         section="account",
         exported="alias email country team guest_name avatar",
+        files=lambda racer: [path_of(racer.avatar)] if racer.avatar else [],
         withheld={SECRET: "password", "They have files of their own.": "groups user_permissions"},
     ),
+    check=_check,
+    erase=_erase,
+    policies=[
+        RetentionPolicy("unconfirmed_accounts", "UNCONFIRMED_ACCOUNTS_KEPT_DAYS", _unconfirmed, _delete_unconfirmed),
+        RetentionPolicy(
+            "known_addresses",
+            "KNOWN_ADDRESSES_KEPT_DAYS",
+            lambda before, now: accounts.KnownAddress.objects.filter(seen_at__lt=before),
+        ),
+        RetentionPolicy(
+            "past_aliases",
+            "PAST_ALIASES_KEPT_DAYS",
+            lambda before, now: accounts.PastAlias.objects.filter(changed_at__lt=before),
+        ),
+        RetentionPolicy(
+            "reserved_aliases",
+            "ALIAS_RESERVED_DAYS",
+            lambda before, now: accounts.ReservedAlias.objects.filter(until__lte=now),
+        ),
+        RetentionPolicy(
+            "admin_log",
+            "ADMIN_LOG_KEPT_DAYS",
+            lambda before, now: LogEntry.objects.filter(action_time__lt=before),
+        ),
+    ],
 )

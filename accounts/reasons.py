@@ -22,6 +22,8 @@ register(
         "sso_unreachable": _("%(provider)s does not answer. Try again later."),
     },
     forbidden={
+        "account_not_confirmed": _("Type your alias exactly to confirm."),
+        "account_log_in_again": _("Log out and in again, then delete the account within ten minutes."),
         "class_no_teacher": _("A class account cannot have classes."),
         "class_not_yours": _("Only the teacher of the class may do this."),
         "follow_not_this": _(
@@ -50,6 +52,19 @@ register(
         "team_not_a_member": _("This racer is not in the team."),
     },
     conflict={
+        "alias_of_class": _("The alias of a class account stays as it is."),
+        "alias_reserved": _("This alias is reserved. Choose another one."),
+        "alias_same": _("This is your alias already."),
+        "alias_taken": _("This alias is taken, was another racer's until lately, or looks like one that is taken."),
+        "account_last_admin": _("You are the last admin. Make another racer an admin first."),
+        "account_leads_class": _("You lead the class “%(name)s”. Delete the class on its page first."),
+        "account_leads_group": _(
+            "You lead the group “%(name)s”. Let a member lead it on its page, or delete it first."
+        ),
+        "account_not_deletable": _(
+            "This account is a house car's, a guest's, of an imported season, or deleted already."
+        ),
+        "account_of_class": _("Your teacher can delete this account on the page of the class."),
         "class_too_many_teachers": _("A class has at most %(limit)s teachers besides its owner."),
         "class_too_many": _("You may have %(limit)s learners in all your classes. Ask an operator for more."),
         "follow_too_many": _("You already follow %(limit)s racers, the maximum. Unfollow one first."),
@@ -75,6 +90,8 @@ register(
         "picture_too_many_pixels": _("The picture has more than %(limit)s million pixels."),
     },
     too_many_requests={
+        "alias_too_soon": _("You can change the alias once in %(days)s days."),
+        "data_too_often": _("You downloaded your data %(limit)s times in a day, the maximum. Try again tomorrow."),
         "class_too_many_codes": _("There were too many wrong codes from here. Wait five minutes."),
     },
 )

@@ -19,9 +19,10 @@ SAFE = ("GET", "HEAD", "OPTIONS")
 
 
 def needed(view: Any, method: str) -> tuple[str, ...]:
-    """The scopes that a token needs for this method of an API view: for writes its ``token_scope``, without one all."""
+    """The scopes that a token needs for this method of an API view: for writes its ``token_scope``, without one all;
+    for reads its ``read_scopes``, without them READ."""
     if method in SAFE:
-        return (READ,)
+        return getattr(view, "read_scopes", (READ,))
     scope = getattr(view, "token_scope", EVERY)
     return {ANY: (), EVERY: SCOPES}.get(scope, (scope,))
 

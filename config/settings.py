@@ -252,6 +252,11 @@ CELERY_BEAT_SCHEDULE: dict[str, dict[str, Any]] = {
     "events": {"task": "core.events.tasks.sweep", "schedule": 60.0, "options": {"expires": 59}},
     "old_events": {"task": "core.events.tasks.trim", "schedule": 6 * 3600.0, "options": {"expires": 3600}},
     "old_sessions": {"task": "config.tasks.old_sessions", "schedule": 3600.0, "options": {"expires": 3600}},
+    "retention": {
+        "task": "config.tasks.retention",
+        "schedule": {"minute": 30, "hour": 3},
+        "options": {"expires": 3600},
+    },
     "pages": {"task": "config.tasks.pages", "schedule": {"minute": 30, "hour": 0}, "options": {"expires": 3600}},
     "house cars": {"task": "league.tasks.house_cars", "schedule": 600.0, "options": {"expires": 600}},
 }
@@ -259,6 +264,17 @@ CELERY_BEAT_SCHEDULE_FILENAME = str(DATA_DIR / "celerybeat-schedule")
 
 # what happened is read within minutes; how long it can be looked up afterwards
 EVENTS_KEPT_DAYS = env_int("PADDOCK_EVENTS_KEPT_DAYS", 30, minimum=4)
+
+# how long data of racers are kept, in days; 0: for ever (core.personal_data.retention)
+NOTICES_KEPT_DAYS = env_int("PADDOCK_NOTICES_KEPT_DAYS", 180, minimum=0)
+WEBHOOK_DELIVERIES_KEPT_DAYS = env_int("PADDOCK_WEBHOOK_DELIVERIES_KEPT_DAYS", 30, minimum=0)
+MAIL_INVITATIONS_KEPT_DAYS = env_int("PADDOCK_MAIL_INVITATIONS_KEPT_DAYS", 0, minimum=0)
+TEST_RUNS_KEPT_DAYS = env_int("PADDOCK_TEST_RUNS_KEPT_DAYS", 0, minimum=0)
+TRAINING_TRACES_KEPT_DAYS = env_int("PADDOCK_TRAINING_TRACES_KEPT_DAYS", 30, minimum=1)
+UNCONFIRMED_ACCOUNTS_KEPT_DAYS = env_int("PADDOCK_UNCONFIRMED_ACCOUNTS_KEPT_DAYS", 0, minimum=0)
+KNOWN_ADDRESSES_KEPT_DAYS = env_int("PADDOCK_KNOWN_ADDRESSES_KEPT_DAYS", 0, minimum=0)
+PAST_ALIASES_KEPT_DAYS = env_int("PADDOCK_PAST_ALIASES_KEPT_DAYS", 0, minimum=0)
+ADMIN_LOG_KEPT_DAYS = env_int("PADDOCK_ADMIN_LOG_KEPT_DAYS", 0, minimum=0)
 
 # --- evaluation ----------------------------------------------------------------------------------------------------
 WORKER_CONCURRENCY = env_int("PADDOCK_WORKER_CONCURRENCY", 1, minimum=1)
@@ -295,6 +311,10 @@ POLICY_SECONDS = env_int("PADDOCK_POLICY_SECONDS", 120, minimum=10)
 MODELS_PER_RACER = env_int("PADDOCK_MODELS_PER_RACER", 100, minimum=1)
 STORAGE_PER_RACER_MB = env_int("PADDOCK_STORAGE_PER_RACER_MB", 10240, minimum=1)
 RACES_PER_RACER = env_int("PADDOCK_RACES_PER_RACER", 20, minimum=1)
+# For how long an alias waits for its former owner after a change, and for nobody after the account was deleted
+ALIAS_RESERVED_DAYS = env_int("PADDOCK_ALIAS_RESERVED_DAYS", 90, minimum=0)
+ALIAS_CHANGE_DAYS = env_int("PADDOCK_ALIAS_CHANGE_DAYS", 30, minimum=0)
+DATA_DOWNLOADS_A_DAY = env_int("PADDOCK_DATA_DOWNLOADS_A_DAY", 4, minimum=1)
 FOLLOWED_PER_RACER = env_int("PADDOCK_FOLLOWED_PER_RACER", 200, minimum=0)
 LEARNERS_PER_TEACHER = env_int("PADDOCK_LEARNERS_PER_TEACHER", 120, minimum=0)
 INVITATIONS_A_DAY = env_int("PADDOCK_INVITATIONS_A_DAY", 100, minimum=0)

@@ -4,5 +4,6 @@ from .api.models import StoredAnswer
 from .audit.models import AuditEntry
 from .events.models import Event, EventCursor
 from .jobs.models import Outage, WorkerHold
+from .personal_data.models import DiscardedFile
 
-__all__ = ["AuditEntry", "Event", "EventCursor", "Outage", "StoredAnswer", "WorkerHold"]
+__all__ = ["AuditEntry", "DiscardedFile", "Event", "EventCursor", "Outage", "StoredAnswer", "WorkerHold"]

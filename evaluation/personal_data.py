@@ -2,10 +2,35 @@
 
 An official result must be driven again to be verified: its network, metadata, rules and traces stay, all else goes."""
 
-from core.personal_data.rules import NEEDED, NOBODY, PersonalData, register
+from contextlib import suppress
+
+from django.db import transaction
+from django.db.models import ProtectedError
+
+from core.personal_data.discarding import discard_files
+from core.personal_data.rules import NEEDED, NOBODY, Leaving, PersonalData, register
 
 from .models import Evaluation, EvaluationRival, Network, Result, RivalResult, StoredFile, TrainedModel, WorkerNode
 from .models.reports import CarReport, ReportChunk
+
+
+def _erase(leaving: Leaving) -> None:
+    """Delete uploads, and the models and networks that no run in a race and no other racer needs."""
+    CarReport.objects.filter(owner=leaving.racer).delete()
+    models = TrainedModel.objects.filter(owner=leaving.racer)
+    networks = set(models.values_list("network", flat=True))
+    files = list(models.exclude(source_file="").values_list("source_file", flat=True))
+    for model in models:
+        with suppress(ProtectedError), transaction.atomic():
+            model.delete()
+    models.update(name="deleted", shared_at=None, deleted_at=leaving.now)
+    for network in Network.objects.filter(pk__in=networks, models=None):
+        with suppress(ProtectedError), transaction.atomic():
+            network.delete()
+            files.append(network.onnx.name or "")
+    StoredFile.objects.filter(name__in=files).delete()
+    discard_files(files, now=leaving.now)
+
 
 _FAULTS = "reason_params operator_detail"
 _RUN = "laps trajectory retired_params metrics"
@@ -55,8 +80,10 @@ register(
         kept={NEEDED: "metadata"},
         section="models",
         exported="name description metadata source_file source_name",
+        files=lambda racer: TrainedModel.objects.filter(owner=racer).values_list("network__onnx", flat=True),
     ),
     PersonalData(Network, kept={"It proves an official result, or belongs to another racer too.": "onnx facts"}),
     PersonalData(StoredFile, kept={NOBODY: "name"}),
     PersonalData(WorkerNode, kept={NOBODY: "name queues sandbox proof"}),
+    erase=_erase,
 )

@@ -1,8 +1,16 @@
 """Personal data of the league."""
 
-from core.personal_data.rules import NOBODY, OF_THE_RACE, OTHERS, SECRET, PersonalData, register
+from core.personal_data.retention import RetentionPolicy
+from core.personal_data.rules import NOBODY, OF_THE_RACE, OTHERS, SECRET, Leaving, PersonalData, register
 
 from . import models as league
+
+
+def _erase(leaving: Leaving) -> None:
+    """Delete what names the racer's addresses: invitations to them, and their refusal of more."""
+    league.MailInvitation.objects.filter(email__in=leaving.names).delete()
+    league.NoInvitations.objects.filter(email__in=leaving.names).delete()
+
 
 register(
     "league",
@@ -73,4 +81,20 @@ register(
         withheld={"Deliveries are kept for some days, and name other racers.": "*"},
     ),
     PersonalData(league.WebhookHost, kept={"It is the server of anybody's webhooks.": "host"}),
+    erase=_erase,
+    policies=[
+        RetentionPolicy(
+            "notices", "NOTICES_KEPT_DAYS", lambda before, now: league.Notice.objects.filter(at__lt=before)
+        ),
+        RetentionPolicy(
+            "mail_invitations",
+            "MAIL_INVITATIONS_KEPT_DAYS",
+            lambda before, now: league.MailInvitation.objects.filter(expires_at__lt=before),
+        ),
+        RetentionPolicy(
+            "webhook_deliveries",
+            "WEBHOOK_DELIVERIES_KEPT_DAYS",
+            lambda before, now: league.WebhookDelivery.objects.filter(at__lt=before, state__in=("sent", "failed")),
+        ),
+    ],
 )

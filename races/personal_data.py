@@ -1,10 +1,80 @@
 """Personal data of races: results stay, without the name."""
 
-from django.db.models import JSONField
+from datetime import datetime
+from typing import Any
 
-from core.personal_data.rules import OF_THE_RACE, OTHERS, SECRET, PersonalData, register
+from django.db.models import JSONField, QuerySet, Sum
+
+from core.personal_data.discarding import discard_files
+from core.personal_data.retention import RetentionPolicy
+from core.personal_data.rules import OF_THE_RACE, OTHERS, SECRET, Leaving, PersonalData, register
+from evaluation.models import Evaluation, StoredFile
+from evaluation.running.results import files_of_runs
+from paddock.errors import UserFault
 
 from . import models as races
+from .entries.services.entries import withdraw
+from .events import record_board
+from .test_runs.services import delete_own
+
+_UNDER_WAY = (races.RaceState.UPCOMING, races.RaceState.OPEN)
+
+
+def _check(racer: Any, now: datetime) -> None:
+    """Raises UserFault("account_organises") while a race of the racer's is not over."""
+    for race in races.Race.objects.filter(organiser=racer, cancelled_at=None):
+        event = races.LiveEvent.objects.filter(race=race, ended_at=None).first()
+        if race.state_at(now) in _UNDER_WAY or (event is not None and not event.is_over):
+            raise UserFault("account_organises", race=race.name)
+
+
+def _erase(leaving: Leaving) -> None:
+    """Leave races without a result, and delete private runs. Runs in races stay: results can be verified."""
+    entries = races.Entry.objects.filter(racer=leaving.racer)
+    unused = entries.filter(submissions=None, timed_sessions=None)
+    for entry in entries.select_related("race"):
+        if entry.race.state_at(leaving.now) not in _UNDER_WAY:
+            continue
+        if unused.filter(pk=entry.pk).exists():
+            withdraw(entry=entry, now=leaving.now)
+        record_board(entry.race)
+    races.Guest.objects.filter(entry__in=entries).update(name=leaving.nameless)
+    for entry in unused.filter(duel_cars=None, live_racers=None):
+        entry.delete()
+    runs = Evaluation.with_sealed.filter(owner=leaving.racer).exclude(pk__in=_runs_in_races())
+    races.OwnEvaluation.objects.filter(owner=leaving.racer).delete()
+    files = files_of_runs(runs.values_list("pk", flat=True))
+    runs.delete()
+    StoredFile.objects.filter(name__in=files).delete()
+    discard_files(files, now=leaving.now)
+
+
+def _runs_in_races() -> Any:
+    """The ids of runs that belong to a race: submissions, duels, live runs and reruns."""
+    ways = [
+        *((races.Submission, "evaluation"), (races.Duel, "evaluation"), (races.LiveSlot, "evaluation")),
+        *((races.LiveSlot, "speed_run"), (races.Redrive, "evaluation"), (races.Redrive, "replaced")),
+    ]
+    first, *others = (model._base_manager.exclude(**{way: None}).order_by().values(way) for model, way in ways)
+    return first.union(*others)
+
+
+def _old_test_runs(before: datetime, now: datetime) -> QuerySet[races.OwnEvaluation]:
+    return races.OwnEvaluation.objects.filter(evaluation__ended_at__lt=before)
+
+
+def _delete_test_runs(rows: QuerySet[races.OwnEvaluation], now: datetime) -> int:
+    deleted = 0
+    for own in rows.select_related("evaluation"):
+        delete_own(own=own, now=now)
+        deleted += 1
+    return deleted
+
+
+def _weight_of_runs(rows: QuerySet[races.OwnEvaluation]) -> int:
+    files = files_of_runs(rows.values_list("evaluation", flat=True))
+    return StoredFile.objects.filter(name__in=files).aggregate(size=Sum("size"))["size"] or 0
+
 
 _LOG = " ".join(column.name for column in races.LiveLog._meta.fields if isinstance(column, JSONField))
 
@@ -110,4 +180,7 @@ register(
         exported="reason before after",
         withheld={OTHERS: "by"},
     ),
+    check=_check,
+    erase=_erase,
+    policies=[RetentionPolicy("test_runs", "TEST_RUNS_KEPT_DAYS", _old_test_runs, _delete_test_runs, _weight_of_runs)],
 )

@@ -155,6 +155,10 @@ register(
         "entry_missing": _("You have not entered this race."),
     },
     conflict={
+        "account_organises": _(
+            "You organise the race “%(race)s”, which is not over. Close or cancel it first, or ask an admin for "
+            "another organiser."
+        ),
         "race_team_has_entry": _("A team has one car in this race, and %(racer)s drives for yours."),
         "race_is_physical": _("This race uses real cars. Join it and bring your car to the track."),
         "race_not_physical": _("This race is simulated. It has no timekeeping."),

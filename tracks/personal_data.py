@@ -1,8 +1,21 @@
 """Personal data of tracks."""
 
-from core.personal_data.rules import PersonalData, register
+from contextlib import suppress
+
+from django.db import transaction
+from django.db.models import ProtectedError
+
+from core.personal_data.rules import Leaving, PersonalData, register
 
 from .models import Track
+
+
+def _erase(leaving: Leaving) -> None:
+    """Delete the racer's tracks on which nothing was driven."""
+    for track in Track.objects.filter(owner=leaving.racer):
+        with suppress(ProtectedError), transaction.atomic():
+            track.delete()
+
 
 register(
     "tracks",
@@ -15,4 +28,5 @@ register(
         exported="name description",
         withheld={"The page of the track offers its file.": "npy"},
     ),
+    erase=_erase,
 )

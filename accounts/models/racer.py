@@ -10,6 +10,7 @@ from django.db import models, transaction
 from django.db.models.functions import Lower
 from django.urls import reverse
 from django.utils import timezone
+from django.utils.translation import gettext
 from django.utils.translation import gettext_lazy as _
 
 from core.database.columns import OneLineField
@@ -18,6 +19,10 @@ ALIAS_PATTERN = r"^[A-Za-z0-9_-]{2,64}$"
 ALIAS_VALIDATORS = [
     RegexValidator(ALIAS_PATTERN, _("Use 2 to 64 English letters, digits, hyphens and underscores."), code="alias"),
 ]
+
+
+# Of deleted accounts: the racer's id follows. Nobody may choose such an alias.
+NAMELESS = "deleted-racer-"
 
 
 class RacerManager(BaseUserManager["Racer"]):
@@ -41,7 +46,8 @@ class Racer(AbstractBaseUser, PermissionsMixin):
     """A racer. The alias is public; only the owner and admins see the e-mail address.
 
     House cars belong to racers with ``is_house``, programs have ``is_program`` and tokens, known racers of imported
-    seasons have a ``record_id``, and guests with real cars a ``guest_name``: none of them can log in.
+    seasons have a ``record_id``, guests with real cars a ``guest_name``, deleted accounts an alias that begins with
+    :data:`NAMELESS`: none of them can log in.
     """
 
     alias = models.CharField(_("alias"), max_length=64, unique=True, validators=ALIAS_VALIDATORS)
@@ -120,6 +126,9 @@ class Racer(AbstractBaseUser, PermissionsMixin):
 
     @property
     def shown_name(self) -> str:
+        """The name on pages: of a guest the typed one, of a deleted account a number."""
+        if self.alias.startswith(NAMELESS):
+            return gettext("Deleted racer %(number)s") % {"number": self.alias.removeprefix(NAMELESS)}
         return self.guest_name or self.alias
 
     @property

@@ -3,18 +3,32 @@
 from typing import Any
 
 from django import forms
+from django.conf import settings
 from django.contrib.auth.decorators import login_required
+from django.core.exceptions import ValidationError
 from django.http import HttpRequest, HttpResponse
 from django.shortcuts import redirect, render
 from django.utils import timezone
+from django.utils.translation import gettext_lazy
 from django.views.decorators.http import require_http_methods
 
-from core.forms import say_saved
+from core.forms import add_fault, say_saved
+from paddock.errors import UserFault
 
 from ..models import Racer
 from ..request_racer import racer_of
+from .aliases import change_alias, next_change_at
 from .fields import editable
 from .services import change_profile
+
+
+class AliasForm(forms.Form):
+    alias = forms.CharField(
+        label=gettext_lazy("New alias"),
+        max_length=64,
+        help_text=gettext_lazy("2 to 64 English letters, digits, hyphens and underscores."),
+        widget=forms.TextInput(attrs={"autocomplete": "off", "spellcheck": "false"}),
+    )
 
 
 class ProfileForm(forms.Form):
@@ -32,3 +46,24 @@ def settings_page(request: HttpRequest) -> HttpResponse:
         say_saved(request, form)
         return redirect("settings")
     return render(request, "accounts/profile/settings.html", {"form": form})
+
+
+@login_required
+@require_http_methods(["GET", "HEAD", "POST"])
+def alias_page(request: HttpRequest) -> HttpResponse:
+    """The form for another alias, and the past ones."""
+    racer, now = racer_of(request), timezone.now()
+    form = AliasForm(request.POST or None)
+    if request.method == "POST" and form.is_valid():
+        try:
+            change_alias(racer=racer, alias=form.cleaned_data["alias"], now=now)
+        except UserFault as fault:
+            add_fault(form, fault, "alias")
+        except ValidationError as error:
+            form.add_error("alias", error)
+        else:
+            say_saved(request, form)
+            return redirect("alias")
+    context = {"form": form, "past": racer.past_aliases.all(), "next_at": next_change_at(racer, now)}
+    days = {"change_days": settings.ALIAS_CHANGE_DAYS, "reserved_days": settings.ALIAS_RESERVED_DAYS}
+    return render(request, "accounts/profile/alias.html", context | days)

@@ -17,7 +17,7 @@ from django.utils import timezone
 from django.utils.translation import gettext_lazy as _
 
 from . import attempt_limits as log_in
-from .reserved_aliases import is_reserved
+from .reserved_aliases import is_reserved, is_taken
 from .services import CODE, INVITATION, may_sign_up, take_up_invitation
 
 logger = logging.getLogger(__name__)
@@ -54,6 +54,8 @@ class AccountAdapter(DefaultAccountAdapter):
         alias = super().clean_username(username, shallow)
         if is_reserved(alias):
             raise self.validation_error("username_blacklisted")
+        if is_taken(alias, timezone.now()):
+            raise self.validation_error("username_taken")
         return alias
 
     def render_mail(

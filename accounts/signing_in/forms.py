@@ -47,10 +47,7 @@ def describe_sign_up(form: BaseForm) -> None:
     """Label and explain the alias and the e-mail address."""
     alias = form.fields["username"]
     alias.label = _("Alias")
-    alias.help_text = _(
-        "Your name on every board: 2 to 64 English letters, digits, hyphens and underscores. "
-        "It cannot be changed later."
-    )
+    alias.help_text = _("Your name on every board: 2 to 64 English letters, digits, hyphens and underscores.")
     alias.widget.attrs |= {
         "pattern": "[A-Za-z0-9_\\-]{2,64}",
         "title": _("2 to 64 English letters, digits, hyphens and underscores."),

@@ -1,6 +1,12 @@
 """Reserved aliases: names that would make a racer look like an official of the site."""
 
 import re
+from datetime import datetime
+
+from django.db.models import Q
+from django.utils.crypto import salted_hmac
+
+from ..models import NAMELESS, Racer, ReservedAlias
 
 # By a word of their own: house-flyer and admin_jane as well.
 _OFFICES = """
@@ -26,7 +32,29 @@ def folded(alias: str) -> str:
 def is_reserved(alias: str) -> bool:
     """Whether an alias is reserved, looks like a reserved one, or contains a word for an office."""
     words = {folded(word) for word in re.split("[-_]+", alias)}
-    return folded(alias) in RESERVED or bool(words & OFFICES)
+    is_nameless = folded(alias).startswith(folded(NAMELESS))
+    return folded(alias) in RESERVED or bool(words & OFFICES) or is_nameless
+
+
+def is_taken(alias: str, now: datetime, racer: Racer | None = None) -> bool:
+    """Whether an alias, or one that looks like it, waits for a former owner who is not this ``racer``."""
+    others = ~Q(racer=racer) if racer is not None else Q()
+    return ReservedAlias.objects.filter(others, digest=_digest(alias), until__gt=now).exists()
+
+
+def reserve(*, alias: str, until: datetime, racer: Racer | None) -> None:
+    """Keep an alias for a racer, or (None) for nobody, until then."""
+    ReservedAlias.objects.update_or_create(digest=_digest(alias), defaults={"until": until, "racer": racer})
+
+
+def forget_reservation(*, alias: str) -> None:
+    """Its former owner has the alias again."""
+    ReservedAlias.objects.filter(digest=_digest(alias)).delete()
+
+
+def _digest(alias: str) -> str:
+    """What is kept of an alias, so that a deleted account's name is not in the database."""
+    return salted_hmac("accounts.reserved_alias", folded(alias), algorithm="sha256").hexdigest()
 
 
 OFFICES = frozenset(map(folded, _OFFICES.split()))

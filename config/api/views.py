@@ -10,8 +10,10 @@ from allauth.mfa.base.forms import AuthenticateForm
 from django.contrib.auth.signals import user_logged_in, user_logged_out
 from django.core.exceptions import ValidationError
 from django.db.models import QuerySet
+from django.http import HttpResponseBase
 from django.utils import timezone
 from django.utils.translation import gettext as _
+from drf_spectacular.types import OpenApiTypes
 from drf_spectacular.utils import extend_schema, extend_schema_view
 from knox.models import AuthToken
 from rest_framework import serializers, status
@@ -20,7 +22,10 @@ from rest_framework.permissions import AllowAny, IsAuthenticated
 from rest_framework.request import Request
 from rest_framework.response import Response
 
-from accounts.models import Racer
+from accounts.leaving.downloads import download_of_data
+from accounts.leaving.services import check_own_deletion, delete_account
+from accounts.models import ALIAS_VALIDATORS, Racer
+from accounts.profile.aliases import change_alias
 from accounts.profile.fields import editable
 from accounts.profile.services import change_profile
 from accounts.quotas import Usage
@@ -31,7 +36,7 @@ from accounts.tokens.services import LONGEST_DAYS, create_token, revoke_token, s
 from accounts.usage.selectors import usage_of
 from core.api.bodies import Body
 from core.api.operations import operation
-from core.api.views import APIView, ListAPIView
+from core.api.views import APIView, FileView, ListAPIView
 from paddock.errors import UserFault
 
 from .auth import SecondFactorMissing
@@ -179,6 +184,70 @@ class MeView(APIView):
     def patch(self, request: Request, sent: dict[str, Any]) -> Racer:
         team = sent.pop("team", None)
         return change_profile(racer=racer_of(request), values=sent, team=team, now=timezone.now())
+
+
+class AliasBody(Body):
+    """Another alias."""
+
+    alias = serializers.CharField(
+        max_length=64, validators=ALIAS_VALIDATORS, help_text="2 to 64 letters, digits, - and _."
+    )
+
+
+class AliasView(APIView):
+    tag = "account"
+    token_scope = EVERY
+    permission_classes = [IsAuthenticated]
+
+    @operation("change_alias", "Change my alias, once in some days", body=AliasBody, answer=RacerSerializer)
+    def post(self, request: Request, sent: dict[str, Any]) -> Racer:
+        return change_alias(racer=racer_of(request), alias=sent["alias"], now=timezone.now())
+
+
+class OwnDataView(FileView):
+    tag = "account"
+    read_scopes = SCOPES
+    permission_classes = [IsAuthenticated]
+
+    @extend_schema(
+        operation_id="download_data",
+        summary="All personal data of the racer",
+        description="A zip of JSON by section with the racer's files; its README lists the contents.",
+        responses={(200, "application/zip"): OpenApiTypes.BINARY},
+    )
+    def get(self, request: Request) -> HttpResponseBase:
+        return download_of_data(racer=racer_of(request), now=timezone.now())
+
+
+class DeletionBody(Body):
+    """The confirmation of a deletion: alias and password once more, and the second factor where there is one."""
+
+    alias = serializers.CharField(max_length=64, help_text="Your alias, exactly.")
+    password = serializers.CharField(max_length=1024, trim_whitespace=False, style={"input_type": "password"})
+    code = serializers.CharField(
+        max_length=32, required=False, help_text="Of the second factor, where the racer has one: an app's, or on paper."
+    )
+
+
+class DeletionView(APIView):
+    tag = "account"
+    token_scope = EVERY
+    slow_methods = ("POST",)
+
+    @operation(
+        "delete_account",
+        "Delete the account of this token for good",
+        body=DeletionBody,
+        answer="Results stay without the name; all else is gone, this token as well.",
+    )
+    def post(self, request: Request, sent: dict[str, Any]) -> None:
+        racer = racer_of(request)
+        check_own_deletion(racer=racer, now=timezone.now())
+        if sent["alias"] != racer.alias:
+            raise UserFault("account_not_confirmed")
+        confirmed = _authenticate(request, racer.alias, sent["password"])
+        _show_second_factor(confirmed, sent.get("code", ""))
+        delete_account(racer=racer, by=racer, now=timezone.now())
 
 
 @extend_schema_view(get=extend_schema(operation_id="list_tokens", summary="My tokens, the newest first"))

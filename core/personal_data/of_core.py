@@ -3,7 +3,10 @@
 from ..api.models import StoredAnswer
 from ..audit.models import AuditEntry
 from ..events.models import Event
+from ..events.reading import trim
 from ..jobs.models import WorkerHold
+from .models import DiscardedFile
+from .retention import RetentionPolicy
 from .rules import NOBODY, PersonalData, register
 
 register(
@@ -12,7 +15,6 @@ register(
         StoredAnswer,
         owner="racer",
         rows=True,
-        mentions="body",
         withheld={"Answers of the API, kept for a day in case a program repeats its request.": "*"},
     ),
     PersonalData(
@@ -38,4 +40,13 @@ register(
         exported="data",
     ),
     PersonalData(WorkerHold, kept={NOBODY: "worker"}),
+    PersonalData(DiscardedFile, kept={NOBODY: "name"}),
+    policies=[
+        RetentionPolicy(
+            "events",
+            "EVENTS_KEPT_DAYS",
+            lambda before, now: Event.objects.filter(recorded_at__lt=before),
+            lambda rows, now: trim(now=now),
+        )
+    ],
 )

@@ -160,6 +160,13 @@ def delete_evaluation(*, evaluation: Evaluation) -> None:
     after_commit(delete_files, [name for name in names if name])
 
 
+def files_of_runs(runs: Any) -> list[str]:
+    """The names of the files of these runs, by ids or a query of them."""
+    results = Result.with_sealed.filter(evaluation__in=runs).values_list("trace", "bots")
+    rivals = RivalResult.objects.filter(result__evaluation__in=runs).values_list("trace")
+    return [name for names in (*results, *rivals) for name in names if name]
+
+
 def delete_files(names: list[str]) -> None:
     """Delete those files that no result refers to. What cannot be deleted now is logged and left."""
     for name in names:

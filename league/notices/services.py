@@ -24,7 +24,6 @@ from .selectors import notices_of, text_without_results
 from .sentences import sentence
 from .writer import NewNotice, concerned_racers, notify, verified_addresses
 
-KEPT = timedelta(days=180)
 _STOPPING = "league.notices.stop"
 
 
@@ -88,8 +87,9 @@ def stop_mails(*, racer: Racer, kind: NoticeKind) -> None:
 
 
 def forget_old_notices(*, now: datetime) -> int:
-    """Delete notices older than half a year. Returns how many."""
-    return Notice.objects.filter(at__lt=now - KEPT).delete()[0]
+    """Delete notices older than ``NOTICES_KEPT_DAYS``, with 0 none. Returns how many."""
+    days = settings.NOTICES_KEPT_DAYS
+    return Notice.objects.filter(at__lt=now - timedelta(days=days)).delete()[0] if days else 0
 
 
 class Mails(MailKind[Mail]):

@@ -10,6 +10,7 @@ from django.views.decorators.http import require_safe
 
 from accounts.following import can_follow
 from accounts.models import Racer
+from accounts.profile.aliases import former_owner_of
 from accounts.request_racer import racer_of
 from core.streams.shared_pieces import shared_piece
 from league.racers.selectors import profile_of, racer_shown, races_in_profile
@@ -21,6 +22,8 @@ def racer(request: HttpRequest, alias: str) -> HttpResponse:
     is_mine = isinstance(request.user, Racer) and request.user.alias == alias and request.user.has_page
     shown = racer_of(request) if is_mine else racer_shown(alias, request.user)
     if shown is None:
+        if (former := former_owner_of(alias)) is not None:
+            return redirect(former)
         raise Http404
     if shown.alias != alias:
         return redirect(shown, permanent=True)

@@ -27,7 +27,6 @@ from .payloads import EVENTS, KINDS, OF_RACER, PAYLOADS, TEST, Happening, chat_m
 from .selectors import races_for_webhooks
 
 REACH = timedelta(days=3)
-KEPT = timedelta(days=30)
 PER_RACER = 10
 OLD_SECRET = timedelta(days=1)  # for so long the secret before signs as well
 TESTS_AN_HOUR, AN_HOUR_S = 10, 3600
@@ -121,12 +120,15 @@ WEBHOOKS = EventReader("webhooks", (*KINDS, RACE_TIMED), queue_deliveries)
 
 
 def tidy_webhooks(*, now: datetime) -> int:
-    """Delete deliveries older than a month, and set missing hosts; returns how many deliveries were deleted."""
+    """Delete deliveries older than ``WEBHOOK_DELIVERIES_KEPT_DAYS``, and set missing hosts. Returns how many
+    deliveries were deleted."""
     for hook in Webhook.objects.all():
         host = outgoing.host_of(hook.url)
         if hook.host != host:  # made by a version that knew no hosts, or no ports of them
             Webhook.objects.filter(pk=hook.pk).update(host=host)
-    return WebhookDelivery.objects.filter(at__lt=now - KEPT, state__in=("sent", "failed")).delete()[0]
+    days = settings.WEBHOOK_DELIVERIES_KEPT_DAYS
+    old = WebhookDelivery.objects.filter(at__lt=now - timedelta(days=days), state__in=("sent", "failed"))
+    return old.delete()[0] if days else 0
 
 
 def secrets_of(hook: Webhook, now: datetime) -> list[str]:

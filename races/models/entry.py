@@ -163,7 +163,7 @@ class Entry(models.Model):
     @property
     def shown_name(self) -> str:
         """The name on the board: the racer's alias, for a guest the typed name."""
-        return self.guest_name or self.racer.alias
+        return self.guest_name or self.racer.shown_name
 
     @property
     def is_withdrawn(self) -> bool:

@@ -16,6 +16,8 @@ WRITES = ("post", "put", "patch", "delete")
 
 # the name of a page that takes a POST: the operations that do what it does
 SAME: dict[str, set[str]] = {
+    "alias": {"change_alias"},
+    "own_account_delete": {"delete_account"},
     "api_token_revoke": {"revoke_token"},
     "api_tokens": {"create_token"},
     "cup_starter": {"choose_cup_starter", "drop_cup_starter"},
@@ -140,6 +142,7 @@ ONLY_ON_PAGES: dict[str, str] = {
     "class_log_in": "logging in with a card",
     **dict.fromkeys(("invited", "invited_stop"), "the link in a mail, which works without logging in"),
     "live_react": "applause of who watches",
+    "data_download": "an operation that reads, GET /me/data/; the page asks for the password first",
     **dict.fromkeys(("picture_remove", "picture_set"), "a picture of a person, chosen and looked at by that person"),
     "race_invited": "mails to people: a program would send them in numbers",
     "spoilers": "of who reads pages: a program sends X-Paddock-Spoilers",

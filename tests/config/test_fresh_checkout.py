@@ -25,6 +25,7 @@ COMMANDS = sorted(path.stem for path in CHECKOUT.glob("*/management/commands/[a-
 # of each command: what it is given, so that it comes to its database or its file
 GIVEN = {
     "backup": ["new.backup"],
+    "delete_account": ["alice"],
     "restore": ["nothing.backup"],
     "evaluate": ["nothing.tar.gz", "--track", "oval"],
     "export_season": ["2026", "out"],
@@ -112,7 +113,7 @@ def test_every_command_is_tested():
 def test_every_command_explains_a_missing_database(run, command):
     sentence = said(run(command, *GIVEN[command]))
     assert "database_not_ready" in sentence or "cannot be " in sentence or "import_no_folder" in sentence
-    asking = ("backup", "export_season", "forget_second_factor", "import_track", "verify")
+    asking = ("backup", "delete_account", "export_season", "forget_second_factor", "import_track", "verify")
     assert ("database_not_ready" in sentence) == (command in asking)
 
 

@@ -16,7 +16,8 @@ OURS = {"accounts", "core", "evaluation", "league", "races", "tracks", "training
 # Why a text is not checked: the fields of each reason.
 REASONS = {
     "made by the site, from letters of its own": """
-        accounts.ClassLearner.code_digest accounts.KnownAddress.digest accounts.Racer.avatar accounts.Racer.password
+        accounts.ClassLearner.code_digest accounts.KnownAddress.digest accounts.ReservedAlias.digest
+        accounts.Racer.avatar accounts.Racer.password
         accounts.Racer.record_id accounts.RacerGroup.code accounts.SignUpInvitation.code accounts.Team.code
         core.Event.kind core.Event.once core.Event.subject core.EventCursor.reader evaluation.CarReport.direction
         evaluation.CarReport.engine evaluation.CarReport.grade evaluation.CarReport.public_id
@@ -44,6 +45,7 @@ REASONS = {
     """,
     "read by operators only": """
         core.WorkerHold.worker
+        core.DiscardedFile.name
         evaluation.Evaluation.operator_detail evaluation.Evaluation.worker evaluation.ReportChunk.operator_detail
         evaluation.ReportChunk.worker evaluation.WorkerNode.name league.Mail.worker league.MailInvitation.worker
         league.WebhookDelivery.worker training.TrainingJob.operator_detail training.TrainingJob.worker
@@ -53,6 +55,7 @@ REASONS = {
         accounts.Team.key league.RoundPoints.team league.WebhookDelivery.body races.RaceTerms.text
     """,
     "ASCII by its own validator": """
+        accounts.PastAlias.alias
         accounts.Racer.alias accounts.Racer.country evaluation.TrainedModel.colour league.RecordedSeason.label
         league.RoundPoints.country tracks.Track.fingerprint training.TrainingJob.colour training.Vehicle.colour
     """,

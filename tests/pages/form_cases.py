@@ -87,6 +87,22 @@ CASES = [
     Case("guest", "/notices/stop/{stop}/", "Unsubscribe", "Turned off:"),
     Case("guest", "/races/join/{invitation}/", "Log in and join", "css=input[name=login]"),
     Case("guest", "/races/join/{invitation}/", "Sign up and join", "css=input[name=password2]"),
+    Case(
+        "guest",
+        "/accounts/signup/",
+        "Sign up",
+        "Welcome, leaver.",
+        {"Alias": "leaver", "Email": "l@example.org", "Password": PASSWORD, "Password (again)": PASSWORD},
+    ),
+    Case("guest", "/settings/alias/", "Change the alias", "until", {"New alias": "quitter"}),
+    Case(
+        "guest",
+        "/settings/data/delete/",
+        "Delete my account",
+        "css=input[type=password]",
+        {"Type your alias to confirm": "quitter"},
+    ),
+    Case("guest", "", "Continue", "Your account is deleted.", {"Password": PASSWORD}),
     Case("newcomer", "/races/join/{invitation}/", "Join the race", "You have joined."),
     Case(
         "newcomer",
@@ -99,6 +115,7 @@ CASES = [
     Case(
         "newcomer", "/accounts/email/", "Change the address", "to new@example.org.", {"New address": "new@example.org"}
     ),
+    Case("alice", "/settings/data/", "Download (zip)", "css=input[type=password]"),
     Case("alice", "/accounts/reauthenticate/", "Continue", "css=.race-card", {"Password": PASSWORD}),
     Case("alice", "/accounts/email/", "Send it again", "A link to confirm your address"),
     Case("alice", "", "Keep the old address", "css=main:not(:has([name=action_remove]))"),

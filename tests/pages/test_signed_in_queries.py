@@ -68,6 +68,8 @@ PATHS = (
     "/races/show/event/state.json",
     "/following/",
     "/train/new/?clone={model}",
+    "/settings/alias/",
+    "/settings/data/",
     *("/settings/", "/settings/usage/", "/settings/notices/", "/settings/webhooks/", "/settings/tokens/"),
 )
 

@@ -18,7 +18,6 @@ from training.jobs.services.queue import TRAININGS, stop_training
 from training.jobs.services.records import (
     CHECKPOINTS_KEPT,
     SIMTRACES_KEPT,
-    TRACES_KEPT,
     append_log,
     keep_checkpoint,
     networks_of,
@@ -293,8 +292,8 @@ def test_sim_traces_of_old_trainings_are_removed(held, now):
         ended_at=now,
         sb3_zip=zipped,
     )
-    assert purge_trainings(now=now + TRACES_KEPT) == 0
-    assert purge_trainings(now=now + TRACES_KEPT + timedelta(seconds=1)) == 1
+    assert purge_trainings(now=now + timedelta(days=30)) == 0
+    assert purge_trainings(now=now + timedelta(days=30) + timedelta(seconds=1)) == 1
     assert default_storage.listdir(folder)[1] == ["sb3.zip"]
     assert held.iterations.get().eval_progress == 5.0
     assert purge_trainings(now=now + timedelta(days=365)) == 0

@@ -3,8 +3,6 @@
 Learners race in races of their class alone and share no models, so that nothing of anybody else hangs on theirs.
 """
 
-from collections.abc import Collection
-
 from django.db import transaction
 from django.db.models import Q
 from django.utils.translation import gettext_lazy as _
@@ -12,7 +10,8 @@ from django.utils.translation import gettext_lazy as _
 from accounts.class_accounts.services import can_lead_class, can_teach
 from accounts.models import Classroom, Racer
 from core.audit.recording import audited
-from evaluation.models import Evaluation, Result, RivalResult, TrainedModel
+from evaluation.models import Evaluation, TrainedModel
+from evaluation.running.results import files_of_runs
 from paddock.errors import UserFault
 from races.entries.services.standings import recompute_race
 from races.models import Duel, DuelCompetitor, LiveSlot, OwnEvaluation, Race, Redrive, Submission
@@ -68,7 +67,7 @@ def _delete_left(learners: list[int], races: list[int]) -> None:
     runs = set(duels.exclude(evaluation=None).values_list("evaluation", flat=True))
     runs |= set(submissions.filter(entry__racer__in=learners).values_list("evaluation", flat=True))
     runs |= set(Evaluation.with_sealed.filter(owner__in=learners).values_list("pk", flat=True))
-    files = _files(runs)
+    files = files_of_runs(runs)
     for job in TrainingJob.objects.filter(owner__in=learners):
         files += files_of(job)
     Redrive.objects.filter(Q(submission__in=submissions) | Q(evaluation__in=runs) | Q(replaced__in=runs)).delete()
@@ -82,9 +81,3 @@ def _delete_left(learners: list[int], races: list[int]) -> None:
     Race.objects.filter(pk__in=races).delete()
     TrainedModel.objects.filter(owner__in=learners).delete()
     transaction.on_commit(lambda: delete_stored(files), robust=True)
-
-
-def _files(runs: Collection[int]) -> list[str]:
-    results = Result.with_sealed.filter(evaluation__in=runs).values_list("trace", "bots")
-    rivals = RivalResult.objects.filter(result__evaluation__in=runs).values_list("trace")
-    return [name for names in (*results, *rivals) for name in names if name]

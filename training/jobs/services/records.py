@@ -7,6 +7,7 @@ import zipfile
 from contextlib import suppress
 from datetime import datetime, timedelta
 
+from django.conf import settings
 from django.core.files.storage import default_storage
 from django.db import transaction
 from django.db.models import OuterRef, Subquery
@@ -23,7 +24,6 @@ from .deletion import delete_stored, files_of_checkpoints
 from .queue import TRAININGS
 
 logger = logging.getLogger(__name__)
-TRACES_KEPT = timedelta(days=30)
 SIMTRACES_KEPT, SIMTRACE_BYTES_KEPT = 100, 32 * 1024 * 1024  # of a job; the newest
 CHECKPOINTS_KEPT = 2
 _LOG_LIMIT = 100_000
@@ -167,10 +167,11 @@ def _printed_lines(log: str, prints: Prints, now: datetime) -> str:
 
 
 def purge_trainings(*, now: datetime) -> int:
-    """Delete the sim-traces of trainings that ended :data:`TRACES_KEPT` ago, and files of killed workers. Returns the
-    number of trainings."""
+    """Delete the sim-traces of trainings that ended ``TRAINING_TRACES_KEPT_DAYS`` ago, and files of killed workers.
+    Returns the number of trainings."""
     cleared = 0
-    old = TrainingJob.objects.filter(ended_at__lt=now - TRACES_KEPT).exclude(iterations=None)
+    before = now - timedelta(days=settings.TRAINING_TRACES_KEPT_DAYS)
+    old = TrainingJob.objects.filter(ended_at__lt=before).exclude(iterations=None)
     for job in old.filter(iterations__simtrace__gt="").distinct().only("public_id", "sb3_zip"):
         traces = job.iterations.exclude(simtrace="")
         names = list(traces.values_list("simtrace", flat=True))
