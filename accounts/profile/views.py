@@ -22,7 +22,7 @@ from .fields import editable
 from .services import change_profile
 
 
-class AliasForm(forms.Form):
+class NewAliasForm(forms.Form):
     alias = forms.CharField(
         label=gettext_lazy("New alias"),
         max_length=64,
@@ -53,7 +53,7 @@ def settings_page(request: HttpRequest) -> HttpResponse:
 def alias_page(request: HttpRequest) -> HttpResponse:
     """The form for another alias, and the past ones."""
     racer, now = racer_of(request), timezone.now()
-    form = AliasForm(request.POST or None)
+    form = NewAliasForm(request.POST or None)
     if request.method == "POST" and form.is_valid():
         try:
             change_alias(racer=racer, alias=form.cleaned_data["alias"], now=now)

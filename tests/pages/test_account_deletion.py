@@ -55,7 +55,7 @@ def test_no_table_has_the_name_or_an_address_afterwards(world, cast, django_capt
     with django_capture_on_commit_callbacks(execute=True):
         for racer in (alice, bob):
             delete_account(racer=racer, by=racer, now=world.now)
-    assert tables_with("alice", "bob@", "bob") == []
+    assert tables_with("alice", "bob", "alice@example.org", "bob@example.org") == []
     assert not Session.objects.exists()
     assert DeletedAccount.objects.count() == 2 and not DiscardedFile.objects.exists()
 
