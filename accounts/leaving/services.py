@@ -17,7 +17,7 @@ from ..signing_in.reserved_aliases import reserve
 
 
 def is_deletable(racer: Racer) -> bool:
-    """Whether the account is a person's: not a house car's, a program's, a guest's, of an imported season or deleted."""
+    """Whether the account is a person's: no house car's, program's or guest's, not of an imported season or deleted."""
     unreal = racer.is_house or racer.is_program or racer.record_id is not None or racer.guest_name
     return not unreal and not racer.alias.startswith(NAMELESS)
 
