@@ -25,8 +25,8 @@ want() { # the same, for what Paddock can do without
 
 have() { command -v "$1"; }
 have_postgres() { have postgres || ls /usr/lib/postgresql/*/bin/postgres; }
-have_slapd() { have slapd || ls /usr/sbin/slapd; }
-have_header() { ls "/usr/include/$1"; }
+have_slapd() { have slapd || ls "${SBIN:-/usr/sbin}/slapd"; }
+have_header() { ls "${INCLUDE:-/usr/include}/$1"; }
 have_python_headers() { # python3-dev is for Debian's own Python; others bring them
     .venv/bin/python -c 'import os, sys, sysconfig
 sys.exit(sys.base_prefix == "/usr" and not os.path.exists(sysconfig.get_paths()["include"] + "/Python.h"))'

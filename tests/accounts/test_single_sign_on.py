@@ -25,7 +25,6 @@ PROVIDER = pytest.mark.skipif(find_spec("oauth2_provider") is None, reason="djan
 DIRECTORY = pytest.mark.skipif(bool(directory_server.missing()), reason=directory_server.missing())
 BROWSER = pytest.mark.skipif(CHROMIUM is None, reason="no Chromium or Chrome; “make test” says what to type")
 CALLBACK = "/accounts/oidc/sso/login/callback/"
-pytestmark = pytest.mark.slow
 
 
 @pytest.mark.parametrize(
@@ -34,8 +33,8 @@ pytestmark = pytest.mark.slow
         pytest.param("test_openid_connect.py", marks=PROVIDER),
         pytest.param("test_hostile_tokens.py", marks=PROVIDER),
         pytest.param("test_directory.py", marks=DIRECTORY),
-        pytest.param("../../core/personal_data/test_rules.py", marks=PROVIDER),
-        pytest.param("test_journey_browser.py", marks=[PROVIDER, BROWSER, pytest.mark.browser]),
+        pytest.param("../../core/personal_data/test_rules.py", marks=[PROVIDER, pytest.mark.slow]),
+        pytest.param("test_journey_browser.py", marks=[PROVIDER, BROWSER, pytest.mark.slow]),
     ],
 )
 def test_a_site_with_a_provider(file):

@@ -72,6 +72,18 @@ def test_tests_have_five_steps(make):
     assert "packages browser" in ran
 
 
+def test_tests_go_on_where_python_ldap_cannot_be_compiled(make, tmp_path):
+    make("setup")
+    python = tmp_path / ".venv" / "bin" / "python"
+    python.write_text(f"{python.read_text()}case $* in *ldap.txt*) exit 1 ;; esac\n")
+    os.utime(python, (0, 0))
+    ran = make("test")
+    assert any("locks/ldap.txt --no-build-isolation" in line for line in ran)
+    assert any("-m pytest" in line for line in ran)
+    with pytest.raises(subprocess.CalledProcessError):
+        make("ldap")
+
+
 @pytest.mark.parametrize(
     ("first", "second", "retry", "passes"),
     [

@@ -117,6 +117,25 @@ def test_chromium_is_installed_where_its_package_is_not_an_empty_one(run, tmp_pa
     assert " redis-server " in asked
 
 
+def test_what_compiles_python_ldap_is_installed_or_named(run, tmp_path):
+    packages = " libldap2-dev libsasl2-dev gcc python3-dev"
+    environment = {"mode": ("ldap",), "INCLUDE": str(tmp_path)}
+    status, said, _ = run(root=False, **environment)
+    assert status == 1 and f"apt-get install -y{packages}\n" in said
+    assert run(root=True, **environment)[2].splitlines()[-1].endswith(packages)
+    for header in ("ldap.h", "sasl/sasl.h"):
+        (tmp_path / header).parent.mkdir(exist_ok=True)
+        (tmp_path / header).touch()
+    assert run("gcc", root=False, **environment)[1].endswith("install -y python3-dev\n")
+
+
+def test_tests_want_a_directory_and_go_on_without(run, tmp_path):
+    places = {"INCLUDE": str(tmp_path), "SBIN": str(tmp_path)}
+    status, said, asked = run("uname", root=True, mode=("test",), apt="case $* in *slapd*) exit 100;; esac", **places)
+    assert status == 0 and "goes on without:" in said
+    assert " slapd libldap2-dev libsasl2-dev" in asked
+
+
 @pytest.fixture
 def playwright(tmp_path):
     """A stub of the environment's Python that records what it runs."""
