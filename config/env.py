@@ -16,6 +16,7 @@ from django.core.exceptions import ImproperlyConfigured
 
 from accounts.profile.regions import regions_in
 from core.files.private_folders import make_private_folder
+from core.logs.lines import as_printed
 
 # What may stand in Django's ALLOWED_HOSTS: a name, a name below a domain (".example.org"), an address, or anything
 _HOST = re.compile(r"\*|\.?[A-Za-z0-9_-]+(\.[A-Za-z0-9_-]+)*|\[[0-9A-Fa-f:.]+\]")
@@ -244,7 +245,8 @@ def private_folder(name: str, folder: Path) -> Path:
             why = f"and cannot be closed: {error.strerror}"
     if why:
         raise ImproperlyConfigured(f"{name}: other users of this machine may read {folder} {why}.")
-    print(f"{name}: {folder} was open to other users of this machine; it is its owner's alone now.", file=sys.stderr)
+    closed = f"{name}: {folder} was open to other users of this machine; it is its owner's alone now."
+    print(as_printed(closed), file=sys.stderr)
     return folder
 
 

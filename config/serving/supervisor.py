@@ -17,7 +17,7 @@ from time import monotonic, time
 
 from config.serving.forking import STOP_SIGNALS, fork
 from core.jobs import DRAINED_STATUS
-from core.logs.lines import beginning, format_name
+from core.logs.lines import as_printed, beginning, format_name
 
 GRACE_S = 10.0
 LONGEST_PAUSE_S = 60.0
@@ -231,9 +231,7 @@ class Supervisor:
         try:
             for line in text.splitlines():
                 if format_name() == "json":
-                    from core.logs.json_lines import line_of  # loads a library
-
-                    print(line_of(line, name, pid or os.getpid()), flush=True)
+                    print(as_printed(line, name, pid), flush=True)
                     continue
                 head, line = _divided(line) if _IS_LOG.match(line) else (begin, f" {line}")
                 print(

@@ -98,6 +98,7 @@ def _serve(listening: socket.socket, application: str, threads: int, shown_as: S
     """The work of one process."""
     if shown_as:
         show(shown_as)
+        sys.argv = ["web", *shown_as]  # its name in the log
     many_files()
     for signum in (signal.SIGTERM, signal.SIGINT):
         signal.signal(signum, signal.SIG_DFL)  # while the site loads, which takes seconds

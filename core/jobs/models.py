@@ -9,6 +9,8 @@ from django.utils.translation import gettext_lazy as _
 
 from paddock.errors.reasons import REASONS
 
+from ..logs.lines import current_request
+
 
 def reason_sentence(code: str, params: dict) -> str:
     """A reason in the reader's language; ``""`` where there is none. ``params``: what its sentence names."""
@@ -38,7 +40,7 @@ class Job(Leased):
     """A leased row that may fail by a fault: ``reason_code`` and ``reason_params``.
 
     ``kills``: failures while other jobs passed; ``failed_at``: of the last platform fault; ``operator_detail``: notes
-    for operators."""
+    for operators; ``request_id``: of the request or task that queued it, for the log."""
 
     state: models.CharField  # of the kind's own states, "failed" among them
     reason_code = models.CharField(_("reason"), max_length=40, blank=True)
@@ -48,6 +50,9 @@ class Job(Leased):
         _("kills"), default=0, db_default=0, help_text=_("Number of failures while other jobs succeeded.")
     )
     failed_at = models.DateTimeField(_("last platform failure"), null=True, blank=True)
+    request_id = models.CharField(
+        _("request"), max_length=64, blank=True, default=current_request, db_default="", editable=False
+    )
 
     class Meta:
         abstract = True

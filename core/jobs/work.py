@@ -45,7 +45,7 @@ def run_next(
     job = kind.claim(worker=worker, now=database_now())
     if job is None:
         return False
-    with job_in_log(f"{kind.name.lower()}:{getattr(job, 'public_id', job.pk)}"):
+    with job_in_log(f"{kind.name.lower()}:{getattr(job, 'public_id', job.pk)}", job.request_id):
         _run(kind, job, do, interrupted)
     return True
 

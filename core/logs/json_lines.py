@@ -31,7 +31,7 @@ def _fields(logger: object, method: str, event: MutableMapping[str, Any]) -> Map
 
 
 def line_of(text: str, program: str, process: int) -> str:
-    """A line that a program printed, as a line of the log. One that is a line of the log already stays as it is."""
+    """A printed line as a line of the log. One that is a line of the log already stays as it is."""
     if text.startswith('{"time": "'):
         try:
             json.loads(text)

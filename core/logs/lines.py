@@ -34,6 +34,15 @@ def format_name() -> str:
     return name if name in FORMATTERS else "plain"
 
 
+def as_printed(text: str, program: str = "", process: int = 0) -> str:
+    """A line that a program prints without the log: as it is, or a line of a log in JSON."""
+    if format_name() != "json":
+        return text
+    from .json_lines import line_of  # loads a library
+
+    return line_of(text, program or program_name(), process or os.getpid())
+
+
 class LogLines(logging.Formatter):
     """Formats a record as one line, or several of the same beginning."""
 
@@ -51,14 +60,20 @@ def beginning(seconds: float, process: int, program: str = "") -> str:
     return f"{moment(seconds)} {program or program_name()}[{process}] {request_id.get()}"
 
 
+def current_request() -> str:
+    """The id of the request or task at hand, or ``""``."""
+    return "" if request_id.get() == NONE else request_id.get()
+
+
 @contextmanager
-def job_in_log(name: str) -> Iterator[None]:
-    """Have the lines of a block name this job."""
-    token = job_id.set(name)
+def job_in_log(name: str, request: str) -> Iterator[None]:
+    """Have the lines of a block name this job, and the request that queued it (``""``: unknown)."""
+    of_job, of_request = job_id.set(name), request_id.set(request or request_id.get())
     try:
         yield
     finally:
-        job_id.reset(token)
+        job_id.reset(of_job)
+        request_id.reset(of_request)
 
 
 def moment(seconds: float) -> str:

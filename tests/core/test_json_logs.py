@@ -106,20 +106,23 @@ def test_the_lines_of_a_job_have_its_id_also_those_of_its_heartbeat_and_its_proc
         raise fault
 
     logging.getLogger().setLevel(logging.INFO)
+    request_id.set("queued-1")
     run = MAKERS[EVALUATIONS](alice, oval, now)
+    request_id.set("sweep-1")  # whatever woke the worker
     run_next(EVALUATIONS, do, worker="test")
     log.info("after it")
     *lines, last = written()
     of_job = [line for line in lines if line["logger"] in ("core.jobs.work", "core.jobs.retried", "test.json")]
     assert len(of_job) == 4 and {line["job_id"] for line in of_job} == {f"evaluation:{run.public_id}"}
     assert any("stderr of the runner:\nTraceback" in line["message"] for line in of_job)
-    assert last["job_id"] is None
+    assert {line["request_id"] for line in of_job} == {"queued-1"}
+    assert (last["job_id"], last["request_id"]) == (None, "sweep-1")
 
 
-def test_a_job_that_raises_leaves_no_id():
-    with pytest.raises(KeyboardInterrupt), job_in_log("evaluation:x"):
+def test_a_job_that_raises_leaves_no_id(written):
+    with pytest.raises(KeyboardInterrupt), job_in_log("evaluation:x", "y"):
         raise KeyboardInterrupt
-    assert job_id.get() == "-"
+    assert job_id.get() == request_id.get() == "-"
 
 
 @pytest.mark.parametrize("text", ["plain", "{", FORGED[:-1], '{"other": 1}', "Traceback\x00"])

@@ -46,6 +46,8 @@ REASONS = {
     "read by operators only": """
         core.WorkerHold.worker
         core.DiscardedFile.name
+        evaluation.Evaluation.request_id evaluation.ReportChunk.request_id training.TrainingJob.request_id
+        videos.Video.request_id
         evaluation.Evaluation.operator_detail evaluation.Evaluation.worker evaluation.ReportChunk.operator_detail
         evaluation.ReportChunk.worker evaluation.WorkerNode.name league.Mail.worker league.MailInvitation.worker
         league.WebhookDelivery.worker training.TrainingJob.operator_detail training.TrainingJob.worker
