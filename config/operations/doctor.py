@@ -34,13 +34,14 @@ OK, WARN, FAIL = "ok", "warn", "fail"
 NAMED = 5
 DETAILED = {"database", "pages", "migrations", "disk"}  # parts with lines that say more
 NEEDED = {"writes", "storage"}
+STARTED = "manage.py run starts one; on several machines one of them needs it"
 ADVICE = {
     "broker": "it does not answer; manage.py run starts the bundled one",
     "cache": "it does not answer; manage.py run starts the bundled one",
     "storage": "files cannot be written and read",
-    "workers": "no worker takes evaluations; manage.py run starts one",
-    "messengers": "no messenger lives: neither notices nor webhooks go out; manage.py run starts one",
-    "scheduler": "no scheduler lives: nothing is swept, opened or closed in time; manage.py run starts one",
+    "workers": f"no worker takes evaluations; {STARTED}",
+    "messengers": f"no messenger lives: neither notices nor webhooks go out; {STARTED}",
+    "scheduler": f"no scheduler lives: nothing is swept, opened or closed in time; {STARTED}",
     "queue": "evaluations wait too long",
 }
 INEXACT_ADVICE = (
@@ -156,10 +157,14 @@ def parts() -> Iterator[FindingLine]:
         "broker": f"{'the bundled Valkey' if settings.EMBEDDED_BROKER else 'what the environment names'} answers",
         "storage": f"{settings.STORAGE} can be written and read",
     }
+    asks_database = {check.name for check in health.checks() if check.asks_database}
+    is_there = found.parts["database"] and found.parts["migrations"]
     for name, good in found.parts.items():
         if name in DETAILED:
             continue
         bad = f"{ADVICE.get(name, '')} ({found.reasons.get(name, '')})".strip()
+        if not is_there and name in asks_database:
+            bad = "not known before the database is: see above"
         status = OK if good else FAIL if name in NEEDED else WARN
         yield FindingLine(name, status, answers.get(name, "as it should be") if good else bad)
     if found.figures["streams"] is None:
@@ -187,8 +192,7 @@ def queues() -> Iterator[FindingLine]:
         elif holding:
             yield FindingLine(queue, OK, f"{holding} for {what}, paused or drained: manage.py workers --resume all")
         else:
-            hint = "manage.py run starts one; on several machines one of them needs it"
-            yield FindingLine(queue, WARN, f"nobody takes {what}, which wait: {hint}")
+            yield FindingLine(queue, WARN, f"nobody takes {what}, which wait: {STARTED}")
 
 
 def files() -> Iterator[FindingLine]:

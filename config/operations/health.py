@@ -10,6 +10,7 @@ import json
 import logging
 import shutil
 import threading
+from collections import defaultdict
 from collections.abc import Callable
 from contextlib import suppress
 from dataclasses import asdict, dataclass, field, replace
@@ -182,7 +183,6 @@ def look() -> Readiness:
             found.parts[check.name] = found.parts.get(check.name, True) and not why
             if why:
                 found.reasons.setdefault(check.name, why)
-                log.error("not ready: %s (%s)", check.name, why)
     return replace(found, at=time() - (monotonic() - began))
 
 
@@ -190,7 +190,7 @@ def _ask(check: HealthCheck, figures: Figures, failed: dict[int, str], number: i
     try:
         failed[number] = "" if check.holds(figures) else "not as it should be"
     except FAILS as error:
-        failed[number] = str(error.__cause__ or error) or type(error).__name__
+        failed[number] = next(iter(str(error.__cause__ or error).splitlines()), type(error).__name__)
 
 
 def _look_in_turn() -> Readiness:
@@ -202,10 +202,20 @@ def _look_in_turn() -> Readiness:
         file.seek(0)
         found = _parse(file.read())
         if found is None or not found.is_fresh:
-            found = look()
+            found = _logged(look())
             file.truncate(0)
             file.write(json.dumps(asdict(found)))
-    return found or look()
+    return found or _logged(look())
+
+
+def _logged(found: Readiness) -> Readiness:
+    """One line for all parts that fail for the same reason."""
+    parts = defaultdict(list)
+    for part, why in found.reasons.items():
+        parts[why].append(part)
+    for why, failed in parts.items():
+        log.error("not ready: %s (%s)", ", ".join(failed), why)
+    return found
 
 
 def _take_turn(file: TextIO) -> None:

@@ -19,12 +19,14 @@ REFUSED, OUR_FAULT = 2, 3
 
 
 class Refusal(CommandError):
-    """A command that fails. It prints the reason's code and its sentence on standard error."""
+    """A command that fails. It prints the reason's code and its sentence on standard error, and the cause of a fault of
+    ours."""
 
     def __init__(self, fault: PaddockError, returncode: int | None = None) -> None:
         """``returncode``: by default :data:`REFUSED` for the caller's fault and :data:`OUR_FAULT` for ours."""
         own = REFUSED if isinstance(fault, UserFault) else OUR_FAULT
-        super().__init__(f"{fault.code}: {fault}", returncode=own if returncode is None else returncode)
+        why = "" if isinstance(fault, UserFault) or not fault.__cause__ else f" ({fault.__cause__})"
+        super().__init__(f"{fault.code}: {fault}{why}", returncode=own if returncode is None else returncode)
         self.fault = fault
 
     @classmethod

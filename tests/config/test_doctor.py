@@ -166,7 +166,8 @@ def test_an_unreachable_database_or_broker_is_named(tmp_path):
     report = json.loads(done.stdout)
     assert finding(report, "postgresql")["status"] == "fail"
     assert finding(report, "broker")["status"] == "warn"
-    assert "Traceback" not in done.stderr
+    assert finding(report, "workers")["detail"] == "not known before the database is: see above"
+    assert "Traceback" not in done.stderr and "not ready" not in done.stderr, "it is told once, in the findings"
 
 
 def test_a_missing_video_encoder_is_only_a_warning(monkeypatch, settings):

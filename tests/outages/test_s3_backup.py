@@ -29,7 +29,7 @@ def race(s3, wakes):
 
 
 @pytest.mark.slow
-def test_a_site_restored_into_an_empty_bucket_works_as_before(s3, race, tmp_path):
+def test_a_site_restored_where_no_bucket_was_works_as_before(s3, race, tmp_path):
     asked, file = addresses(), tmp_path / "site.backup"
     before = answers("racer-0-of-backup", asked)
     assert {status for status, _ in before.values()} == {200}
@@ -42,10 +42,12 @@ def test_a_site_restored_into_an_empty_bucket_works_as_before(s3, race, tmp_path
     }
     for name in names:
         default_storage.delete(name)
+    default_storage.connection.meta.client.delete_bucket(Bucket=BUCKET)
     with empty_place(tmp_path) as environment:
         s3.be("full")
         refused = command(environment | of_bucket, "manage.py", "restore", str(file))
-        assert refused.returncode != 0 and "Traceback" not in refused.stderr, refused.stderr
+        assert refused.returncode == 3 and "Traceback" not in refused.stderr, refused.stderr
+        assert "storage_failed" in refused.stderr and "minimum free drive threshold" in refused.stderr
         s3.be("")
         restored = command(environment | of_bucket, "manage.py", "restore", str(file))
         assert restored.returncode == 0, restored.stderr

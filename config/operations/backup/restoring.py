@@ -20,6 +20,7 @@ from django.db.migrations.loader import MigrationLoader
 
 from paddock.errors import PlatformFault, UserFault
 
+from ..setup import missing_bucket
 from . import databases, files
 from .archive import DATABASE, FILES, SECRET_KEY, Backup, opened
 
@@ -46,6 +47,7 @@ def restore(*, path: Path, tell: Callable[[str], None] = lambda text: None) -> R
         _refuse_unfit(backup)
         if not databases.is_empty():
             raise UserFault("restore_not_empty", place=_database_name())
+        _make_bucket()
         _restore_files(backup, _files_there(backup), tell)
         tell("database")
         with files.working_folder(settings.DATA_DIR, UNFINISHED) as folder:
@@ -65,6 +67,14 @@ def _refuse_unfit(backup: Backup) -> None:
     unknown = sorted(set(backup.manifest["migrations"]) - known)
     if unknown:
         raise UserFault("backup_newer", migration=unknown[0])
+
+
+def _make_bucket() -> None:
+    try:
+        if settings.STORAGE != "local" and (create := missing_bucket()):
+            create()
+    except Exception as error:  # as each of its servers has it
+        raise PlatformFault("storage_failed") from error
 
 
 def _files_there(backup: Backup) -> set[str]:
