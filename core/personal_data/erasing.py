@@ -37,6 +37,7 @@ def _apply(rule: PersonalData, leaving: Leaving) -> None:
         if column.is_relation:
             rule.model._base_manager.filter(**{column.name: racer}).update(**{column.name: None})
         elif rule.owner and not rule.rows:
+            assert isinstance(column, Field)
             rule.owned_by(racer).update(**{column.name: "" if column.empty_strings_allowed else column.get_default()})
 
 

@@ -45,7 +45,9 @@ class _Pipe:
 
 def archive(racer: Any, *, now: datetime) -> Iterator[bytes]:
     """The zip in pieces. A file that cannot be read is named in the README."""
-    pipe, missing, contents, files = _Pipe(), [], [], set()
+    pipe, files = _Pipe(), set[str]()
+    missing: list[str] = []
+    contents: list[tuple[PersonalData, int]] = []
     with zipfile.ZipFile(pipe, "w", zipfile.ZIP_DEFLATED, compresslevel=6) as packed:  # type: ignore[call-overload]
         for rule in all_rules().values():
             if not rule.section:
@@ -110,7 +112,7 @@ def columns_of(rule: PersonalData) -> dict[str, str]:
 def _way(column: Field) -> str:
     if not isinstance(column, ForeignKey):
         return column.name
-    other: type[Model] = column.related_model  # type: ignore[assignment]
+    other: type[Model] = column.related_model
     names = {one.name for one in other._meta.concrete_fields}
     known = next((name for name in _PUBLIC_NAMES if name in names), None)
     return f"{column.name}__{known}" if known else column.name
