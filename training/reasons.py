@@ -157,9 +157,6 @@ register(
         "training_no_model": _(
             "This training does not have that model yet. Wait for the first iteration, or choose the other model."
         ),
-        "class_learner_in_duels": _(
-            "The car of %(racer)s is in drawn duels of %(race)s. Cancel and delete that race, or delete the class."
-        ),
         "training_under_way": _("Only a training that is over can be deleted. Stop this one first."),
         "training_model_races": _(
             "The model “%(name)s” is entered in “%(race)s”, which is still running. Delete the training without "

@@ -45,7 +45,7 @@ BY_NAME = {
     "video_no_steps video_no_best_lap reward_check_runs "
     "race_is_physical race_not_physical live_of_real_cars sensors_too_many timekeepers_too_many "
     "team_too_many_invitations too_many_tokens class_too_many class_too_many_teachers follow_too_many "
-    "group_is_a_class class_learner_in_duels model_deleted_not_shared import_season_differs import_numbers_differ "
+    "group_is_a_class model_deleted_not_shared import_season_differs import_numbers_differ "
     "guest_is_racer own_other_engine own_not_classified own_not_better live_with_duels live_walkover live_nobody "
     "live_slot_state live_nothing_next live_interrupted live_car_queued live_no_model live_left live_absent "
     "live_called live_speed_called live_undo_nothing training_model_races training_model_drives "

@@ -17,6 +17,7 @@ from accounts.leaving.services import delete_account
 from accounts.models import DeletedAccount, Racer, RacerGroup
 from accounts.signing_in.reserved_aliases import is_reserved, is_taken
 from accounts.teams.services import found_team, join_by_link
+from accounts.tokens.services import create_token
 from core.personal_data.discarding import delete_discarded, discard_files
 from core.personal_data.models import DiscardedFile
 from evaluation.models import Evaluation, Network, TrainedModel
@@ -183,3 +184,39 @@ def test_a_group_without_others_goes_too(db, now, wakes):
     make_group(by=leader, name="Alone", now=now)
     delete_account(racer=leader, by=leader, now=now)
     assert not RacerGroup.objects.exists()
+
+
+def test_an_admin_deletes_a_racer_on_the_page_and_in_the_list(world, wakes, client):
+    bob, alice = Racer.objects.get(alias="bob"), Racer.objects.get(alias="alice")
+    client = logged_in(world.admin)
+    page = f"/admin/accounts/racer/{bob.pk}/delete/"
+    assert "bob: all but results" in client.get(page).content.decode()
+    client.post(page, {"post": "yes"})
+    assert Racer.objects.get(pk=bob.pk).alias == NAMELESS % bob.pk and not bob.deletion.by_racer
+    assert tables_with("bob", "bob@example.org") == []
+    chosen = {"action": "delete_selected", "_selected_action": [alice.pk], "post": "yes"}
+    assert "You organise the race" in client.post("/admin/accounts/racer/", chosen).content.decode()
+    hand_over(alice, world.admin)
+    client.post("/admin/accounts/racer/", chosen)
+    assert Racer.objects.get(pk=alice.pk).alias == NAMELESS % alice.pk
+
+
+def test_admins_cannot_delete_themselves_nor_house_cars(world, wakes):
+    client, house = logged_in(world.admin), Racer.objects.filter(is_house=True).first()
+    for racer in (world.admin, house):
+        assert client.post(f"/admin/accounts/racer/{racer.pk}/delete/", {"post": "yes"}).status_code == 403
+    assert Racer.objects.filter(pk__in=[world.admin.pk, house.pk], deletion=None).count() == 2
+
+
+def test_a_program_deletes_the_account_with_alias_and_password(db, client, now):
+    racer = Racer.objects.create_user("leaver", "leaver@example.org", "correct horse battery")
+    _token, text = create_token(racer=racer, now=now)
+    header = {"authorization": f"Bearer {text}"}
+    sent = {"alias": "leaver", "password": "correct horse battery"}
+    for wrong in ({"alias": "Leaver"}, {"password": "another one"}):
+        answer = client.post("/api/v1/me/deletion/", sent | wrong, headers=header, content_type="application/json")
+        assert answer.status_code in (400, 403) and Racer.objects.filter(alias="leaver").exists()
+    answer = client.post("/api/v1/me/deletion/", sent, headers=header, content_type="application/json")
+    assert answer.status_code == 204 and racer.deletion.by_racer
+    assert client.get("/api/v1/me/", headers=header).status_code == 401
+    assert tables_with("leaver", "leaver@example.org") == []

@@ -5,9 +5,11 @@ Learners race in races of their class alone and share no models, so that nothing
 
 from django.db import transaction
 from django.db.models import Q
+from django.utils import timezone
 from django.utils.translation import gettext_lazy as _
 
 from accounts.class_accounts.services import can_lead_class, can_teach
+from accounts.leaving.services import delete_account
 from accounts.models import Classroom, Racer
 from core.audit.recording import audited
 from evaluation.models import Evaluation, TrainedModel
@@ -43,16 +45,13 @@ def delete_class(*, classroom: Classroom, by: Racer) -> int:
 @audited("class.learner_removed", _("Learner removed from a class"), target="classroom")
 @transaction.atomic
 def remove_learner(*, classroom: Classroom, by: Racer, racer: Racer) -> None:
-    """Delete a learner's account with all its content, and rank the boards of the class anew.
-
-    Raises UserFault("class_not_yours"), and ("class_learner_in_duels") if drawn duels, and so the results of others,
-    need their car.
-    """
+    """Delete a learner's account with all its content, and rank the boards of the class anew. Where drawn duels, and so
+    the results of others, need their car, results stay without the name. Raises UserFault("class_not_yours")."""
     if not can_teach(by, classroom) or not classroom.learners.filter(racer=racer).exists():
         raise UserFault("class_not_yours")
-    drawn = DuelCompetitor.objects.filter(entry__racer=racer).select_related("entry__race").first()
-    if drawn is not None:
-        raise UserFault("class_learner_in_duels", racer=racer.alias, race=drawn.entry.race.name)
+    if DuelCompetitor.objects.filter(entry__racer=racer).exists():
+        delete_account(racer=racer, by=by, now=timezone.now())
+        return
     raced = list(Race.objects.filter(entries__racer=racer))
     _delete_left([racer.pk], [])
     LiveSlot.objects.filter(racer__entry__racer=racer).delete()
