@@ -34,7 +34,7 @@ def nothing_to_migrate(database: str) -> bool:
     a restored backup left out, with the models as they are: to build them from all migrations takes longer."""
     if not applied_are_all(MigrationRecorder(connections[database])):
         return False
-    given = {"verbosity": 0, "interactive": False, "db": database, "apps": apps, "plan": []}
+    given: dict[str, Any] = {"verbosity": 0, "interactive": False, "db": database, "apps": apps, "plan": []}
     emit_pre_migrate_signal(**given)
     emit_post_migrate_signal(**given)
     return True
