@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import OrderedDict
 from collections.abc import Iterator
 from contextlib import contextmanager
 from unittest.mock import patch
@@ -16,5 +17,6 @@ from core.streams import shared_pieces
 def parts_are_kept() -> Iterator[None]:
     """Keep shared parts also within the transaction of a test, for as long as this lasts."""
     parts = {"is_shared": lambda: True, "LIVES_S": 3600.0, "_parts": Unchanged(400), "_newest": shared_pieces._Newest()}
+    parts["_lasting"] = OrderedDict()
     with patch.multiple(shared_pieces, **parts), override_settings(SHARED_PAGE_SECONDS=3600):
         yield

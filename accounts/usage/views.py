@@ -1,5 +1,7 @@
 """Signing up by invitation, and how much of the site a racer has used."""
 
+from typing import Any
+
 from django.contrib.auth.decorators import login_required
 from django.core.exceptions import PermissionDenied
 from django.core.paginator import Paginator
@@ -7,6 +9,8 @@ from django.http import HttpRequest, HttpResponse
 from django.shortcuts import render
 from django.utils import timezone
 from django.views.decorators.http import require_safe
+
+from core.streams.shared_pieces import shared_piece, shared_value
 
 from ..models import Racer
 from ..quotas import all_quotas
@@ -36,11 +40,15 @@ def usage_of_all(request: HttpRequest) -> HttpResponse:
     now = timezone.now()
     quotas = all_quotas()
     by = next((quota for quota in quotas if quota.name == request.GET.get("by")), quotas[0])
-    page = Paginator(racers_by_use(by, now), RACERS_PER_PAGE).get_page(request.GET.get("page"))
-    racers = Racer.objects.in_bulk(list(page.object_list))
-    rows = usage_rows([racers[pk] for pk in page.object_list if pk in racers], now)
-    return render(
-        request,
-        "accounts/usage/usage_of_all.html",
-        {"page": page, "rows": rows, "quotas": quotas, "by": by, "here": "usage"},
-    )
+    ranked = shared_value(("racers by use", by.name), lambda: racers_by_use(by, now))
+    page = Paginator(ranked, RACERS_PER_PAGE).get_page(request.GET.get("page"))
+    may_change = request.user.has_perm("accounts.change_racer")
+
+    def values() -> dict[str, Any]:
+        racers = Racer.objects.in_bulk(list(page.object_list))
+        rows = usage_rows([racers[pk] for pk in page.object_list if pk in racers], now)
+        return {"rows": rows, "quotas": quotas, "by": by, "may_change": may_change}
+
+    table = shared_piece("accounts/usage/parts/usage_table.html", values, key=(by.name, page.number, may_change))
+    context = {"page": page, "table": table, "quotas": quotas, "by": by, "here": "usage"}
+    return render(request, "accounts/usage/usage_of_all.html", context)

@@ -9,6 +9,7 @@ import re
 import secrets
 import threading
 import time
+from collections import OrderedDict
 from collections.abc import Callable, Hashable, Iterator, Mapping
 from contextlib import contextmanager
 from contextvars import ContextVar
@@ -30,6 +31,7 @@ T = TypeVar("T")
 # Parts have times such as "in 5 minutes", so they are made anew after this even when nothing was committed
 LIVES_S = 1.0
 PARTS = 400  # of one process; the one asked for longest ago makes way
+LASTING = 40  # of those that no commit changes
 
 
 class _Newest:
@@ -50,6 +52,8 @@ class _Newest:
 
 _newest = _Newest()
 _parts: Unchanged[Any] = Unchanged(PARTS)
+_lasting: OrderedDict[Hashable, Any] = OrderedDict()
+_lasting_lock = threading.Lock()
 # The event that the current request has seen; None: parts are never older than the request
 _seen: ContextVar[int | None] = ContextVar("seen", default=None)
 
@@ -85,6 +89,24 @@ def shared_value(key: Hashable, make: Callable[[], T]) -> T:
             return make(), True
 
     return _parts.get((key, get_language()), LIVES_S, make_whole, number=shown_position(), newest=last_numbered)
+
+
+def lasting_value(key: Hashable, make: Callable[[], T]) -> T:
+    """:func:`shared_value` of what no commit changes: ``key`` names all that it is made of. A transaction gets a new
+    value."""
+    if not is_shared():
+        return make()
+    whole_key = (key, get_language())
+    with _lasting_lock:
+        if whole_key in _lasting:
+            _lasting.move_to_end(whole_key)
+            return _lasting[whole_key]
+    value = make()
+    with _lasting_lock:
+        _lasting[whole_key] = value
+        while len(_lasting) > LASTING:
+            _lasting.popitem(last=False)
+    return value
 
 
 def shared_piece(template: str, values: Callable[[], dict[str, Any]], *, key: Hashable) -> SafeString:

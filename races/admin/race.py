@@ -7,7 +7,8 @@ from typing import Any
 from django import forms
 from django.contrib import admin, messages
 from django.core.exceptions import ValidationError
-from django.db.models import Count, Q, QuerySet
+from django.db.models import Count, OuterRef, Q, QuerySet, Subquery
+from django.db.models.functions import Coalesce
 from django.http import HttpRequest, HttpResponse, HttpResponseRedirect
 from django.urls import reverse
 from django.utils import timezone
@@ -23,7 +24,7 @@ from paddock.rules.race import BOX_RULES, LAYOUT, RULES, RUN_RULES
 from ..entries.services.standings import recompute_race
 from ..entries.terms import keep_terms, one_form
 from ..errors import problem
-from ..models import Race, RaceKind, RaceState, RaceType, Visibility
+from ..models import Entry, Race, RaceKind, RaceState, RaceType, Visibility
 from ..models.rules import usual
 from ..models.sensors import OFFERABLE
 from ..pages import services
@@ -177,8 +178,9 @@ class RaceAdmin(WithReason):
     )
 
     def get_queryset(self, request: HttpRequest) -> QuerySet[Race]:
-        on_board = Count("entries", filter=Q(entries__withdrawn_at=None, entries__is_baseline=False))
-        return super().get_queryset(request).annotate(racer_count=on_board)
+        entries = Entry.objects.filter(race=OuterRef("pk"), withdrawn_at=None, is_baseline=False).order_by()
+        on_board = Subquery(entries.values("race").annotate(count=Count("pk")).values("count"))
+        return super().get_queryset(request).annotate(racer_count=Coalesce(on_board, 0))
 
     def get_readonly_fields(self, request: HttpRequest, obj: Race | None = None) -> tuple[str, ...]:
         shown = ("invitation_link", "state", "cancel_reason", "board", "created_at")

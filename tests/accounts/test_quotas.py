@@ -15,6 +15,7 @@ from accounts.usage.selectors import racers_by_use, usage_of, usage_rows
 from paddock.errors import UserFault
 from races.pages.services import create_community_race
 from tests.factories import a_model, a_race, a_racer, a_track
+from tests.kept_parts import parts_are_kept
 from tracks.models import Track
 
 pytestmark = pytest.mark.django_db
@@ -138,6 +139,22 @@ def test_only_admins_see_the_usage_of_all_racers(client, boss) -> None:
     assert client.get("/usage/").status_code == 403
     client.logout()
     assert client.get("/usage/").status_code == 302
+
+
+def test_admins_share_a_table_of_usage_but_no_permission(client, boss, django_assert_max_num_queries) -> None:
+    alice = a_racer("alice")
+    a_model(alice)
+    looks_on = a_racer("looks-on", is_staff=True)
+    admin_page = reverse("admin:accounts_racer_change", args=[alice.pk])
+    with parts_are_kept():
+        for racer in (boss, looks_on, boss, looks_on):
+            client.force_login(racer, backend="django.contrib.auth.backends.ModelBackend")
+            page = client.get("/usage/?by=models").content.decode()
+            assert (f'href="{admin_page}"' in page) == (racer == boss)
+            assert (f'href="{alice.get_absolute_url()}"' in page) == (racer == looks_on)
+        client.force_login(boss, backend="django.contrib.auth.backends.ModelBackend")
+        with django_assert_max_num_queries(4):
+            client.get("/usage/?by=models")
 
 
 def test_more_racers_need_no_more_queries(django_assert_num_queries) -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import threading
+from collections import OrderedDict
 
 import pytest
 from django.db import transaction
@@ -17,6 +18,7 @@ from core.streams.shared_pieces import (
     MarkedPiece,
     filled,
     hole,
+    lasting_value,
     marked,
     reading_since,
     shared_piece,
@@ -49,6 +51,38 @@ def rename(race: Race, name: str) -> None:
 
 def name_of(race: Race) -> str:
     return shared_value(("name", race.pk), lambda: Race.objects.get(pk=race.pk).name)
+
+
+def test_a_lasting_value_is_made_once_a_language_whatever_is_committed(race, monkeypatch):
+    monkeypatch.setattr(shared_pieces, "_lasting", OrderedDict())
+    made = []
+
+    def value(key: object) -> str:
+        return lasting_value(key, lambda: made.append(key) or gettext("Races"))
+
+    first = value("a")
+    rename(race, "Second")
+    assert value("a") == first
+    with translation.override("ko"):
+        assert value("a") != first
+    assert made == ["a", "a"]
+
+
+def test_a_transaction_neither_gets_nor_leaves_a_lasting_value(monkeypatch):
+    monkeypatch.setattr(shared_pieces, "_lasting", OrderedDict())
+    with transaction.atomic():
+        assert lasting_value("a", lambda: "own") == "own"
+    assert lasting_value("a", lambda: "all") == "all"
+    with transaction.atomic():
+        assert lasting_value("a", lambda: "own") == "own"
+
+
+def test_the_lasting_value_used_longest_ago_makes_way(monkeypatch):
+    monkeypatch.setattr(shared_pieces, "_lasting", OrderedDict())
+    monkeypatch.setattr(shared_pieces, "LASTING", 2)
+    for key in ("a", "b", "a", "c"):
+        lasting_value(key, lambda: "old")
+    assert [lasting_value(key, lambda: "new") for key in ("a", "c", "b")] == ["old", "old", "new"]
 
 
 def test_a_part_is_made_once_a_position_however_much_is_committed(race):

@@ -18,7 +18,7 @@ from accounts.usage.storage import MEGABYTE
 from core.database.kept_queries import KeptQuery
 from core.forms import explain
 from core.pages.pager import LeanPaginator
-from core.streams.shared_pieces import shared_value
+from core.streams.shared_pieces import lasting_value, shared_value
 from paddock.errors import UserFault
 from paddock.rules.race import BOX_COUNT
 from races.models import Race, RaceType
@@ -236,7 +236,8 @@ def _graph(request: HttpRequest, job: TrainingJob, last: TrainingIteration | Non
         return draw_graph(points, window), len(points)
 
     # an iteration does not change, so the newest one stands for all
-    graph, iterations = shared_value(("graph of a training", job.pk, last and last.pk, window), drawn)
+    shared = lasting_value if job.is_final else shared_value
+    graph, iterations = shared(("graph of a training", job.public_id, last and last.pk, window), drawn)
     return {
         "graph": graph,
         "smoothings": SMOOTHINGS,
