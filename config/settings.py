@@ -241,6 +241,7 @@ CELERY_BEAT_SCHEDULE: dict[str, dict[str, Any]] = {
     "duels": {"task": "races.tasks.duels", "schedule": 30.0, "options": {"expires": 29}},
     "live": {"task": "races.tasks.live", "schedule": 1.0, "options": {"expires": 2}},
     "redrives": {"task": "races.tasks.redrives", "schedule": 30.0, "options": {"expires": 29}},
+    "rechecks": {"task": "races.tasks.rechecks", "schedule": 60.0, "options": {"expires": 59}},
     "cars": {"task": "races.tasks.cars", "schedule": 60.0, "options": {"expires": 59}},
     "rounds": {"task": "league.tasks.close_rounds", "schedule": 60.0, "options": {"expires": 59}},
     "old_trainings": {"task": "training.tasks.purge", "schedule": 6 * 3600.0, "options": {"expires": 3600}},
@@ -289,6 +290,9 @@ except ValueError as problem:
     raise ImproperlyConfigured(f"{problem}.") from None
 QUEUE_ALARM_MINUTES = env_int("PADDOCK_QUEUE_ALARM_MINUTES", 30, minimum=1)
 LOW_DISK_MB = env_int("PADDOCK_LOW_DISK_MB", 1024)
+# official results that are driven again each day, from which hour on (UTC)
+RECHECK_SAMPLE = env_int("PADDOCK_RECHECK_SAMPLE", 5, minimum=0, maximum=1000)
+RECHECK_HOUR = env_int("PADDOCK_RECHECK_HOUR", 2, minimum=0, maximum=23)
 LEASE_SECONDS = env_int("PADDOCK_LEASE_SECONDS", 30, minimum=5)
 EVALUATION_WALL_SECONDS = env_int("PADDOCK_EVALUATION_WALL_SECONDS", 300, minimum=10)
 EVALUATION_MAX_ATTEMPTS = env_int("PADDOCK_EVALUATION_MAX_ATTEMPTS", 5, minimum=1)

@@ -32,7 +32,7 @@ def work(self: Task) -> int:
     """Run evaluations until none waits or the time is up. Returns how many were run. Nothing runs below the sandbox's
     minimum, nor where golden runs differ."""
     worker = self.request.hostname or "local"
-    if not _fit(worker):
+    if not is_fit(worker):
         return 0
 
     def turn(must_stop: Callable[[], bool]) -> bool:
@@ -45,7 +45,7 @@ def work(self: Task) -> int:
 @shared_task(bind=True)
 def sweep(self: Task) -> dict[str, int]:
     """Requeue what lost its worker and send wake-ups again. Beat sends it every few seconds."""
-    _fit(self.request.hostname or "local")
+    is_fit(self.request.hostname or "local")
     report = EVALUATIONS.sweep(now=database_now())
     return {"requeued": report.requeued, "waiting": report.waiting}
 
@@ -53,7 +53,7 @@ def sweep(self: Task) -> dict[str, int]:
 @shared_task(bind=True)
 def get_ready(self: Task) -> None:
     """A car is being uploaded: its evaluation is about to come. Nothing hangs on it."""
-    if _fit(self.request.hostname or "local"):
+    if is_fit(self.request.hostname or "local"):
         _wait_ready()
 
 
@@ -61,7 +61,7 @@ def get_ready(self: Task) -> None:
 def drive_reports(self: Task) -> int:
     """Drive chunks of reports until none waits, an evaluation does, or the time is up. Returns how many were driven."""
     worker = self.request.hostname or "local"
-    if not _fit(worker):
+    if not is_fit(worker):
         return 0
 
     def turn(must_stop: Callable[[], bool]) -> bool:
@@ -114,7 +114,7 @@ def _wait_ready() -> None:
         _spare.prepare()
 
 
-def _fit(worker: str) -> bool:
+def is_fit(worker: str) -> bool:
     """Note the worker; whether untrusted code may run in it, and comes to what it must."""
     try:
         note_worker(name=worker)

@@ -4,7 +4,7 @@ from typing import Any
 
 from django.utils import timezone
 
-from core.events import EventKind, record, register
+from core.events import OWN, EventKind, record, register
 from evaluation.running.events import RUN
 
 from .models import Race
@@ -39,6 +39,16 @@ RACE_RESULT = register(
 )
 _TIMED = "a racer's session with a real car has ended, and its laps count"
 RACE_TIMED = register(EventKind("race.timed", _TIMED, RACE, _OF_RACER, ("session",), once="session"))
+
+RESULT_DIFFERS = register(
+    EventKind(
+        "result.differs",
+        "an official result was driven again and came to something else; for admins",
+        OWN,
+        ("subject",),
+        ("recheck",),
+    )
+)
 
 
 def of_race(race: Race) -> dict[str, Any]:

@@ -7,7 +7,7 @@ from django.db.models import JSONField, QuerySet, Sum
 
 from core.personal_data.discarding import discard_files
 from core.personal_data.retention import RetentionPolicy
-from core.personal_data.rules import OF_THE_RACE, OTHERS, SECRET, Leaving, PersonalData, register
+from core.personal_data.rules import NEEDED, OF_THE_RACE, OTHERS, SECRET, Leaving, PersonalData, register
 from evaluation.models import Evaluation, StoredFile
 from evaluation.running.results import files_of_runs
 from paddock.errors import UserFault
@@ -99,6 +99,12 @@ register(
         exported="rules boxes sensors name description prize sponsor terms cancel_reason",
     ),
     PersonalData(races.RaceTerms, kept={OF_THE_RACE: "text"}),
+    PersonalData(
+        races.Recheck,
+        owner="evaluation__owner",
+        kept={NEEDED: "reason_params operator_detail differences measured_sha256"},
+        withheld={"It is a check of the site's own machines.": "*"},
+    ),
     PersonalData(
         races.Entry,
         owner="racer",

@@ -9,6 +9,7 @@ register(
         "own_submit_failed": _(
             "Paddock failed to submit the car to the race. The run is valid: submit the car on the race's page."
         ),
+        "recheck_late": _("No worker could drive this result again within two days."),
     },
 )
 

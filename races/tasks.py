@@ -1,13 +1,18 @@
 """The race room's periodic work."""
 
-from celery import shared_task
+from celery import Task, shared_task
 
 from core.database.clock import database_now
+from core.jobs.work import work_off
+from evaluation.sandbox import probe
+from evaluation.tasks import is_fit
 
 from .duels.services import drive_all_on
 from .entries.services.cars import settle_due
 from .entries.services.redrives import sweep_redrives
 from .live.services import tick_live
+from .rechecks.jobs import RECHECKS, run_next_recheck
+from .rechecks.services import draw_sample
 
 
 @shared_task
@@ -32,3 +37,23 @@ def redrives() -> int:
 def cars() -> int:
     """Write down whose the cars of races under way are where that is not yet known. Returns of how many races."""
     return settle_due(now=database_now())
+
+
+@shared_task(bind=True)
+def recheck(self: Task) -> int:
+    """Drive official results again until none is left for this worker or other runs wait. Returns how many."""
+    worker = self.request.hostname or "local"
+    if not is_fit(worker):
+        return 0
+    return work_off(
+        RECHECKS,
+        lambda must_stop: probe.probe().sufficient and run_next_recheck(worker=worker, interrupted=must_stop),
+    )
+
+
+@shared_task
+def rechecks() -> dict[str, int]:
+    """Draw the sample of the day when its hour has come, and send wake-ups again. Beat sends it every minute."""
+    now = database_now()
+    drawn, report = draw_sample(now=now), RECHECKS.sweep(now=now)
+    return {"drawn": drawn, "requeued": report.requeued, "waiting": report.waiting}

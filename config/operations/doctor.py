@@ -33,7 +33,7 @@ from videos.services.worker import ENCODER
 OK, WARN, FAIL = "ok", "warn", "fail"
 NAMED = 5
 DETAILED = {"database", "pages", "migrations", "disk"}  # parts with lines that say more
-NEEDED = {"writes", "storage"}
+NEEDED = {"writes", "storage", "results"}
 STARTED = "manage.py run starts one; on several machines one of them needs it"
 ADVICE = {
     "broker": "it does not answer; manage.py run starts the bundled one",
@@ -43,6 +43,7 @@ ADVICE = {
     "messengers": f"no messenger lives: neither notices nor webhooks go out; {STARTED}",
     "scheduler": f"no scheduler lives: nothing is swept, opened or closed in time; {STARTED}",
     "queue": "evaluations wait too long",
+    "results": "a result came to something else when it was driven again: see Rechecks in the admin site",
 }
 INEXACT_ADVICE = (
     "Install the versions that constraints.txt names (make setup), on x86-64 with glibc; where PyBullet was built with "

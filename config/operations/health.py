@@ -39,6 +39,7 @@ from evaluation.running.queue.jobs import EVALUATIONS
 from evaluation.running.queue.selectors import waiting_since
 from evaluation.running.worker_nodes import SILENT_AFTER
 from paddock.errors import PlatformFault
+from races.rechecks.services import unexamined
 
 from ..celery import app
 from ..serving.cache import SteadyCache
@@ -108,6 +109,7 @@ def checks() -> list[HealthCheck]:
         HealthCheck("messengers", lambda figures: _listens(MESSAGES), True),
         HealthCheck("scheduler", lambda figures: _listens(SCHEDULER), True),
         HealthCheck("queue", _queue, True),
+        HealthCheck("results", lambda figures: not unexamined().exists(), True),
         HealthCheck("", _streams),
     ]
 

@@ -22,6 +22,7 @@ class WorkerNode(models.Model):
     sandbox = models.JSONField(_("sandbox"), default=dict, blank=True)
     proof = models.JSONField(_("golden runs"), default=dict, blank=True)
     engine = models.CharField(_("engine"), max_length=32, blank=True)
+    cpu_model = models.CharField(_("processor"), max_length=128, blank=True, default="", db_default="")
 
     class Meta:
         verbose_name = _("worker")

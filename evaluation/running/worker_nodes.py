@@ -90,6 +90,7 @@ def start_worker(*, name: str, queues: Sequence[str], processes: int, now: datet
             "queues": sorted(queues),
             "processes": processes,
             "engine": engine.ENGINE_ID,
+            "cpu_model": engine.cpu_model()[:128],
             "proof": {},  # it may be another machine by now: it proves itself anew
         },
     )

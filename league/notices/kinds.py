@@ -118,6 +118,12 @@ FOLLOWED = register(
     mailed=False,
 )
 TEAM = register("team", _("a team asks you to join"), gettext_noop("The team %(team)s asks you to join."), spoils=False)
+DIFFERS = register(
+    "differs",
+    _("a result came to something else when driven again (for admins)"),
+    gettext_noop("%(run)s came to something else when it was driven again on %(worker)s: %(what)s."),
+    spoils=False,
+)
 SEASON = register(
     "season",
     _("the next season is drafted (for admins)"),

@@ -4,6 +4,7 @@ from collections.abc import Callable
 from datetime import datetime, timedelta
 
 from django.db.models import Q
+from django.urls import reverse
 
 from accounts.events import TEAM_INVITED
 from accounts.following import followers_of
@@ -19,7 +20,7 @@ from races.boards.selectors.counts import totals_of
 from races.boards.selectors.results import place_of, result_of
 from races.entries.selectors.visibility import can_see_evaluation
 from races.entries.time_checks import moment
-from races.models import Entry, Race, RaceKind, Redrive, Retiming, Submission, TimedSession, Visibility
+from races.models import Entry, Race, RaceKind, Recheck, Redrive, Retiming, Submission, TimedSession, Visibility
 
 from ..events import CUP_OVER, DISQUALIFIED, IN_FINALE, PROMOTED, QUALIFIED, RESTORED, SEASON_DRAFTED
 from ..models import Cup, CupPlace, Lead, Round, Season, StewardDecision
@@ -248,6 +249,20 @@ def _drafted(event: Event, now: datetime) -> int:
     return notify(NewNotice(kinds.SEASON, str(season.pk), readers, season.get_absolute_url(), params), now)
 
 
+def _differs(event: Event, now: datetime) -> int:
+    """An official result differs from its recheck: notices to admins."""
+    recheck = Recheck.objects.filter(pk=event.data["recheck"]).select_related("evaluation").first()
+    if recheck is None:
+        return 0
+    params = {
+        "run": recheck.evaluation.public_id,
+        "worker": recheck.worker,
+        "what": ", ".join(recheck.differences),
+    }
+    path = reverse("admin:races_recheck_change", args=[recheck.pk])
+    return notify(NewNotice(kinds.DIFFERS, str(recheck.pk), admins_with("races.change_recheck"), path, params), now)
+
+
 def _is_recent(event: Event, now: datetime) -> bool:
     return event.at > now - REACH
 
@@ -282,6 +297,7 @@ _WRITERS: dict[EventKind, Callable[[Event, datetime], int]] = {
     DISQUALIFIED: _decided,
     RESTORED: _decided,
     SEASON_DRAFTED: _drafted,
+    of_races.RESULT_DIFFERS: _differs,
 }
 _BY_NAME = {kind.name: write for kind, write in _WRITERS.items()}
 

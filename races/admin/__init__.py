@@ -2,4 +2,5 @@
 
 from .duels import DrawAdmin, DuelAdmin
 from .race import RaceAdmin
+from .rechecks import RecheckAdmin
 from .results import EntryAdmin, OwnEvaluationAdmin, SubmissionAdmin

@@ -31,6 +31,7 @@ from .live import (
 )
 from .live_reaction import LiveReaction, ReactionKind
 from .race import Race, new_invitation
+from .recheck import Elsewhere, Recheck, RecheckState
 from .redrive import Redrive, RedriveState, Retiming
 from .rules import default_sensors
 from .submission import RaceCar, RefusedCar, Submission, car_of

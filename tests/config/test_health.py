@@ -36,7 +36,7 @@ from tests.factories import a_model, a_racer, a_track
 
 pytestmark = pytest.mark.django_db
 PARTS = {"database", "writes", "pages", "migrations", "cache", "broker", "storage", "disk", "workers", "queue"}
-PARTS |= {"messengers", "scheduler"}
+PARTS |= {"messengers", "scheduler", "results"}
 
 
 @pytest.fixture(autouse=True)

@@ -35,7 +35,8 @@ REASONS = {
         league.WebhookDelivery.error league.WebhookDelivery.event league.WebhookDelivery.state races.Crossing.boot
         races.DuelCompetitor.retired_code races.Guest.claim races.LiveLog.action races.LiveSlot.reason_code
         races.LiveSlot.speed_reason races.OwnEvaluation.submit_reason_code races.Race.engine races.Race.invitation
-        races.Race.next_engine races.RaceCar.car races.Redrive.engine races.Retiming.new_engine
+        races.Race.next_engine races.RaceCar.car races.Recheck.measured_engine races.Recheck.measured_sha256
+        races.Recheck.reason_code races.Redrive.engine races.Retiming.new_engine
         races.Retiming.old_engine races.Retiming.reason_code races.TimingSensor.hint races.TimingSensor.token_sha256
         training.Sweep.public_id training.Sweep.reason_code
         training.TrainingJob.action_space_type training.TrainingJob.evaluate_reason_code
@@ -44,10 +45,12 @@ REASONS = {
         videos.Video.reason_code videos.Video.sha256
     """,
     "read by operators only": """
-        core.WorkerHold.worker
         core.DiscardedFile.name
         evaluation.Evaluation.request_id evaluation.ReportChunk.request_id training.TrainingJob.request_id
         videos.Video.request_id
+        core.WorkerHold.worker evaluation.WorkerNode.cpu_model races.Recheck.measured_cpu
+        races.Recheck.operator_detail races.Recheck.request_id
+        races.Recheck.worker
         evaluation.Evaluation.operator_detail evaluation.Evaluation.worker evaluation.ReportChunk.operator_detail
         evaluation.ReportChunk.worker evaluation.WorkerNode.name league.Mail.worker league.MailInvitation.worker
         league.WebhookDelivery.worker training.TrainingJob.operator_detail training.TrainingJob.worker

@@ -21,6 +21,8 @@ from league.notices.services import MAILS
 from league.webhooks.deliveries import DELIVERIES
 from league.webhooks.services import add_webhook
 from paddock.rules.race import RaceRules
+from races.models import Recheck
+from races.rechecks.jobs import RECHECKS
 from tests.drawn_runs import a_driven_run
 from tests.factories import a_race
 from tests.rows import model_row
@@ -59,6 +61,11 @@ def an_invitation(racer: Any, track: Any, now: datetime) -> Leased:
     return MailInvitation.objects.get(race=race)
 
 
+def a_recheck(racer: Any, track: Any, now: datetime) -> Leased:
+    run = a_driven_run(a_race(now), racer, now)
+    return Recheck.objects.create(day=now.date(), number=1, evaluation=run, queued_at=now)
+
+
 MAKERS: dict[JobKind[Any], Callable[..., Leased]] = {
     EVALUATIONS: an_evaluation,
     TRAININGS: a_training,
@@ -67,6 +74,7 @@ MAKERS: dict[JobKind[Any], Callable[..., Leased]] = {
     MAILS: a_mail,
     CHUNKS: a_chunk,
     INVITATIONS: an_invitation,
+    RECHECKS: a_recheck,
 }
 
 

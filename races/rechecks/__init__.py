@@ -1,0 +1,1 @@
+"""A nightly sample of official results is driven again on another worker and compared by hash."""
