@@ -63,7 +63,7 @@ def an_invitation(racer: Any, track: Any, now: datetime) -> Leased:
 
 def a_recheck(racer: Any, track: Any, now: datetime) -> Leased:
     run = a_driven_run(a_race(now), racer, now)
-    return Recheck.objects.create(day=now.date(), number=1, evaluation=run, queued_at=now)
+    return Recheck.objects.create(day=now.date(), number=Recheck.objects.count() + 1, evaluation=run, queued_at=now)
 
 
 MAKERS: dict[JobKind[Any], Callable[..., Leased]] = {
