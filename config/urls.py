@@ -14,6 +14,7 @@ from accounts.signing_in.views import PasskeyLogInView, SignUpView
 
 from . import views
 from .guides import views as guides
+from .operations import api as operations_api
 from .operations import views as workers
 
 # One log-in: the admin site uses the site's own form, with its limits and its second factor
@@ -35,6 +36,9 @@ urlpatterns = [
     path("health/live", views.health_live, name="health_live"),
     path("health/ready", views.health_ready, name="health_ready"),
     path("metrics", views.metrics, name="metrics"),
+    path("status/", workers.status, name="status"),
+    path("api/v1/status/", operations_api.StatusView.as_view(), name="api-status"),
+    path("needs/", workers.needs, name="needs"),
     path("workers/", workers.workers, name="workers"),
     path("workers/<slug:name>/failed/", workers.failed, name="failed_runs"),
     path("", include("league.urls")),

@@ -13,6 +13,7 @@ from .entries.services.redrives import sweep_redrives
 from .live.services import tick_live
 from .rechecks.jobs import RECHECKS, run_next_recheck
 from .rechecks.services import draw_sample
+from .runs.service_days import measure_days
 
 
 @shared_task
@@ -25,6 +26,12 @@ def duels() -> int:
 def live() -> int:
     """Move live events on. Returns how many things were done."""
     return tick_live(now=database_now())
+
+
+@shared_task
+def service_days() -> int:
+    """Measure how fast submissions got their results. Returns the number of measured days."""
+    return measure_days(now=database_now())
 
 
 @shared_task

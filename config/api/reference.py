@@ -17,7 +17,19 @@ from .schema_view import schema_in
 METHODS = ("get", *WRITES)
 SUBJECTS = (
     *("account", "programs", "groups", "teams", "classes", "notices", "webhooks", "models", "vehicles", "trainings"),
-    *("sweeps", "tracks", "races", "timing", "cups", "following", "seasons", "evaluations", "reports", "audit"),
+    *(
+        "sweeps",
+        "tracks",
+        "races",
+        "timing",
+        "cups",
+        "following",
+        "seasons",
+        "evaluations",
+        "reports",
+        "audit",
+        "status",
+    ),
 )
 
 

@@ -34,7 +34,7 @@ VIEWS = frozenset({"home", "race", "race_duels", "race_rules", "races", "season"
     {"live_event", "live_state", "live_poses", "live_frames", "live_ghost", "live_screen", "live_overlay"}
     | {"tracks", "tracks_to_choose", "track_print", "season_calendar", "race_laps", "live_phone"}
     | {"evaluation", "evaluation_live", "evaluation_compare", "evaluation_compared", "evaluation_compared_replay"}
-    | {"api-docs"}
+    | {"api-docs", "status"}
 )
 _MESSAGES = "messages"
 _TAKES_GZIP = re.compile(r"\bgzip\b(?!\s*;\s*q=0(\.0*)?\s*(,|$))")

@@ -5,14 +5,17 @@ import platform
 import shutil
 from collections.abc import Iterator
 from dataclasses import dataclass
+from datetime import timedelta
 from importlib import metadata
 from typing import NamedTuple
 
 from django.conf import settings
 from django.db import DatabaseError, connection
 from django.db.migrations.executor import MigrationExecutor
+from django.db.models import Q
 from django.utils import timezone
 
+from accounts.models import ServiceAccount
 from config.operations import health
 from config.operations.backup.databases import damage
 from core.database.clock import database_now
@@ -22,6 +25,7 @@ from evaluation.models import StoredFile, WorkerNode
 from evaluation.running.proof import Proof
 from evaluation.running.worker_nodes import SILENT_AFTER, engines_at_work
 from evaluation.sandbox.probe import SandboxReport
+from league.models import Mail, MailInvitation, Season, WebhookDelivery
 from paddock.simulator import compiled
 from paddock.simulator.engine import ENGINE_ID, cpu_model
 from races.boards.selectors.counts import failing_redrives, races_driven_again
@@ -32,6 +36,7 @@ from videos.services.worker import ENCODER
 
 OK, WARN, FAIL = "ok", "warn", "fail"
 NAMED = 5
+ENDS_SOON = timedelta(days=60)
 DETAILED = {"database", "pages", "migrations", "disk"}  # parts with lines that say more
 NEEDED = {"writes", "storage", "results"}
 STARTED = "manage.py run starts one; on several machines one of them needs it"
@@ -77,16 +82,32 @@ def examine(report: SandboxReport, proof: Proof | None) -> list[Finding]:
         "Sandbox": sandbox(report),
         "Exactness": exactness(report, proof),
         "Database": database(),
-        "Readiness": parts(),
-        "Workers": queues(),
-        "Files": files(),
+        **site_areas(),
         "Log-in": log_in(),
         "Simulator": simulator(),
         "Videos": videos(),
-        "Engine": engines(),
         "Versions": versions(),
     }
     return [Finding(area, *line) for area, lines in areas.items() for line in lines]
+
+
+def site_areas() -> dict[str, Iterator[FindingLine]]:
+    """What any process of the site can examine; parts of it are the health check's."""
+    return {
+        "Readiness": parts(),
+        "Workers": queues(),
+        "Files": files(),
+        "Engine": engines(),
+        "Seasons": seasons(),
+        "Messages": messages(),
+        "Programs": programs(),
+    }
+
+
+def needs_a_hand() -> list[Finding]:
+    """What an admin should look at now."""
+    found = [Finding(area, *line) for area, lines in site_areas().items() for line in lines]
+    return [finding for finding in found if finding.status != OK]
 
 
 def sandbox(report: SandboxReport) -> Iterator[FindingLine]:
@@ -181,6 +202,8 @@ def queues() -> Iterator[FindingLine]:
         held = list(WorkerNode.objects.filter(name__in=holds_by_worker()))
     except DatabaseError:  # reported above
         return
+    for node in WorkerNode.objects.filter(stopped_at=None, seen_at__lte=database_now() - SILENT_AFTER):
+        yield FindingLine(node.name, WARN, f"no heartbeat since {node.seen_at:%Y-%m-%d %H:%M} UTC: start it again")
     on = {TRAININGS.queue: settings.TRAINING, VIDEOS.queue: settings.VIDEOS}
     for queue in sorted({kind.queue for kind in all_kinds()}):
         what = " and ".join(str(kind.model._meta.verbose_name_plural) for kind in all_kinds() if kind.queue == queue)
@@ -275,6 +298,46 @@ def engines() -> Iterator[FindingLine]:
             yield FindingLine(race.slug, WARN, detail)
     if not found and not others:
         yield FindingLine("races", OK, "none is being driven again")
+
+
+def seasons() -> Iterator[FindingLine]:
+    """Seasons that end within 60 days without a next one."""
+    try:
+        today = database_now().date()
+        ending = Season.objects.filter(ends_on__gte=today, ends_on__lte=today + ENDS_SOON, successor=None)
+        found = list(ending.filter(continues=False).order_by("ends_on"))
+    except DatabaseError:  # reported above
+        return
+    for season in found:
+        detail = f"ends on {season.ends_on} and does not continue: let it continue on its page, or copy it"
+        yield FindingLine(season.slug, WARN, detail)
+    if not found:
+        yield FindingLine("seasons", OK, "none ends soon without a next one")
+
+
+def messages() -> Iterator[FindingLine]:
+    """Mails, invitations and webhook deliveries that failed for good within a day."""
+    since = database_now() - timedelta(days=1)
+    for model in (Mail, MailInvitation, WebhookDelivery):
+        try:
+            count = model._base_manager.filter(state="failed", ended_at__gte=since).count()
+        except DatabaseError:  # reported above
+            return
+        detail = f"{count} failed within a day: check the mail server and the addresses" if count else "none failed"
+        yield FindingLine(str(model._meta.verbose_name_plural), WARN if count else OK, detail)
+
+
+def programs() -> Iterator[FindingLine]:
+    """Active programs that nobody answers for."""
+    try:
+        ownerless = ServiceAccount.objects.filter(Q(owner=None) | Q(owner__is_active=False), racer__is_active=True)
+        found = list(ownerless.select_related("racer"))
+    except DatabaseError:  # reported above
+        return
+    for program in found:
+        yield FindingLine(program.racer.alias, WARN, "has no active owner: name one on its page, or disable it")
+    if not found:
+        yield FindingLine("programs", OK, "each has an owner")
 
 
 def versions() -> Iterator[FindingLine]:

@@ -13,7 +13,7 @@ from django.shortcuts import redirect, render
 from django.urls import reverse
 from django.utils import timezone
 from django.utils.translation import gettext as _
-from django.utils.translation import ngettext
+from django.utils.translation import gettext_lazy, ngettext
 from django.views.decorators.cache import never_cache
 from django.views.decorators.http import require_http_methods, require_safe
 
@@ -25,11 +25,40 @@ from evaluation.models import StoredFile
 from races.boards.selectors.counts import races_driven_again
 from races.web.audit_log import log_many
 
+from .status import PARTS, service_status, status_chart
+
 PER_PAGE = 50
 # How far back a filter may look, in hours; 0: all that there is.
 HOURS = (1, 6, 24, 168, 0)
 MOST_AT_ONCE = 1000
 DAMAGED_SHOWN = 20
+GUIDE = "/guides/operators/"
+# label, advice, and place in the guide of each area of the doctor
+AREAS = {
+    "Readiness": (gettext_lazy("Parts of the site"), gettext_lazy("Start what does not answer."), "#health"),
+    "Workers": (gettext_lazy("Workers and queues"), gettext_lazy("Start the missing programs again."), "#health"),
+    "Files": (
+        gettext_lazy("Files and storage"),
+        gettext_lazy("Put damaged files back from a backup, and make room before the disk is full."),
+        "#damaged-files",
+    ),
+    "Engine": (
+        gettext_lazy("Repeated races"),
+        gettext_lazy("Upgrade workers that still drive with an older engine."),
+        "#a-new-engine",
+    ),
+    "Seasons": (
+        gettext_lazy("Seasons"),
+        gettext_lazy("Let the season continue, or copy it to later months."),
+        "#status-and-needs",
+    ),
+    "Messages": (
+        gettext_lazy("Mails and webhooks"),
+        gettext_lazy("Check the mail server, then the addresses that refuse."),
+        "#notices",
+    ),
+    "Programs": (gettext_lazy("Programs"), gettext_lazy("Name an owner, or disable the program."), "#programs"),
+}
 READ, RUN = "evaluation.view_workernode", "evaluation.change_evaluation"
 
 
@@ -80,6 +109,36 @@ def failed(request: HttpRequest, name: str) -> HttpResponse:
         "workers": everything.exclude(worker="").values_list("worker", flat=True).distinct().order_by("worker"),
     }
     return render(request, "config/operations/failed_runs.html", context)
+
+
+@login_required
+@never_cache
+@require_safe
+def needs(request: HttpRequest) -> HttpResponse:
+    """What an admin should look at, by area."""
+    _require(request, READ)
+    from .doctor import needs_a_hand  # loads the simulator
+
+    found = needs_a_hand()
+    areas = [
+        {"name": name.lower(), "label": label, "advice": advice, "guide": GUIDE + anchor, "findings": findings}
+        for name, (label, advice, anchor) in AREAS.items()
+        if (findings := [finding for finding in found if finding.area == name])
+    ]
+    return render(request, "config/operations/needs.html", {"areas": areas})
+
+
+@require_safe
+def status(request: HttpRequest) -> HttpResponse:
+    """The public status page."""
+    shown = service_status()
+    context = {
+        "status": shown,
+        "parts": [(label, shown.parts[name]) for name, label in PARTS.items()],
+        "chart": status_chart(shown.days),
+        "newest_first": shown.days[::-1],
+    }
+    return render(request, "config/operations/status.html", context)
 
 
 def _require(request: HttpRequest, permission: str) -> None:

@@ -3,6 +3,7 @@
 import re
 from collections.abc import Callable
 from contextvars import ContextVar
+from datetime import datetime
 from functools import wraps
 from typing import Any, ParamSpec, TypeVar
 
@@ -191,5 +192,5 @@ def _found(row: Any, name: str, kind: str) -> int | None:
 def _plain(value: Any) -> Any:
     if value is None or isinstance(value, bool | int | float):
         return value
-    text = value.isoformat() if hasattr(value, "isoformat") else str(value)
+    text = value.isoformat(timespec="seconds") if isinstance(value, datetime) else str(value)
     return text if len(text) <= LONGEST else f"{text[: LONGEST - 1]}…"

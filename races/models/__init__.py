@@ -34,6 +34,7 @@ from .race import Race, new_invitation
 from .recheck import Elsewhere, Recheck, RecheckState
 from .redrive import Redrive, RedriveState, Retiming
 from .rules import default_sensors
+from .service_day import ServiceDay
 from .submission import RaceCar, RefusedCar, Submission, car_of
 from .terms import RaceTerms, TermsAcceptance
 from .test_run import OwnEvaluation
