@@ -5,7 +5,9 @@ from datetime import datetime, timedelta
 from allauth.account.models import EmailAddress
 from django.conf import settings
 from django.db import transaction
+from django.utils.translation import gettext_lazy as _
 
+from core.audit.recording import audited
 from core.database.locks import hold
 from core.personal_data.erasing import erase
 from core.personal_data.rules import Leaving, all_rooms
@@ -38,6 +40,7 @@ def check_own_deletion(*, racer: Racer, now: datetime) -> None:
     check_deletion(racer=racer, now=now)
 
 
+@audited("account.deleted", _("Account deleted"), target="racer")
 @transaction.atomic
 def delete_account(*, racer: Racer, by: Racer | None, now: datetime) -> DeletedAccount:
     """Delete an account for good. Results in races stay under :attr:`accounts.models.Racer.shown_name` without the

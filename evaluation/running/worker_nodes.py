@@ -6,8 +6,12 @@ from collections.abc import Sequence
 from datetime import datetime, timedelta
 
 from django.conf import settings
+from django.db import transaction
 from django.db.models.functions import Now
+from django.utils.translation import gettext_lazy as _
 
+from core.audit.acts import AuditAct, register
+from core.audit.recording import record
 from core.jobs.holds import hold_workers, holds_by_worker, resume_workers
 from core.jobs.models import WorkerHold
 from paddock.errors import PlatformFault, UserFault
@@ -26,6 +30,7 @@ SILENT_AFTER = timedelta(seconds=60)  # three beats were missed
 FORGOTTEN_AFTER = timedelta(days=2)
 ALL, RESUME = "all", "resume"
 ORDERS = {"pause": WorkerHold.Mode.PAUSED, "drain": WorkerHold.Mode.DRAINED}
+ORDERED = register(AuditAct("worker.ordered", _("Worker paused, drained or resumed")))
 
 
 def note_worker(*, name: str, sandboxed: bool = True) -> WorkerNode:
@@ -107,6 +112,7 @@ def stop_worker(*, name: str, now: datetime | Now | None = None) -> None:
     WorkerNode.objects.filter(name=name[:128]).update(seen_at=now, stopped_at=now)
 
 
+@transaction.atomic
 def order_workers(*, names: Sequence[str], order: str, now: datetime) -> list[str]:
     """Pause, drain or resume workers (:data:`ORDERS`) by name, or with :data:`ALL` every one that was heard of lately;
     the scheduler is none. Returns the names. Raises UserFault ``worker_unknown``, and then none was changed."""
@@ -121,6 +127,8 @@ def order_workers(*, names: Sequence[str], order: str, now: datetime) -> list[st
         resume_workers(workers=chosen)
     else:
         hold_workers(workers=chosen, mode=ORDERS[order], now=now)
+    for node in WorkerNode.objects.filter(name__in=chosen).order_by("name"):
+        record(ORDERED, node, changes={"order": [None, order]})
     return sorted(chosen)
 
 
