@@ -198,12 +198,15 @@ def parts() -> Iterator[FindingLine]:
 def queues() -> Iterator[FindingLine]:
     """Whether a worker listens to each queue."""
     try:
-        alive = list(WorkerNode.objects.filter(stopped_at=None, seen_at__gt=database_now() - SILENT_AFTER))
+        silent_since = database_now() - SILENT_AFTER
+        nodes = list(WorkerNode.objects.filter(stopped_at=None).order_by("name"))
         held = list(WorkerNode.objects.filter(name__in=holds_by_worker()))
     except DatabaseError:  # reported above
         return
-    for node in WorkerNode.objects.filter(stopped_at=None, seen_at__lte=database_now() - SILENT_AFTER):
-        yield FindingLine(node.name, WARN, f"no heartbeat since {node.seen_at:%Y-%m-%d %H:%M} UTC: start it again")
+    alive = [node for node in nodes if node.seen_at > silent_since]
+    for node in nodes:
+        if node not in alive:
+            yield FindingLine(node.name, WARN, f"no heartbeat since {node.seen_at:%Y-%m-%d %H:%M} UTC: start it again")
     on = {TRAININGS.queue: settings.TRAINING, VIDEOS.queue: settings.VIDEOS}
     for queue in sorted({kind.queue for kind in all_kinds()}):
         what = " and ".join(str(kind.model._meta.verbose_name_plural) for kind in all_kinds() if kind.queue == queue)
@@ -317,9 +320,9 @@ def seasons() -> Iterator[FindingLine]:
 
 def messages() -> Iterator[FindingLine]:
     """Mails, invitations and webhook deliveries that failed for good within a day."""
-    since = database_now() - timedelta(days=1)
     for model in (Mail, MailInvitation, WebhookDelivery):
         try:
+            since = database_now() - timedelta(days=1)
             count = model._base_manager.filter(state="failed", ended_at__gte=since).count()
         except DatabaseError:  # reported above
             return
