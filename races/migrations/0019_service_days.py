@@ -6,7 +6,7 @@ from django.db import migrations, models
 class Migration(migrations.Migration):
 
     dependencies = [
-        ('races', '0017_any_ranking_method'),
+        ('races', '0018_rechecks'),
     ]
 
     operations = [
