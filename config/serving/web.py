@@ -59,8 +59,8 @@ def main(arguments: list[str] | None = None) -> int:
         logger.error("Cannot listen on %s port %s: %s", given.host, given.port, problem)
         return 1
     listening.set_inheritable(True)
-    said = sys.argv[1:] if arguments is None else arguments
-    command = [*PYTHON, "config.web", *said, "--listening", str(listening.fileno())]
+    options = sys.argv[1:] if arguments is None else arguments
+    command = [*PYTHON, "config.web", *options, "--listening", str(listening.fileno())]
     work = partial(os.execv, command[0], command)  # a fork would keep the modules, as they were, that we have loaded
     supervisor = Supervisor(replaces_on_sighup=True)
     for _ in range(given.processes):
