@@ -23,8 +23,9 @@ from core.database.columns import length_of
 from core.database.locks import hold
 from core.files.atomic_storage import WholeFileStorage
 from core.files.storage_faults import storage_at_work
+from core.metrics import Counter
 from core.validators import without_invisible
-from paddock.errors import UserFault
+from paddock.errors import PaddockError, UserFault
 from paddock.packages.read import UploadPart
 
 from ..appearance.looks import COLOUR, Shell, VehicleLook
@@ -40,6 +41,11 @@ KEEP_DELETED = timedelta(days=1)
 NAME_LIMIT = length_of(TrainedModel, "name")
 DESCRIPTION_LIMIT = length_of(TrainedModel, "description")
 _ENDINGS = re.compile(r"(\.(tar|t?gz|tgz|zip|onnx|pb|json))+$", re.IGNORECASE)
+UPLOADS = Counter(
+    "paddock_uploads_total",
+    "Uploads of models that were checked, by result: accepted, or the code of the reason.",
+    ("result",),
+)
 _COMPANION = re.compile(r"(\.json|\.data|_data|\.bin)$", re.IGNORECASE)
 
 
@@ -123,7 +129,12 @@ def admit_upload(
     _valid_description(description)
     if not has_place:
         refuse_full_garage(owner)
-    admitted = admit(files, package_limits(), racer_pk=owner.pk, checkpoint=checkpoint.strip().lower())
+    try:
+        admitted = admit(files, package_limits(), racer_pk=owner.pk, checkpoint=checkpoint.strip().lower())
+    except PaddockError as fault:
+        UPLOADS.inc(fault.code)
+        raise
+    UPLOADS.inc("accepted")
     heal_network(admitted.sha256, admitted.onnx)
     return admitted
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 from dataclasses import replace
 from datetime import timedelta
+from types import SimpleNamespace
 
 import pytest
 from django.core.exceptions import ImproperlyConfigured
@@ -18,9 +19,11 @@ from config.operations.health import Readiness
 from core.events.models import Event
 from core.events.reading import READERS, number_new
 from core.jobs.kinds import all_kinds
+from core.jobs.models import WorkerHold
 from core.jobs.work import run_next
 from core.metrics import DECLARED
 from core.streams import life
+from evaluation.garage import services
 from evaluation.models import StoredFile, WorkerNode
 from evaluation.running.queue import worker
 from evaluation.running.queue.jobs import EVALUATIONS
@@ -168,6 +171,25 @@ class TestJobs:
             assert after[key] == pytest.approx(before.get(key, 0.0) + seconds)
 
 
+class TestUploads:
+    @pytest.mark.parametrize("fault", [UserFault("garage_full"), PlatformFault("conversion_failed")])
+    def test_a_refused_upload_counts_by_its_reason(self, client, alice, monkeypatch, fault):
+        def admit(*files, **options):
+            raise fault
+
+        monkeypatch.setattr(services, "admit", admit)
+        before = value(client, "paddock_uploads_total", result=fault.code)
+        with pytest.raises(type(fault)):
+            services.admit_upload(owner=alice, files=[])
+        assert value(client, "paddock_uploads_total", result=fault.code) == before + 1
+
+    def test_an_accepted_upload_counts(self, client, alice, monkeypatch):
+        before = value(client, "paddock_uploads_total", result="accepted")
+        monkeypatch.setattr(services, "admit", lambda *files, **options: SimpleNamespace(sha256="0" * 64, onnx=b""))
+        services.admit_upload(owner=alice, files=[])
+        assert value(client, "paddock_uploads_total", result="accepted") == before + 1
+
+
 class TestGauges:
     def test_a_queue_shows_its_jobs_and_the_age_of_the_oldest(self, client, alice, bob, oval, now, at):
         at(now + timedelta(seconds=90))
@@ -191,11 +213,16 @@ class TestGauges:
         WorkerNode.objects.create(name="a@one", seen_at=now, queues=["celery", "videos"])
         WorkerNode.objects.create(name="b@one", seen_at=now - timedelta(minutes=5), queues=["celery"])
         WorkerNode.objects.create(name="c@one", seen_at=now, stopped_at=now, queues=["celery"])
+        for name, mode in (("d@one", "paused"), ("e@one", "drained")):
+            WorkerNode.objects.create(name=name, seen_at=now, queues=["training"])
+            WorkerHold.objects.create(worker=name, mode=mode, since=now)
         found = {key: count for key, count in scraped(client)["paddock_workers"].items() if count}
         assert found == {
             (("queue", "celery"), ("state", "alive")): 1,
             (("queue", "celery"), ("state", "silent")): 1,
             (("queue", "videos"), ("state", "alive")): 1,
+            (("queue", "training"), ("state", "paused")): 1,
+            (("queue", "training"), ("state", "draining")): 1,
         }
 
     def test_a_queue_without_a_worker_has_none_alive(self, client):

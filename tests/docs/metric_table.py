@@ -12,7 +12,7 @@ from tests.docs.pages import DOCS
 
 THAT_COUNT = (
     *("config.middleware.request_metrics", "config.operations.metrics", "config.serving.streams.server"),
-    "evaluation.running.queue.worker",
+    *("evaluation.garage.services", "evaluation.running.queue.worker"),
 )
 PAGE = DOCS / "operators.md"
 BEGIN, END = "<!-- metrics: begin -->", "<!-- metrics: end -->"
