@@ -112,7 +112,7 @@ class JobKind(Generic[J]):
     def claim(self, *, worker: str, now: datetime) -> J | None:
         """Take the next job under a new lease. None when nothing is due, while a needed part is out, and for a worker
         that is held."""
-        if is_out(*self.needs) or hold_of(worker[:128]):
+        if is_out(*self.needs):
             return None
         self.prepare(now)
         for _ in range(CANDIDATES):  # a lost race means that somebody else won it: nobody loses so many
@@ -121,6 +121,8 @@ class JobKind(Generic[J]):
                 job = self.take(pk, attempt, worker=worker, now=now)
                 if job is not None:
                     return job
+                if hold_of(worker[:128]):  # asked only now: most claims succeed
+                    return None
             if not following:
                 break
         return None
