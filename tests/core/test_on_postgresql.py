@@ -9,6 +9,7 @@ import pytest
 
 AT_ONCE = {
     "api": ("writes_at_once",),
+    "core/jobs": ("holds",),
     "evaluation": ("queue",),
     "races": ("concurrency", "counting", "duels_concurrency", "live_concurrency"),
     "videos": ("concurrency",),
