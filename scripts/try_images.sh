@@ -3,7 +3,9 @@
 #   sudo scripts/try_images.sh [--place FOLDER] [TARGET]...
 #
 # TARGET: site, worker, trainer, video, embedded (all of them unless some are named). Their base is a Debian 12 that
-# debootstrap makes; a car is uploaded and driven in the embedded one, on a read-only root without any capability.
+# debootstrap makes; a car is uploaded and driven in the embedded one, on a read-only root without any capability. Where
+# podman-compose is installed (1.1 or newer), all of compose.yaml is started, too, on ports 80 and 443, with Debian's
+# PostgreSQL, Redis and Caddy and moto's S3 server in the place of the images that a registry would have.
 # FOLDER holds base and images (default: /var/tmp/paddock-images). pip looks where it is configured to look here, also
 # in a folder of wheels (PIP_FIND_LINKS).
 #
@@ -71,24 +73,13 @@ choose_limits() { # TARGET...
         - "$0" --place "$place" "$@"
 }
 
-stop() { podman rm --force --volumes --time 5 $name >/dev/null 2>&1 || true; }
-
-drive() { # a house car with one weight changed, through the command and HTTP, on a read-only root
-    stop
-    podman volume rm --force $name >/dev/null
-    run --detach --name $name --read-only --tmpfs /tmp --cap-drop ALL --security-opt no-new-privileges \
-        --volume $name:/data --publish 127.0.0.1:$port:8000 localhost/paddock-embedded >/dev/null
-    trap stop EXIT
-    tries=0
-    until podman healthcheck run $name >/dev/null 2>&1; do
-        tries=$((tries + 1))
-        [ $tries -lt 600 ] || fail "not ready: $(podman logs --tail 30 $name 2>&1)"
-        sleep 1
-    done
+# An admin, and a house car with one weight changed, through the command and HTTP
+race() { # CONTAINER ADDRESS
     inside() { podman exec --env DJANGO_SUPERUSER_PASSWORD=correct-horse-7 "$@"; }
-    inside $name id
-    inside $name python manage.py setup --no-input --admin driver --email driver@example.org | tail -n 2
-    inside $name python -c "
+    ask() { curl --silent --show-error --fail --insecure "$@"; }
+    inside "$1" id
+    inside "$1" python manage.py setup --no-input --admin driver --email driver@example.org | tail -n 2
+    inside "$1" python -c "
 import onnx, pathlib, shutil
 from onnx import numpy_helper
 folder = pathlib.Path('/tmp/car')
@@ -100,13 +91,57 @@ values.flat[0] += 0.001
 weights.CopyFrom(numpy_helper.from_array(values, weights.name))
 onnx.save(network, folder / 'car.onnx')
 shutil.copy('training/house_cars/brisk.json', folder / 'model_metadata.json')"
-    api=http://127.0.0.1:$port/api/v1
-    token=$(curl -sS --fail --json '{"login": "driver", "password": "correct-horse-7"}' $api/auth/token/ | sed 's/.*"token": *"\([^"]*\)".*/\1/')
-    race=$(curl -sS --fail "$api/races/?state=open&kind=league&race_type=time_trial" | grep -o '"slug": *"[^"]*-open"' | head -n 1 | sed 's/.*"\([^"]*\)"$/\1/')
-    inside --env PADDOCK_SITE=http://127.0.0.1:8000 --env "PADDOCK_TOKEN=$token" $name \
+    token=$(ask --json '{"login": "driver", "password": "correct-horse-7"}' "$2/api/v1/auth/token/" | sed 's/.*"token": *"\([^"]*\)".*/\1/')
+    race=$(ask "$2/api/v1/races/?state=open&kind=league&race_type=time_trial" | grep -o '"slug": *"[^"]*-open"' | head -n 1 | sed 's/.*"\([^"]*\)"$/\1/')
+    inside --env PADDOCK_SITE=http://127.0.0.1:8000 --env "PADDOCK_TOKEN=$token" "$1" \
         python -m paddock.cli submit /tmp/car/car.onnx /tmp/car/model_metadata.json "$race" --wait
-    curl -sS --fail "$api/races/$race/board/" | grep -o '"racer": *"driver"'
-    inside $name python manage.py doctor
+    ask "$2/api/v1/races/$race/board/" | grep -o '"racer": *"driver"'
+    inside "$1" python manage.py doctor
+}
+
+until_ready() { # ADDRESS COMMAND-THAT-PRINTS-THE-LOG...
+    address=$1 tries=0
+    shift
+    until curl --silent --insecure --max-time 5 "$address/health/ready" | grep -q '"workers": true.*"workers": [1-9]'; do
+        tries=$((tries + 1))
+        [ $tries -lt 300 ] || fail "not ready: $("$@" 2>&1 | tail -n 30)"
+        sleep 2
+    done
+}
+
+embedded() { # on a read-only root, without capabilities
+    stop() { podman rm --force --time 5 $name >/dev/null 2>&1 && podman volume rm $name >/dev/null || true; }
+    stop
+    run --detach --name $name --read-only --tmpfs /tmp --cap-drop ALL --security-opt no-new-privileges \
+        --volume $name:/data --publish 127.0.0.1:$port:8000 localhost/paddock-embedded >/dev/null
+    trap stop EXIT
+    until_ready http://127.0.0.1:$port podman logs $name
+    podman healthcheck run $name
+    race $name http://127.0.0.1:$port
+}
+
+compose() { # the site of compose.yaml in a folder of its own, with stand-ins of its services
+    site=$place/site
+    rm -rf "$site"
+    mkdir "$site"
+    cp -r compose.yaml containers "$site"
+    (umask 077 && {
+        echo SITE_HOST=localhost
+        for secret in PADDOCK_SECRET_KEY POSTGRES_PASSWORD VALKEY_PASSWORD S3_SECRET_KEY; do echo "$secret=$(openssl rand -hex 24)"; done
+        for service in postgres valkey s3 caddy; do echo "$service" | tr a-z A-Z | sed "s|\$|_IMAGE=localhost/standin-$service|"; done
+    } >"$site/.env")
+    for service in postgres valkey s3 caddy; do
+        buildah build --layers --quiet --build-arg BASE=localhost/paddock-base --file tests/config/standins.Containerfile \
+            --target $service --tag localhost/standin-$service containers >"$place/$service.log" 2>&1 || fail "$(tail "$place/$service.log")"
+    done
+    composed() { (cd "$site" && podman-compose --podman-run-args="$limits" "$@"); }
+    stop() { composed down --volumes --timeout 5 >/dev/null 2>&1 || true; }
+    stop
+    trap stop EXIT
+    composed up --detach --no-build --scale worker=2
+    until_ready https://localhost composed logs
+    podman ps --format '{{.Names}} {{.Status}}'
+    race paddock_site_1 https://localhost
 }
 
 levels() { # what the sandbox comes to under a runtime's options
@@ -123,4 +158,5 @@ choose_limits "$@"
 for target in "$@"; do build "$target"; done
 podman images --format '{{.Repository}} {{.Size}}' | grep localhost/paddock-
 case " $* " in *" worker "*) levels ;; esac
-case " $* " in *" embedded "*) drive ;; esac
+case " $* " in *" embedded "*) embedded ;; esac
+case " $* " in *" site worker trainer video "*) ! command -v podman-compose >/dev/null || compose ;; esac

@@ -134,7 +134,8 @@ def missing_bucket() -> Callable[[], object] | None:
     CommandError where the server does not answer."""
     from botocore.exceptions import BotoCoreError, ClientError
 
-    name, client = default_storage.bucket_name, default_storage.connection.meta.client
+    storage: Any = default_storage  # S3Storage, which has no types
+    name, client = storage.bucket_name, storage.connection.meta.client
     try:
         client.head_bucket(Bucket=name)
     except ClientError as refused:

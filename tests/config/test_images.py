@@ -46,7 +46,6 @@ STAGES = stages()
 def instructions(target: str) -> list[tuple[str, str]]:
     """Those of a target and of all that it stands on, the first ones first."""
     base, own = STAGES[target]
-    base = base.replace("${EMBEDDED}", "with-training")
     return (instructions(base) if base in STAGES else []) + own
 
 
