@@ -178,7 +178,7 @@ def _load() -> None:
     celery_app.loader.import_default_modules()
     celery_app.finalize()
     for model in apps.get_models(include_auto_created=True):
-        str(model._base_manager.filter(pk=0).query)  # fills the caches of its fields and relations
+        str(model._base_manager.filter(pk__isnull=False).query)  # fills the caches of its fields and relations
     known_migrations()
     engines.all()  # with the libraries of their tags
     if not sys.warnoptions:
