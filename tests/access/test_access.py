@@ -36,7 +36,7 @@ NO_CSRF = {
 OF_RACERS = re.compile(
     r"accounts/|(api/v1/)?(cups/starter|following|racers/|notices|invitations?/|spoilers|settings/(notices/)?$|groups/join"
     r"|teams/(join|new|$)|laps/|timing/claims|models/(upload/|$)|races/(invited|join)/|reports/(new/|$)|runs/new"
-    r"|train/first|trainings/$|sweeps/$|vehicles|evaluations/$|auth/token/|.*/videos/$|.*webhooks/.*/test/"
+    r"|settings/alias|me/alias|train/first|trainings/$|sweeps/$|vehicles|evaluations/$|auth/token/|.*/videos/$|.*webhooks/.*/test/"
     r"|races/[^/]*/(car|enter|entry|submit|submissions|event/highlights|live/highlights|live/react)/$)"
 )
 # what somebody else than the owner may do only as an admin

@@ -8,6 +8,7 @@ from __future__ import annotations
 import pytest
 
 AT_ONCE = {
+    "core/audit": ("recording",),
     "api": ("writes_at_once",),
     "core/jobs": ("holds",),
     "evaluation": ("queue",),
