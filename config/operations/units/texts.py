@@ -78,18 +78,19 @@ SystemCallFilter=~@privileged @resources
 
 # For programs that start the sandbox: a test starts it under these settings, and under each that would break it.
 SANDBOXING = Template("""\
-# The sandbox puts bubblewrap, Landlock and seccomp around each stranger's process. These settings would break it:
+# The sandbox puts bubblewrap, Landlock and seccomp around each stranger's process. These settings would break it or
+# weaken it:
 #   RestrictNamespaces       bubblewrap makes user, mount, pid, network, ipc, uts and cgroup namespaces
-#   ProtectHostname          bubblewrap names the host within (sethostname)
-#   ProtectKernelTunables    bubblewrap writes /proc/sys/user/max_user_namespaces in its namespace
+#   ProtectKernelTunables    bubblewrap could not forbid further user namespaces within (--disable-userns)
 #   ProcSubset=pid           bubblewrap reads /proc/sys, and onnxruntime /proc/cpuinfo
 #   ProtectProc=invisible    hides locked processes, whose memory and processor time are measured
 #   RestrictAddressFamilies  without AF_NETLINK bubblewrap has no loopback
-#   SystemCallFilter         without @mount, sethostname, seccomp and landlock_* no layer closes
+#   SystemCallFilter         without @mount, seccomp and landlock_* no layer closes
 #   MemoryDenyWriteExecute   torch compiles kernels, where it is loaded (web, trainer)
 MemoryDenyWriteExecute=$no_code
+ProtectHostname=yes
 RestrictAddressFamilies=AF_UNIX AF_INET AF_INET6 AF_NETLINK
-SystemCallFilter=@system-service @mount sethostname seccomp
+SystemCallFilter=@system-service @mount seccomp
 SystemCallFilter=landlock_create_ruleset landlock_add_rule landlock_restrict_self
 """)
 
