@@ -11,6 +11,7 @@ from allauth.socialaccount.models import SocialAccount, SocialToken
 from django.contrib.auth.models import Group
 from django.core import mail
 
+from accounts.leaving.services import delete_account
 from accounts.models import Racer, SignUpInvitation
 from core.audit.models import AuditEntry
 from tests.accounts.one_time_codes import code_of
@@ -134,6 +135,15 @@ def test_deactivated_racers_stay_out(client, provider):
     client.post("/accounts/logout/")
     Racer.objects.update(is_active=False)
     assert log_in(client, provider, "mia")["Location"] == "/accounts/inactive/"
+    assert alias_of(client) == ""
+
+
+def test_a_deleted_account_is_not_entered_again(client, provider, now):
+    sign_up(client, provider, "mia", "speedy")
+    client.post("/accounts/logout/")
+    delete_account(racer=Racer.objects.get(), by=None, now=now)
+    assert not SocialAccount.objects.exists()
+    assert log_in(client, provider, "mia")["Location"] == "/accounts/3rdparty/signup/"
     assert alias_of(client) == ""
 
 
