@@ -74,12 +74,6 @@ class Rechecks(RetriedKind[Recheck]):
 RECHECKS = register(Rechecks())
 
 
-def wake_if_due(now: datetime) -> None:
-    """Wake a worker where rechecks wait."""
-    if RECHECKS.due(now).exists():
-        RECHECKS.wake()
-
-
 def run_next_recheck(*, worker: str, interrupted: Callable[[], bool] = never) -> bool:
     """Drive the next recheck to its end. False: none is for this worker, or other runs go before it."""
 
