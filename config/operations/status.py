@@ -40,8 +40,12 @@ class ServiceStatus:
     days: Sequence[ServiceDay]
 
     @property
+    def all_parts_work(self) -> bool:
+        return all(self.parts.values())
+
+    @property
     def is_well(self) -> bool:
-        return all(self.parts.values()) and not self.stuck
+        return self.all_parts_work and not self.stuck
 
     @property
     def latest(self) -> ServiceDay | None:
