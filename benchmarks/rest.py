@@ -33,7 +33,7 @@ from .report import command, report
 from .site import SiteError, environment, stop
 
 LIMITS_MB = {"with training": 400, "without training": 300}  # what is promised of the site at rest
-RATIO = 4.0  # and of the processor seconds of a later start, to those of loading settings and models
+RATIO = 3.0  # and of the processor seconds of a later start, to those of loading settings and models
 READY_S = 300.0
 _LOAD = "import django; django.setup()"
 
