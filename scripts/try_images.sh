@@ -138,7 +138,10 @@ compose() { # the site of compose.yaml in a folder of its own, with stand-ins of
     stop() { composed down --volumes --timeout 5 >/dev/null 2>&1 || true; }
     stop
     trap stop EXIT
-    composed up --detach --no-build --scale worker=2
+    # one after the other: Podman 4.3 knows neither healthy dependencies nor those of dependencies
+    composed up --detach --no-build --no-deps postgres valkey s3 setup
+    until [ "$(podman inspect --format '{{.State.Running}} {{.State.ExitCode}}' paddock_setup_1)" = "false 0" ]; do sleep 2; done
+    composed up --detach --no-build --no-deps --scale worker=2 site streams messenger worker trainer video caddy
     until_ready https://localhost composed logs
     podman ps --format '{{.Names}} {{.Status}}'
     race paddock_site_1 https://localhost
