@@ -2,15 +2,23 @@
 
 import json
 import re
-from collections.abc import Iterable
+from functools import cache
+from gettext import GNUTranslations
 from typing import Any
 
+from django.conf import settings
 from django.db.models import Field, JSONField, Model, Q, TextField
 from django.db.models.functions import Cast
 
 from .rules import Leaving, PersonalData, all_rooms
 
 AT_ONCE = 200
+# Keys of JSON whose values are aliases
+PEOPLE = frozenset(
+    {"actor", "alias", "aliases", "by", "captain", "deputy", "imported_by", "leader", "object", "organiser", "other"}
+    | {"owner", "racer", "racers", "rival", "rivals", "teacher", "username", "winner", "winners"}
+)
+_RUNNING_TEXT = re.compile(r"[\s/]")
 
 
 def erase(leaving: Leaving) -> None:
@@ -56,25 +64,51 @@ def replace_mentions(model: type[Model], name: str, leaving: Leaving) -> None:
 
 
 def _without(value: Any, leaving: Leaving, is_json: bool) -> Any:
-    pattern = re.compile("|".join(rf"(?<![\w.@-]){re.escape(name)}(?![\w@-])" for name in _longest_first(leaving)))
+    quoted = _Quoted(leaving)
     if is_json:
-        return _replaced(value, pattern, leaving.nameless)
+        return quoted.replaced(value)
     try:  # a body that is sent as JSON: its keys stay
         parsed = json.loads(value)
     except ValueError:
-        return pattern.sub(leaving.nameless, value)
-    return json.dumps(_replaced(parsed, pattern, leaving.nameless), ensure_ascii=False)
+        return quoted.in_text(value)
+    return json.dumps(quoted.replaced(parsed), ensure_ascii=False)
 
 
-def _longest_first(leaving: Leaving) -> Iterable[str]:
-    return sorted(leaving.names, key=len, reverse=True)
+class _Quoted:
+    """Finds the racer's names in what others have written.
+
+    A racer could have chosen a word that texts and data are made of, such as "not" or "lap". So a value of JSON is a
+    name only under a key for people, and an alias that is a word of the site's own texts stays in running text."""
+
+    def __init__(self, leaving: Leaving) -> None:
+        self._nameless = leaving.nameless
+        self._names = {name.casefold() for name in leaving.names}
+        words = _words_of_the_site()
+        unmistakable = sorted({name for name in leaving.names if name.lower() not in words}, key=len, reverse=True)
+        self._in_text = re.compile(
+            "|".join(rf"(?<![\w.@-]){re.escape(name)}(?![\w@-])" for name in unmistakable) or "$^"
+        )
+
+    def replaced(self, value: Any, key: str = "") -> Any:
+        """A value of JSON, with the key that it stands under."""
+        if isinstance(value, str):
+            if value.casefold() in self._names:
+                return self._nameless if key in PEOPLE or "@" in value else value
+            return self.in_text(value) if _RUNNING_TEXT.search(value) else value
+        if isinstance(value, list):
+            return [self.replaced(each, key) for each in value]
+        if isinstance(value, dict):
+            return {name: self.replaced(each, name) for name, each in value.items()}
+        return value
+
+    def in_text(self, text: str) -> str:
+        return self._in_text.sub(self._nameless, text)
 
 
-def _replaced(value: Any, pattern: re.Pattern[str], nameless: str) -> Any:
-    if isinstance(value, str):
-        return pattern.sub(nameless, value)
-    if isinstance(value, list):
-        return [_replaced(each, pattern, nameless) for each in value]
-    if isinstance(value, dict):
-        return {key: _replaced(each, pattern, nameless) for key, each in value.items()}
-    return value
+@cache
+def _words_of_the_site() -> frozenset[str]:
+    """The English words of all visible texts."""
+    with (settings.LOCALE_PATHS[0] / "ko" / "LC_MESSAGES" / "django.mo").open("rb") as file:
+        catalogue: Any = GNUTranslations(file)
+    texts = (key if isinstance(key, str) else key[0] for key in catalogue._catalog)
+    return frozenset(word for text in texts for word in re.findall("[a-z]+", text.lower()))

@@ -11,6 +11,9 @@ if TYPE_CHECKING:
     from evaluation.running.pipeline import CompetitorOutcome, EvaluationOutcome
 
 
+VERSION = "version of "
+
+
 def differing(result: Result, outcome: "EvaluationOutcome") -> dict[str, tuple[Any, Any]]:
     """The differences by name: the stored value and the measured one. Raises PlatformFault("storage_failed")."""
     pairs: dict[str, tuple[Any, Any]] = {}
@@ -24,7 +27,7 @@ def differing(result: Result, outcome: "EvaluationOutcome") -> dict[str, tuple[A
     pairs["boxes"] = (layout["boxes"], driven["boxes"])
     pairs["bot cars"] = (_digest(layout["bots"]), _digest(driven["bots"]))
     for library in sorted({*result.versions, *outcome.versions}):
-        pairs[f"version of {library}"] = (result.versions.get(library), outcome.versions.get(library))
+        pairs[f"{VERSION}{library}"] = (result.versions.get(library), outcome.versions.get(library))
     return {name: pair for name, pair in pairs.items() if pair[0] != pair[1]}
 
 

@@ -186,6 +186,12 @@ class TestVerdict:
         assert (recheck.elsewhere, recheck.measured_cpu) == (Elsewhere.PROCESSOR, "Xeon")
         assert not Event.objects.filter(kind="result.differs").exists() and not unexamined().exists()
 
+    def test_a_newer_library_alone_is_no_other_result(self, recheck, monkeypatch):
+        comes_to(monkeypatch, versions={"numpy": "99.0"})
+        run_next_recheck(worker="celery@two")
+        recheck.refresh_from_db()
+        assert (recheck.same, recheck.differences) == (True, {}) and not unexamined().exists()
+
     def test_a_forged_result_raises_the_alarm_and_stays(self, recheck, monkeypatch):
         result = Result.objects.get(evaluation=recheck.evaluation)
         Result.objects.filter(pk=result.pk).update(trace_sha256="0" * 64)
