@@ -155,7 +155,7 @@ def stored(row: Any) -> dict[str, Any] | None:
     """What the database holds of a row; None for none."""
     if not isinstance(row, Model) or row.pk is None:
         return None
-    stored = type(row)._base_manager.filter(pk=row.pk).first()
+    stored = row._meta.model._base_manager.filter(pk=row.pk).first()  # its type may be that of a lazy request.user
     return None if stored is None else columns_of(stored)
 
 

@@ -18,7 +18,7 @@ job_id: ContextVar[str] = ContextVar("job_id", default=NONE)
 
 _TOKENS = re.compile(
     r"((?<![\w-])/(?:watch|join|laps|class|races/join|races/invited|groups/join|teams/join|notices/stop"
-    r"|invitations/stop|api/v1/invitations|api/v1/auth/tokens|settings/tokens|accounts/confirm-email"
+    r"|invitations/stop|api/v1/invitations|api/v1/(?:auth|programs/[\w-]+)/tokens|settings/tokens|accounts/confirm-email"
     r"|accounts/password/reset/key)/)[\w:.%=-]+"
 )
 _QUERIES = re.compile(r"([?&](?:token|key|code|secret|password|signature)=)[^&\s\"'<>]+", re.IGNORECASE)

@@ -9,13 +9,14 @@ from drf_spectacular.types import OpenApiTypes
 from drf_spectacular.utils import OpenApiParameter, extend_schema
 from rest_framework import serializers
 from rest_framework.permissions import IsAuthenticated
+from rest_framework.renderers import BaseRenderer, JSONRenderer
 from rest_framework.request import Request
 from rest_framework.response import Response
 from rest_framework.utils.urls import replace_query_param
 
 from core.api.bodies import read_as
 from core.api.documents import serializer_of
-from core.api.views import APIView
+from core.api.views import APIView, FileRenderer, FileView
 from core.audit.models import AuditEntry
 
 from ..web.api import organised_race
@@ -92,9 +93,13 @@ class RaceAuditView(APIView):
         return _listed(request, entries_visible_to(request.user).filter(race=race.pk))
 
 
-class AuditExportView(APIView):
+class AuditExportView(FileView):
     tag = "audit"
     permission_classes = [IsAuthenticated]
+
+    def get_renderers(self) -> list[BaseRenderer]:
+        kinds = (kind.partition(";")[0] for kind, _lines in FORMS.values())
+        return [JSONRenderer(), *(FileRenderer(kind) for kind in kinds)]
 
     @extend_schema(
         operation_id="export_audit_log",

@@ -13,6 +13,7 @@ from knox.models import AuthToken
 from accounts.class_accounts.services import make_class
 from accounts.groups.services import make_group
 from accounts.models import Racer
+from accounts.programs.services import make_program, make_program_token
 from accounts.teams.services import found_team
 from core.events import waking
 from core.wakeups import workers as wakeup
@@ -51,11 +52,11 @@ def make_fuzzed() -> Fuzzed:
         patch.setattr(drawing, "poster", lambda scene: b"a still")
         patch.setattr(django_settings, "TRAINING", True)
         patch.setattr(django_settings, "TRAINING_PAUSED", False)
-        alice = a_racer("alice")
-        return Fuzzed(make_known(alice), make_tokens(alice))
+        alice, sam = a_racer("alice"), a_racer("sam", is_staff=True, is_superuser=True)
+        return Fuzzed(make_known(alice, sam), make_tokens(alice, sam))
 
 
-def make_known(alice: Racer) -> dict[str, str]:
+def make_known(alice: Racer, sam: Racer) -> dict[str, str]:
     now = timezone.now()
     race = a_race(now, slug="fuzzed", organiser=alice, visibility=Visibility.INVITATION)
     accept_invitation(token=race.invitation, racer=a_racer("guest"), now=now)
@@ -73,12 +74,15 @@ def make_known(alice: Racer) -> dict[str, str]:
     send_test(webhook=hook, now=now)
     make_group(by=alice, name="Fuzzed", now=now)
     found_team(by=alice, name="Fuzzed", now=now)
+    program = make_program(by=sam, name="fuzzed", purpose="Results", owner="alice", now=now)
     make_class(teacher=alice, name="Fuzzed class", plan=[], now=now)
     return {
         "slug": "fuzzed",
         "tracks": "oval",
         "classes": "fuzzed-class",
         "alias": "guest",
+        "programs": program.racer.alias,
+        "programs_key": make_program_token(program=program, by=sam, scopes=["read"], days=1, now=now)[0].token_key,
         "stage": "open-qualifier",
         "token": race.invitation,
         "evaluations": submission.evaluation.public_id,
@@ -96,12 +100,11 @@ def make_known(alice: Racer) -> dict[str, str]:
     }
 
 
-def make_tokens(alice: Racer) -> dict[str, dict[str, str]]:
+def make_tokens(alice: Racer, sam: Racer) -> dict[str, dict[str, str]]:
     """Nothing compressed: the library that checks the answers does not unpack them."""
     plain = {"Accept-Encoding": "identity"}
 
     def header(racer: Racer) -> dict[str, str]:
         return plain | {"Authorization": f"Token {AuthToken.objects.create(user=racer)[1]}"}
 
-    sam = a_racer("sam", is_staff=True, is_superuser=True)
     return {"guest": plain, "stranger": header(a_racer("charlie")), "owner": header(alice), "staff": header(sam)}

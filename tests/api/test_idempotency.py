@@ -174,6 +174,9 @@ SENT: dict[str, Callable[[dict[str, str]], dict[str, Any]]] = {
     "create_class": lambda known: {"name": "Another class"},
     "create_group": lambda known: {"name": "Another group"},
     "create_evaluation": lambda known: {"model": known["models"], "track": "oval"},
+    "create_program": lambda known: {"name": "another", "purpose": "Results", "owner": "alice"},
+    "create_program_token": lambda known: {"scopes": ["read"], "days": 1},
+    "replace_program_token": lambda known: {"days": 1},
     "create_race": lambda known: {"name": "New", "track": "oval", "opens_at": SOON, "closes_at": LATER},
     "create_report": lambda known: {"model": known["models"], "track_set": "none", "variations_on": "oval"},
     "create_round": lambda known: (
@@ -203,7 +206,10 @@ SENT: dict[str, Callable[[dict[str, str]], dict[str, Any]]] = {
     "test_webhook": lambda known: {},
     "upload_model": lambda known: {"package": SimpleUploadedFile("Bolt.tar.gz", b"a car")},
 }
-STAFF = ("create_season", "create_round", "copy_season")
+STAFF = (
+    *("create_season", "create_round", "copy_season"),
+    *("create_program", "create_program_token", "replace_program_token"),
+)
 
 
 def test_every_creating_operation_is_tried_and_documents_the_key():

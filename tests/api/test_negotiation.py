@@ -6,6 +6,7 @@ import re
 from io import BytesIO
 
 import pytest
+from django.core.cache import cache
 from django.utils import timezone
 
 from evaluation.garage.services import upload_model
@@ -13,7 +14,7 @@ from league.house_cars.services import house_cars
 from paddock.packages.read import UploadPart
 from tests.api.schema import SCHEMA
 from tests.drawn_runs import a_driven_run
-from tests.factories import a_race, a_track
+from tests.factories import a_race, a_racer, a_track
 from tests.live_shows import a_live_race, an_ended_show
 from tests.training.jobs import a_trained_one
 from videos.services import run_next_video
@@ -47,6 +48,8 @@ def at(alice, video_wakes, as_racer, trainings_taken_on):
             car = house_cars()[0]
             files = [UploadPart(file.name, BytesIO(file.read_bytes())) for file in (car.onnx, car.metadata)]
             return upload_model(owner=alice, files=files, keep_upload=True, now=now).model.public_id
+        if room in ("me", "audit"):
+            return ""
         assert room == "races"
         race = a_live_race(now, alice, slug="shown")
         return an_ended_show(now, alice, laps={"bob": (9_000,)}, race=race).race.slug
@@ -60,7 +63,7 @@ def at(alice, video_wakes, as_racer, trainings_taken_on):
         room = path.split("/")[3]
         if room == "races":
             return path.format(slug=made(room), alias="bob")
-        return path.format(public_id=made(room), form="car")
+        return path.format(public_id=made(room), form="csv" if room == "audit" else "car")
 
     return address
 
@@ -71,9 +74,10 @@ def test_some_operations_answer_with_files():
 
 @pytest.mark.parametrize("path", FILES)
 def test_a_file_is_served_for_every_usual_accept_header_and_to_get_alone(alice, as_racer, at, path):
-    (kind,) = FILES[path]
-    client = as_racer(alice)
+    kind = min(FILES[path], key=lambda one: one != "text/csv")  # the audit log has another one, too
+    client = as_racer(a_racer("sam", is_superuser=True, is_staff=True) if "/audit/" in path else alice)
     for accept in (kind, "*/*", f"{kind.partition('/')[0]}/*", "application/json", f"text/html, {kind};q=0.5"):
+        cache.clear()  # a download of all data may be asked for a few times a day
         answer = client.get(at(path), headers={"Accept": accept})
         assert (answer.status_code, answer["Content-Type"].partition(";")[0]) == (200, kind), accept
     refused = client.get(at(path), headers={"Accept": "image/png"})
