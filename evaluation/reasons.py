@@ -151,7 +151,7 @@ register(
 
 register(
     "Commands",
-    invalid={
+    not_found={
         "worker_unknown": _("There is no worker %(worker)s. Known workers: %(known)s."),
     },
 )

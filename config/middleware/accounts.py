@@ -25,7 +25,7 @@ _CLOSED = (
 )
 # The pages of one's own account (allauth's names), and the buttons in the head of each of them
 OWN_ACCOUNT = ("account_", "mfa_")
-ANYWHERE = {"theme", "set_language", "favicon", "health_live", "health_ready"}
+ANYWHERE = {"theme", "set_language", "favicon", "health_live", "health_ready", "metrics"}
 
 
 class LoginRedirect(MiddlewareMixin):

@@ -34,6 +34,8 @@ SAME: dict[str, set[str]] = {
     "own_again": {"repeat_evaluation"},
     "own_delete": {"delete_evaluation"},
     "own_new": {"create_evaluation"},
+    "program": {"change_program", "create_program_token", "replace_program_token", "revoke_program_token"},
+    "programs": {"create_program"},
     "race_cancel": {"cancel_race"},
     "race_close": {"close_race"},
     "race_draw": {"draw_duels"},

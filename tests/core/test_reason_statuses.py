@@ -38,9 +38,10 @@ BY_NAME = {
     403: "email_unverified second_factor_needed race_league_admins race_terms entry_removed timing_stewards "
     "account_not_confirmed account_log_in_again "
     "team_not_asked class_no_teacher follow_not_this stream_refused learner_shares_nothing cup_not_drawn "
-    "race_not_of_class sso_first_log_in sign_up_domain sso_cancelled",
+    "race_not_of_class race_program sso_first_log_in sign_up_domain sso_cancelled",
     404: "entry_missing certificate_no_place race_has_no_duels sign_up_invitation stream_topic_hidden source_not_kept",
     409: "account_last_admin account_leads_class account_leads_group account_not_deletable account_of_class "
+    "program_disabled "
     "alias_of_class alias_reserved alias_same account_organises car_of_another highlights_none training_no_model "
     "video_no_steps video_no_best_lap reward_check_runs "
     "race_is_physical race_not_physical live_of_real_cars sensors_too_many timekeepers_too_many "
