@@ -33,8 +33,8 @@ ROOM_OF_FOLDER = {
     "mfa": "accounts",
     "parts": "core",
 }
-# What every site has, whatever rooms: its first page, how it works and whether it does, dark or light, and the API's page
-# where it is on; for admins the log of their acts and what needs a hand
+# What every site has, whatever rooms: its first page, how it works and whether it does, dark or light, and the API's
+# page where it is on; for admins the log of their acts and what needs a hand
 FRAME = {"home", "about", "guides", "status", "theme", "api-docs", "audit", "needs"}
 # Which template is included is the page's own choice: a lesson in the reader's language, beside the page
 BY_VARIABLE = {"training/lessons/lesson.html": {"text"}, "training/lessons/real_car.html": {"text"}}
