@@ -11,6 +11,7 @@ from django.db import transaction
 from django.db.models import Model
 from django.utils.functional import Promise
 
+from ..validators import without_invisible
 from .acting import Acting, acting, current_request
 from .acts import AuditAct, register
 from .models import AuditEntry
@@ -164,7 +165,7 @@ def _name(row: Model, kind: str) -> str:
         return ""
     for name in ("slug", "public_id", "name"):
         if value := getattr(row, name, None):
-            return str(value)[:100]
+            return without_invisible(str(value))[:100]
     return ""
 
 

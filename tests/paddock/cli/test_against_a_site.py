@@ -17,6 +17,7 @@ from django.utils import timezone
 from evaluation.models import Evaluation, Result, RivalResult, TrainedModel
 from evaluation.running.queue.services import queue_evaluation
 from evaluation.running.queue.worker import run_next_evaluation
+from paddock.cli import rehearsing
 from paddock.rules.race import RaceRules
 from paddock.simulator import engine
 from races.entries.services.entries import enter_race
@@ -158,7 +159,8 @@ def test_a_live_run_with_a_speed_command_is_proven(paddock, log_in, race, capsys
 
 def test_another_engine_of_the_site_is_said(paddock, log_in, race, monkeypatch):
     log_in("alice")
-    monkeypatch.setattr(engine, "ENGINE_ID", "paddock-v99")  # the site's; the command holds its own
+    assert rehearsing.ENGINE_ID == engine.ENGINE_ID  # the command holds its own
+    monkeypatch.setattr(engine, "ENGINE_ID", "paddock-v99")  # the site's
     said = paddock("evaluate", *CAR, "--race", "open", "--json")
     assert said.status == 0
     assert said.json["same_as_the_site"] is None and said.json["site"]["engine"] == "paddock-v99"
