@@ -69,7 +69,7 @@ class _Forms(HTMLParser):
             return
         elif tag == "select":
             self._select = said.get("name", "")
-        elif tag == "option" and self._select == "action" and said.get("value"):
+        elif tag == "option" and self._select == "action" and self._form[0] == "post" and said.get("value"):
             self._form[3].add(f"action={said['value']}")
         elif (tag == "button" and said.get("type", "submit") == "submit") or (
             tag == "input" and said.get("type") == "submit"

@@ -15,6 +15,7 @@ from accounts.class_accounts.services import add_learners, make_class
 from accounts.following import follow_racer
 from accounts.groups.services import ask_to_join, confirm_member, make_group
 from accounts.models import RacerGroup, Team
+from accounts.programs.services import make_program
 from accounts.teams.services import found_team, invite_to_team
 from evaluation.garage.services import share_model
 from evaluation.models.reports import CarReport
@@ -44,6 +45,7 @@ from videos.services import request_video, run_next_video
 
 # Addresses that show no page of their own: files, parts of pages, and what is only written to.
 NO_PAGES = {
+    *("audit_export", "data_download", "metrics"),
     *("api_token_revoke", "board_atom", "board_badge", "board_csv", "board_json", "elsewhere_file", "enter"),
     *("evaluation_live", "evaluation_logs", "evaluation_metrics", "evaluation_replay", "evaluation_stop"),
     *("evaluation_compared_replay", "evaluation_seen", "evaluation_attention", "evaluation_trace", "tracks_to_choose"),
@@ -152,6 +154,7 @@ def make_site() -> Site:
     add_webhook(owner=world.alice, url="https://example.org/hook", race=world.race)
     tell_what_happened(now=now)
     follow_racer(follower=world.alice, racer=world.bob, now=now)
+    make_program(by=world.admin, name="results", purpose="Results", owner="alice", now=now)
     TOTP.activate(world.bob, "GEZDGNBVGY3TQOJQGEZDGNBVGY3TQOJQ")
     owls = make_group(by=world.alice, name="Owls", now=now, description="We race at night.")
     for racer in (world.bob, world.newcomer):
@@ -207,7 +210,7 @@ def _paths(world, season, trained, training, pair, vehicle, token) -> dict[str, 
     at = f"/seasons/{season.slug}/"
     return {
         "anonymous": [
-            *("/", "/about/", "/accounts/login/", "/accounts/signup/", "/accounts/password/reset/"),
+            *("/", "/status/", "/about/", "/accounts/login/", "/accounts/signup/", "/accounts/password/reset/"),
             *("/accounts/password/reset/done/", "/accounts/password/reset/key/done/", "/accounts/inactive/"),
             *("/accounts/password/reset/key/1-none/", "/accounts/confirm-email/", "/accounts/confirm-email/none/"),
             *(f"/races/join/{world.secret.invitation}/", f"/notices/stop/{token}/", "/nothing/at/all/"),
@@ -294,6 +297,7 @@ def _paths(world, season, trained, training, pair, vehicle, token) -> dict[str, 
                 *(f"{at}copy/", f"{at}delete/"),
                 "/workers/",
                 "/workers/evaluations/failed/?hours=0",
+                *("/audit/", "/races/open-race/audit/", "/needs/", "/programs/", "/programs/program-results/"),
                 "/races/open-race/",
                 "/usage/",
             ),
