@@ -147,7 +147,7 @@ def test_a_traceback_is_printed_on_request(run):
     assert "Traceback" in run("verify", "abcdefghijkl", "--traceback").stderr
 
 
-@pytest.mark.parametrize("command", GIVEN.keys() - {*NEED_NONE})
+@pytest.mark.parametrize("command", [command for command in GIVEN if command not in NEED_NONE])
 def test_missing_arguments_are_named(command, capsys):
     with pytest.raises(SystemExit) as ended:
         execute_from_command_line(["manage.py", command])
