@@ -55,7 +55,7 @@ def _erase(leaving: Leaving) -> None:
 
 
 def _unconfirmed(before: datetime, now: datetime) -> QuerySet[accounts.Racer]:
-    """Accounts of people who never confirmed an address and never did anything."""
+    """Unconfirmed accounts without any activity."""
     unused = dict.fromkeys(("entries", "models", "evaluations", "organised_races", "groups_led", "learner", "tracks"))
     found = accounts.Racer.objects.filter(
         Q(last_login=None) | Q(last_login__lt=before), joined_at__lt=before, record_id=None, guest_name="", **unused
@@ -161,7 +161,7 @@ register(
         section="account",
         exported="alias email country team guest_name avatar",
         files=lambda racer: [path_of(racer.avatar)] if racer.avatar else [],
-        withheld={SECRET: "password", "They have files of their own.": "groups user_permissions"},
+        withheld={SECRET: "password", "The sections roles and permissions have them.": "groups user_permissions"},
     ),
     check=_check,
     erase=_erase,

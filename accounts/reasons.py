@@ -46,7 +46,7 @@ register(
         ),
         "group_link_unknown": _("This link belongs to no group: it was replaced, or the group is gone."),
         "group_not_a_member": _("Only members can lead the group."),
-        "program_owner_unknown": _("Name an active racer who answers for the program."),
+        "program_owner_unknown": _("The owner must be an active racer."),
         "team_link_unknown": _("This link belongs to no team: it was replaced, or the team is gone."),
         "team_no_such_racer": _("There is no racer of this alias."),
         "team_not_a_member": _("This racer is not in the team."),

@@ -110,7 +110,7 @@ register(
         owner="racer",
         erased="removal_reason",
         anonymised="racer",
-        kept={"Only entries of guests have one, who have no account.": "guest_name", OF_THE_RACE: "sectors"},
+        kept={"Only entries of guests without an account have one.": "guest_name", OF_THE_RACE: "sectors"},
         section="entries",
         exported="removal_reason guest_name sectors",
     ),

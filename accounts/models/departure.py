@@ -43,7 +43,7 @@ class ReservedAlias(models.Model):
 
 
 class DeletedAccount(models.Model):
-    """An account whose racer is gone. Its row of racers stays without a name, for results."""
+    """A deleted account. Its racer row stays without a name, for results."""
 
     racer = models.OneToOneField(
         settings.AUTH_USER_MODEL, models.CASCADE, primary_key=True, related_name="deletion", verbose_name=_("racer")

@@ -10,7 +10,7 @@ PREFIX = "program-"
 
 
 class ServiceAccount(models.Model):
-    """A program's account: a racer without password and e-mail log-in, with tokens, and an owner who answers for it.
+    """A program's account: a racer without password and e-mail log-in, with tokens and a responsible owner.
 
     The racer has ``is_program``, an alias that begins with :data:`PREFIX`, and is inactive while it is disabled."""
 

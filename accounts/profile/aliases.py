@@ -21,7 +21,7 @@ def next_change_at(racer: Racer, now: datetime) -> datetime | None:
 
 
 def former_owner_of(alias: str) -> Racer | None:
-    """The racer who had this alias last, in any letter case, if they still have an account."""
+    """The latest former owner of an alias (in any letter case) with an account."""
     past = PastAlias.objects.filter(alias__iexact=alias, racer__is_active=True).select_related("racer").first()
     return None if past is None else past.racer
 

@@ -66,7 +66,7 @@ class NewProgramBody(Body):
 
     name = serializers.SlugField(max_length=48, help_text="Its alias is `program-` and this name.")
     purpose = serializers.CharField(max_length=200)
-    owner = serializers.CharField(max_length=64, help_text="The alias of the racer who answers for it.")
+    owner = serializers.CharField(max_length=64, help_text="The alias of the responsible racer.")
 
 
 class ProgramBody(Body):

@@ -67,7 +67,7 @@ def change_program(
 
 
 def switch_program(*, program: ServiceAccount, by: Racer, active: bool) -> ServiceAccount:
-    """Disable a program, whose tokens are refused from then on, or enable it again. Raises
+    """Disable a program, so that its tokens are refused, or enable it again. Raises
     UserFault("program_not_yours" | "program_owner_unknown")."""
     _require(by)
     if active and (program.owner is None or not program.owner.is_active):
@@ -86,7 +86,7 @@ def _enable(*, program: ServiceAccount, by: Racer) -> ServiceAccount:
 
 
 def disable_programs_of(*, owner: Racer) -> int:
-    """Disable the programs of an owner who is deactivated. Returns how many there were."""
+    """Disable the programs of a deactivated owner. Returns their number."""
     return Racer.objects.filter(program__owner=owner, is_active=True).update(is_active=False)
 
 

@@ -34,7 +34,7 @@ class ProgramForm(forms.Form):
     )
     purpose = forms.CharField(label=gettext_lazy("Purpose"), max_length=200)
     owner = forms.CharField(
-        label=gettext_lazy("Owner"), max_length=64, help_text=gettext_lazy("The alias of the racer who answers for it.")
+        label=gettext_lazy("Owner"), max_length=64, help_text=gettext_lazy("The alias of the responsible racer.")
     )
 
 

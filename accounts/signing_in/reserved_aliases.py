@@ -37,7 +37,7 @@ def is_reserved(alias: str) -> bool:
 
 
 def is_taken(alias: str, now: datetime, racer: Racer | None = None) -> bool:
-    """Whether an alias, or one that looks like it, waits for a former owner who is not this ``racer``."""
+    """Whether an alias, or one that looks like it, is reserved for a former owner other than ``racer``."""
     others = ~Q(racer=racer) if racer is not None else Q()
     return ReservedAlias.objects.filter(others, digest=_digest(alias), until__gt=now).exists()
 

@@ -9,7 +9,7 @@ from django.db.models import QuerySet
 
 from ..models import Racer, Viewer
 
-# The key in a session whose provider has asked for more than a password
+# The session key that records a second factor at the provider
 SHOWN_TO_PROVIDER = "second_factor_shown_to_provider"
 FACTORS = (Authenticator.Type.TOTP, Authenticator.Type.WEBAUTHN)
 

@@ -32,7 +32,7 @@ View = Callable[..., HttpResponse]
 
 
 def refused_in_words(view: View) -> View:
-    """A view whose faults, and those of the provider, become a page with the reason."""
+    """A view that shows its faults, and those of the provider, as a page with the reason."""
 
     @wraps(view)
     def inner(request: HttpRequest, *args: Any, **kwargs: Any) -> HttpResponse:

@@ -13,7 +13,7 @@ from django.db.models.functions import Cast
 from .rules import Leaving, PersonalData, all_rooms
 
 AT_ONCE = 200
-# Keys of JSON whose values are aliases
+# JSON keys with aliases as values
 PEOPLE = frozenset(
     {"actor", "alias", "aliases", "by", "captain", "deputy", "imported_by", "leader", "object", "organiser", "other"}
     | {"owner", "racer", "racers", "rival", "rivals", "teacher", "username", "winner", "winners"}

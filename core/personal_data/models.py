@@ -1,4 +1,4 @@
-"""The table of files whose rows are gone."""
+"""The table of files to delete."""
 
 from django.db import models
 from django.utils.translation import gettext_lazy as _

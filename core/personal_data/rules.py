@@ -12,7 +12,7 @@ from .retention import RetentionPolicy
 
 # Reasons that several rooms give.
 NOBODY = "It names no person."
-OF_THE_RACE = "It belongs to the race and to everybody who raced in it."
+OF_THE_RACE = "It belongs to the race and to all its racers."
 OTHERS = "It names other people."
 SECRET = "It is a secret, or a digest of one."
 NEEDED = "It proves an official result, and names nobody."
@@ -66,7 +66,7 @@ class PersonalData:
 
 @dataclass(frozen=True)
 class Leaving:
-    """A racer whose account is being deleted, with the names under which the database knows them."""
+    """A racer during the deletion of the account, with all their names in the database."""
 
     racer: Any
     now: datetime

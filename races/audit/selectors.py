@@ -25,7 +25,7 @@ def reads_all(viewer: Viewer) -> bool:
 
 
 def can_see_entry(viewer: Viewer, entry: AuditEntry) -> bool:
-    """Whether the viewer may read an entry: those who read all, and organisers of its race. Twin of
+    """Whether the viewer may read an entry: readers of the whole log, and organisers of its race. Twin of
     :func:`entries_visible_to`."""
     if reads_all(viewer):
         return True

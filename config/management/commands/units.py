@@ -20,7 +20,9 @@ class Command(BaseCommand):
 
     def add_arguments(self, parser: ArgumentParser) -> None:
         parser.add_argument("programs", nargs="*", metavar="PROGRAM", help="web, worker, …; none: all of them")
-        parser.add_argument("--user", default="paddock", metavar="NAME", help="who runs them (default: paddock)")
+        parser.add_argument(
+            "--user", default="paddock", metavar="NAME", help="the user of the programs (default: paddock)"
+        )
         parser.add_argument("--directory", type=Path, default=Path("/etc/systemd/system"), help="where units are")
         parser.add_argument("--env-file", type=Path, default=Path("/etc/paddock.env"), help="the settings of all")
         parser.add_argument("--host", default=HOST, help="address that web listens on (default: this machine only)")

@@ -41,7 +41,7 @@ UMask=0077
 $hardening
 $confinement""")
 
-# What every program bears. RemoveIPC= is not among it: the units share a user, whose memory it would remove.
+# Settings of every program. RemoveIPC= is not among them: the units share a user, whose memory it would remove.
 HARDENING = Template("""\
 NoNewPrivileges=yes
 CapabilityBoundingSet=

@@ -33,7 +33,7 @@ def test_the_first_log_in_asks_for_an_alias_and_proposes_the_name(client, provid
     provider.says("mia", preferred_username="Mia Maier@example.org")
     assert log_in(client, provider, "mia")["Location"] == "/accounts/3rdparty/signup/"
     page = client.get("/accounts/3rdparty/signup/").content.decode()
-    assert 'value="Mia-Maier"' in page and "Example University has confirmed who you are" in page
+    assert 'value="Mia-Maier"' in page and "Example University has confirmed your identity" in page
     assert not Racer.objects.exists()
     client.post("/accounts/3rdparty/signup/", {"username": "Speedy", "email": "other@example.org"})
     racer = Racer.objects.get()
