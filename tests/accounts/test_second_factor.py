@@ -17,9 +17,9 @@ from knox.models import AuthToken
 from rest_framework.test import APIClient
 
 from accounts.models import Racer
-from config.env import passkeys_work
 from config.middleware.accounts import ANYWHERE, OWN_ACCOUNT
 from config.serving.streams.viewers import viewers_of
+from config.settings.env import passkeys_work
 from tests.accounts.one_time_codes import code_of
 
 PASSWORD = "correct horse battery"

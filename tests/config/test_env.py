@@ -10,8 +10,8 @@ from pathlib import Path
 import pytest
 from django.core.exceptions import ImproperlyConfigured
 
-from config import env
-from config.env import env_int
+from config.settings import env
+from config.settings.env import env_int
 from tests.shared import CHECKOUT
 
 

@@ -13,9 +13,9 @@ from django.db import DatabaseError, connection
 from django.test.utils import CaptureQueriesContext
 from prometheus_client.parser import text_string_to_metric_families
 
-from config.env import env_listen, env_token
 from config.operations import health, metrics
 from config.operations.health import Readiness
+from config.settings.env import env_listen, env_token
 from core.events.models import Event
 from core.events.reading import READERS, number_new
 from core.jobs.kinds import all_kinds

@@ -8,7 +8,7 @@ from django_countries import countries
 
 from accounts.models import Racer
 from accounts.profile.regions import USUAL, region_name, region_of, regions_in
-from config.env import env_regions
+from config.settings.env import env_regions
 from league.standings.selectors.standings import season_standings, standings_within
 from league.stewarding.official_results import close_round
 from tests.factories import a_racer
