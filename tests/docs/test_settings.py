@@ -63,7 +63,7 @@ def test_every_described_variable_is_read():
 
 def test_documented_defaults_match_the_settings():
     settings = "".join(path.read_text() for path in sorted((CHECKOUT / "config/settings").glob("*.py")))
-    defaults = re.findall(r'env_(?:int|bool)\("([A-Z_]+)", (\w+)', settings)
+    defaults = re.findall(r'env_(?:int|bool)\("([A-Z_]+)", (\w+)[,)]', settings)
     defaults += re.findall(r'env_(?:str|list|url|hosts|choice|sender|time_zone)\("([A-Z_]+)", "([^"]+)"', settings)
     assert len(defaults) > 10
     for name, default in defaults:
