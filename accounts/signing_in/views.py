@@ -12,6 +12,7 @@ from django.shortcuts import redirect, render
 from django.utils import timezone
 from django.views.decorators.cache import never_cache
 from django.views.decorators.http import require_safe
+from django.views.generic import FormView
 
 from core.forms import add_fault
 from paddock.errors import UserFault
@@ -21,8 +22,8 @@ from .receivers import begin_passing_session
 from .services import CODE, INVITATION, open_invitation
 
 
-class SignUpView(SignupView):
-    """allauth's page; an invitation without a place left becomes an error of the form."""
+class FaultsInForm(FormView):
+    """A form that shows a UserFault as its error: an invitation, for example, without a place left."""
 
     def form_valid(self, form: BaseForm) -> HttpResponse:
         try:
@@ -30,6 +31,10 @@ class SignUpView(SignupView):
         except UserFault as fault:
             add_fault(form, fault)
             return self.form_invalid(form)
+
+
+class SignUpView(FaultsInForm, SignupView):
+    """allauth's page."""
 
 
 class PasskeyLogInView(LoginWebAuthnView):

@@ -20,11 +20,11 @@ from django.views.decorators.cache import never_cache
 from django.views.decorators.http import require_GET
 from requests import RequestException
 
-from core.forms import add_fault
-from paddock.errors import PaddockError, UserFault
+from paddock.errors import PaddockError
 
 from ..signing_in.attempt_limits import may_ask_for_challenge
 from ..signing_in.receivers import begin_passing_session
+from ..signing_in.views import FaultsInForm
 from .adapter import refusal
 from .provider import ProviderAnswers
 
@@ -72,17 +72,10 @@ def callback(request: HttpRequest, provider_id: str) -> HttpResponse:
     return OAuth2CallbackView.adapter_view(ProviderAnswers(request, provider_id))(request)
 
 
-class FirstLogInView(SignupView):
-    """Choose an alias; an invitation without a place left becomes an error of the form."""
+class FirstLogInView(FaultsInForm, SignupView):
+    """Choose an alias."""
 
     template_name = "accounts/single_sign_on/first_log_in.html"
-
-    def form_valid(self, form: BaseForm) -> HttpResponse:
-        try:
-            return super().form_valid(form)
-        except UserFault as fault:
-            add_fault(form, fault)
-            return self.form_invalid(form)
 
 
 class OwnConnectionsView(ConnectionsView):
