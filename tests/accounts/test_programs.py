@@ -98,7 +98,7 @@ def test_the_programs_of_a_deactivated_owner_are_disabled(program, boss):
     logged_in(boss).post("/admin/accounts/racer/", sent)
     assert me(text) == 401
     program = programs().get()
-    with pytest.raises(UserFault, match="answers for the program"):
+    with pytest.raises(UserFault, match="must be an active racer"):
         switch_program(program=program, by=boss, active=True)
     assert disable_programs_of(owner=program.owner) == 0
 
@@ -118,7 +118,7 @@ def test_a_replaced_token_has_the_scopes_of_the_old_one_which_is_void(program, b
 @pytest.mark.parametrize("owner", ["nobody", "program-ci", "gone"])
 def test_the_owner_is_an_active_racer(program, boss, owner):
     a_racer("gone", is_active=False)
-    with pytest.raises(UserFault, match="answers for the program"):
+    with pytest.raises(UserFault, match="must be an active racer"):
         change_program(program=program, by=boss, owner=owner)
 
 
