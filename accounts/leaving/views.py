@@ -3,8 +3,8 @@
 from datetime import timedelta
 from typing import Any
 
+from allauth.account.adapter import get_adapter
 from allauth.account.decorators import reauthentication_required
-from allauth.account.internal.flows.reauthentication import get_reauthentication_flows
 from django import forms
 from django.contrib import messages
 from django.contrib.auth import logout
@@ -98,5 +98,5 @@ def require_fresh(*, racer: Racer) -> None:
     """Where an account has no password and no second factor to ask for, the log-in itself must be recent. Raises
     UserFault("account_log_in_again")."""
     is_fresh = racer.last_login is not None and timezone.now() - racer.last_login < FRESH
-    if not is_fresh and not get_reauthentication_flows(racer):
+    if not is_fresh and not get_adapter().get_reauthentication_methods(racer):
         raise UserFault("account_log_in_again")
