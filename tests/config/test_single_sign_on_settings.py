@@ -9,8 +9,8 @@ import sys
 import pytest
 from django.core.exceptions import ImproperlyConfigured
 
-from config import single_sign_on
 from config.operations.doctor import log_in
+from config.settings import single_sign_on
 from tests.shared import CHECKOUT
 
 OIDC = {"PADDOCK_OIDC_ISSUER": "https://login.example.org/", "PADDOCK_OIDC_CLIENT_ID": "paddock"}
