@@ -102,7 +102,11 @@ class ObservedSite:
         return self.scrape().get((name, frozenset(labels.items())), 0.0)
 
     def lines(self) -> list[dict]:
-        return [json.loads(line) for line in self.run.said.splitlines()]
+        """The whole lines of the log so far; the last one may still be written."""
+        return [json.loads(line) for line in self.run.said.splitlines(keepends=True) if line.endswith("\n")]
+
+    def lines_of_request(self, request_id: str) -> list[dict]:
+        return [line for line in self.lines() if line["request_id"] == request_id]
 
     def change(self, sql: str) -> None:
         with closing(sqlite3.connect(self.run.data / "paddock.sqlite3", timeout=20)) as database, database:
@@ -135,8 +139,8 @@ def test_every_line_is_one_json_object_with_the_ids_of_request_and_job(site, dri
     of_run = [line for line in of_worker if line["job_id"] == f"evaluation:{driven}"]
     assert [line["message"].partition(driven)[2] for line in of_run] == [" attempt 1 starts.", " ended."]
     assert {line["request_id"] for line in of_run} == {"drive-1"}
-    refused = [line for line in site.lines() if line["request_id"] == "refused-1"]
-    assert [line["program"] for line in refused] == ["web"]
+    wait_for(lambda: site.lines_of_request("refused-1"), 20, site.run.log)
+    assert [line["program"] for line in site.lines_of_request("refused-1")] == ["web"]
 
 
 def test_the_counts_of_all_processes_are_in_one_scrape(site, driven):
