@@ -399,10 +399,10 @@ CASES = [
     ),
     Case("admin", "", "Create a token", "css=input[type=password]"),
     Case("admin", "", "Continue", "css=#new-token", {"Password": PASSWORD}),
-    Case("admin", "/programs/program-ci/", "Replace", "css=#new-token"),
-    Case("admin", "/programs/program-ci/", "Revoke", "css=main:not(:has([value=revoke]))"),
-    Case("admin", "", "Disable", "css=[value=enable]"),
+    Case("admin", "", "Disable", "css=[value=enable]"),  # at the address of the question for the password
     Case("admin", "", "Enable", "css=[value=disable]"),
+    Case("admin", "", "Replace", "css=#new-token"),
+    Case("admin", "/programs/program-ci/", "Revoke", "css=main:not(:has([value=revoke]))"),
     Case("admin", "/audit/", "Filter", "css=#id_target[value=oval]", {"css=#id_target": "oval"}),
     Case("alice", "/races/open-race/audit/", "Filter", "css=#id_target[value=oval]", {"css=#id_target": "oval"}),
     Case("admin", "/seasons/new/", "css=.actions [value=preview]", CHANGE, {"Name": "Next", "Address": "next"}),

@@ -84,8 +84,7 @@ class _Forms(HTMLParser):
             self._select = ""
         elif tag == "form" and self._form is not None:
             (method, where, buttons, actions), self._form = self._form, None
-            is_shell = self._head or name_of(where) in ANYWHERE
-            page = SHELL if is_shell else name_of(self._address)
+            page = page_of_form(self._address, where, self._head)
             if not buttons and page.startswith("admin:"):
                 return  # a row that is only looked at
             for to, name, value in buttons or {(where, "", "")}:
@@ -93,6 +92,15 @@ class _Forms(HTMLParser):
                     continue
                 for button in actions or {button_of(name, value)}:
                     self.found.add(Form(page, method, name_of(to), button))
+
+
+def page_of_form(address: str, action: str, in_head: bool) -> str:
+    """The name of the page of a form. A page that follows the question for the password stands at its address."""
+    to = name_of(action)
+    if in_head or to in ANYWHERE:
+        return SHELL
+    page = name_of(address)
+    return to if page == "account_reauthenticate" else page
 
 
 def forms_in(address: str, html: str) -> set[Form]:

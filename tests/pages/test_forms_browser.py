@@ -12,7 +12,7 @@ from tests.pages.browsing import BACKEND, IN_A_BROWSER, chromium, visitor
 from tests.pages.conftest import make_world
 from tests.pages.form_cases import CASES, Case
 from tests.pages.form_world import Cast
-from tests.pages.forms import ANYWHERE, SHELL, Form, addresses, admin_addresses, button_of, forms_in, name_of, walk
+from tests.pages.forms import Form, addresses, admin_addresses, button_of, forms_in, name_of, page_of_form, walk
 
 pytestmark = [*IN_A_BROWSER, pytest.mark.django_db(transaction=True)]
 WAIT_MS = 30_000
@@ -88,7 +88,7 @@ class Browsing:
             button.evaluate("button => { const menu = button.closest('details'); if (menu) menu.open = true; }")
             in_head, method, action, name, value, chosen = button.evaluate(PRESSED)
             form = Form(
-                SHELL if in_head or name_of(action) in ANYWHERE else name_of(page.url),
+                page_of_form(page.url, action, in_head),
                 method,
                 name_of(action),
                 f"action={chosen}" if chosen else button_of(name, value),
