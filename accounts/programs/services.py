@@ -24,9 +24,10 @@ def can_manage_programs(viewer: Viewer) -> bool:
 
 
 def programs() -> QuerySet[ServiceAccount]:
-    """All programs, with ``last_used_at``."""
+    """All programs by alias, with ``last_used_at``."""
     used = Max("racer__auth_token_set__grant__last_used_at")
-    return ServiceAccount.objects.select_related("racer", "owner").annotate(last_used_at=used)
+    accounts = ServiceAccount.objects.select_related("racer", "owner").annotate(last_used_at=used)
+    return accounts.order_by("racer__alias")
 
 
 @audited("program.created", _("Program created"))

@@ -1,5 +1,6 @@
 """The filter of the audit log."""
 
+from collections.abc import Iterable
 from typing import Any
 
 from django import forms
@@ -12,9 +13,9 @@ from .selectors import AuditFilter
 _LARGEST = 2**63 - 1
 
 
-def actions() -> list[tuple[str, str]]:
-    """All registered acts by label."""
-    return sorted(((act.name, str(act.label)) for act in ACTS.values()), key=lambda one: one[1])
+def actions(names: Iterable[str]) -> list[tuple[str, str]]:
+    """These acts as choices, by label."""
+    return sorted(((name, str(ACTS[name].label)) for name in names if name in ACTS), key=lambda one: one[1])
 
 
 class AuditForm(forms.Form):
@@ -27,11 +28,12 @@ class AuditForm(forms.Form):
     until = forms.DateField(label=_("To"), required=False, widget=forms.DateInput({"type": "date"}, "%Y-%m-%d"))
     before = forms.IntegerField(required=False, min_value=1, max_value=_LARGEST, widget=forms.HiddenInput)
 
-    def __init__(self, *args: Any, **kwargs: Any) -> None:
+    def __init__(self, *args: Any, acts: Iterable[str] = ACTS, **kwargs: Any) -> None:
+        """``acts``: the names of those to choose from."""
         super().__init__(*args, **kwargs)
         field = self.fields["action"]
         assert isinstance(field, forms.ChoiceField)
-        field.choices = [("", _("any")), *actions()]
+        field.choices = [("", _("any")), *actions(acts)]
 
     def filter(self) -> AuditFilter:
         """What was asked for; everything where the form is not valid."""

@@ -63,7 +63,8 @@ def exported(viewer: Viewer, wanted: AuditFilter, form: str) -> StreamingHttpRes
 
 
 def _shown(request: HttpRequest, entries: QuerySet[AuditEntry], race: Race | None) -> HttpResponse:
-    form = AuditForm(request.GET)
+    acts = ACTS if race is None else set(entries.order_by().values_list("action", flat=True).distinct())
+    form = AuditForm(request.GET, acts=acts)
     wanted = form.filter()
     page = page_of(wanted(entries), before=form.cleaned_data.get("before"))
     context: dict[str, Any] = {"form": form, "race": race, "page": page, "wanted": wanted, "forms": FORMS}

@@ -27,7 +27,7 @@ from league.notices.services import stopping_token
 from league.stewarding.official_results import close_due_rounds, close_round
 from league.webhooks.services import add_webhook
 from races.entries.services.entries import enter_race, remove_entry, withdraw
-from races.models import Guest, Race
+from races.models import Guest, Race, Recheck
 from races.test_runs.services import drive_own
 from races.timing.services import carry_over, make_sensor
 from tests.drawn_runs import a_driven_run
@@ -94,6 +94,7 @@ class Cast:
         share_model(model=theirs, now=now)
         driven = a_driven_run(world.race, bob, now)
         chased = a_driven_run(a_race(now, slug="chase-race", name="Chase race"), bob, now, lap_ms=1_100)
+        Recheck.objects.create(day=now, evaluation=driven, number=0, state="finished", same=False, ended_at=now)
         ready = request_video(evaluation=driven, by=bob, car=0, part="best", language="en", now=now).video
         run_next_video(worker="test")
         waits = request_video(evaluation=driven, by=alice, car=0, part="whole", language="en", now=now).video

@@ -5,6 +5,7 @@ from __future__ import annotations
 import csv
 import io
 import json
+import re
 import sys
 
 import pytest
@@ -68,6 +69,8 @@ def test_organisers_see_the_acts_on_their_race_without_networks_and_tokens(entri
     assert "Race cancelled" in html and "rain" in html
     assert "sometoken" not in html and "10.0.0.0" not in html
     assert html.count('id="entry-') == 3
+    menu = html.partition('id="id_action"')[2].partition("</select>")[0]
+    assert re.findall(r'value="([^"]*)"', menu) == ["", "race.cancelled", "race.changed"]
 
 
 @pytest.mark.parametrize(
