@@ -24,6 +24,7 @@ from .stored_files import scrub as scrub_files
 
 logger = logging.getLogger(__name__)
 _spare: SparePool | None = None  # of this process, where it is a worker
+_refusal = ""  # why this process runs nothing: logged once, not at every message
 BUDGET_S = 60.0  # a task that went on for ever would keep the sweep waiting
 
 
@@ -116,9 +117,14 @@ def _wait_ready() -> None:
 
 def is_fit(worker: str) -> bool:
     """Note the worker; whether untrusted code may run in it, and comes to what it must."""
+    global _refusal
     try:
         note_worker(name=worker)
     except PlatformFault as fault:
-        logger.error("%s runs nothing: %s", worker, "\n".join([str(fault), *getattr(fault, "__notes__", ())]))
+        refusal = "\n".join([str(fault), *getattr(fault, "__notes__", ())])
+        if refusal != _refusal:
+            logger.error("%s runs nothing: %s", worker, refusal)
+        _refusal = refusal
         return False
+    _refusal = ""
     return True

@@ -167,6 +167,7 @@ class TestWorkerProof:
 @pytest.mark.django_db(transaction=True)
 def test_an_inexact_worker_leaves_evaluations_to_others(alice, oval, wakes, proves, monkeypatch, caplog):
     monkeypatch.setattr(pipeline, "evaluate", finishes)
+    monkeypatch.setattr(tasks, "_refusal", "")
     queued = queue_evaluation(owner=alice, model=model_row(alice), track=oval, rules=RaceRules(), now=timezone.now())
     proves(INEXACT)
     assert tasks.work.apply().get() == 0
