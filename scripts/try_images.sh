@@ -1,11 +1,12 @@
 #!/bin/sh
-# Builds the container images without any registry, prints their sizes, and drives a car in them.
+# Builds the container images without any registry, prints their sizes, and drives and trains cars in them.
 #   sudo scripts/try_images.sh [--place FOLDER] [TARGET]...
 #
 # TARGET: site, worker, trainer, video, embedded (all of them unless some are named). Their base is a Debian 12 that
-# debootstrap makes; a car is uploaded and driven in the embedded one, on a read-only root without any capability. Where
-# podman-compose is installed (1.1 or newer), all of compose.yaml is started, too, on ports 80 and 443, with Debian's
-# PostgreSQL, Redis and Caddy and moto's S3 server in the place of the images that a registry would have.
+# debootstrap makes. In the embedded one, on a read-only root without any capability, a car is driven, one trained and a
+# video drawn. Where podman-compose is installed (1.1 or newer), all of compose.yaml is started and does the same, on
+# ports 80 and 443, with Debian's PostgreSQL, Redis and Caddy and moto's S3 server in the place of the images that a
+# registry would have.
 # FOLDER holds base and images (default: /var/tmp/paddock-images). pip looks where it is configured to look here, also
 # in a folder of wheels (PIP_FIND_LINKS).
 #
@@ -14,6 +15,7 @@
 set -eu
 
 cd "$(dirname "$0")/.."
+. scripts/try_race.sh
 place=/var/tmp/paddock-images port=8199 name=paddock-try
 fail() {
     echo "try_images.sh: $1" >&2
@@ -73,51 +75,17 @@ choose_limits() { # TARGET...
         - "$0" --place "$place" "$@"
 }
 
-# An admin, and a house car with one weight changed, through the command and HTTP
-race() { # CONTAINER ADDRESS
-    inside() { podman exec --env DJANGO_SUPERUSER_PASSWORD=correct-horse-7 "$@"; }
-    ask() { curl --silent --show-error --fail --insecure "$@"; }
-    inside "$1" id
-    inside "$1" python manage.py setup --no-input --admin driver --email driver@example.org | tail -n 2
-    inside "$1" python -c "
-import onnx, pathlib, shutil
-from onnx import numpy_helper
-folder = pathlib.Path('/tmp/car')
-folder.mkdir()
-network = onnx.load('training/house_cars/brisk.onnx')
-weights = network.graph.initializer[0]
-values = numpy_helper.to_array(weights).copy()
-values.flat[0] += 0.001
-weights.CopyFrom(numpy_helper.from_array(values, weights.name))
-onnx.save(network, folder / 'car.onnx')
-shutil.copy('training/house_cars/brisk.json', folder / 'model_metadata.json')"
-    token=$(ask --json '{"login": "driver", "password": "correct-horse-7"}' "$2/api/v1/auth/token/" | sed 's/.*"token": *"\([^"]*\)".*/\1/')
-    race=$(ask "$2/api/v1/races/?state=open&kind=league&race_type=time_trial" | grep -o '"slug": *"[^"]*-open"' | head -n 1 | sed 's/.*"\([^"]*\)"$/\1/')
-    inside --env PADDOCK_SITE=http://127.0.0.1:8000 --env "PADDOCK_TOKEN=$token" "$1" \
-        python -m paddock.cli submit /tmp/car/car.onnx /tmp/car/model_metadata.json "$race" --wait
-    ask "$2/api/v1/races/$race/board/" | grep -o '"racer": *"driver"'
-    inside "$1" python manage.py doctor
-}
-
-until_ready() { # ADDRESS COMMAND-THAT-PRINTS-THE-LOG...
-    address=$1 tries=0
-    shift
-    until curl --silent --insecure --max-time 5 "$address/health/ready" | grep -q '"workers": true.*"workers": [1-9]'; do
-        tries=$((tries + 1))
-        [ $tries -lt 300 ] || fail "not ready: $("$@" 2>&1 | tail -n 30)"
-        sleep 2
-    done
-}
-
 embedded() { # on a read-only root, without capabilities
-    stop() { podman rm --force --time 5 $name >/dev/null 2>&1 && podman volume rm $name >/dev/null || true; }
+    stop() { podman rm --force --time 5 $name >/dev/null 2>&1 && podman volume rm $name >/dev/null 2>&1 || true; }
     stop
     run --detach --name $name --read-only --tmpfs /tmp --cap-drop ALL --security-opt no-new-privileges \
         --volume $name:/data --publish 127.0.0.1:$port:8000 localhost/paddock-embedded >/dev/null
     trap stop EXIT
     until_ready http://127.0.0.1:$port podman logs $name
     podman healthcheck run $name
-    race $name http://127.0.0.1:$port
+    inside() { podman exec $name "$@"; }
+    race http://127.0.0.1:$port http://127.0.0.1:8000
+    stop
 }
 
 compose() { # the site of compose.yaml in a folder of its own, with stand-ins of its services
@@ -135,7 +103,10 @@ compose() { # the site of compose.yaml in a folder of its own, with stand-ins of
             --target $service --tag localhost/standin-$service containers >"$place/$service.log" 2>&1 || fail "$(tail "$place/$service.log")"
     done
     composed() { (cd "$site" && podman-compose --podman-run-args="$limits" "$@"); }
-    stop() { composed down --volumes --timeout 5 >/dev/null 2>&1 || true; }
+    stop() { # the second worker, too, of which podman-compose knows at its start alone
+        podman ps --all --quiet --filter label=io.podman.compose.project=paddock | xargs --no-run-if-empty podman rm --force --volumes --time 5 >/dev/null
+        composed down --volumes >/dev/null 2>&1 || true
+    }
     stop
     trap stop EXIT
     # one after the other: Podman 4.3 knows neither healthy dependencies nor those of dependencies
@@ -144,7 +115,8 @@ compose() { # the site of compose.yaml in a folder of its own, with stand-ins of
     composed up --detach --no-build --no-deps --scale worker=2 site streams messenger worker trainer video caddy
     until_ready https://localhost composed logs
     podman ps --format '{{.Names}} {{.Status}}'
-    race paddock_site_1 https://localhost
+    inside() { podman exec paddock_site_1 "$@"; }
+    race https://localhost http://127.0.0.1:8000
 }
 
 levels() { # what the sandbox comes to under a runtime's options

@@ -140,6 +140,18 @@ def test_a_setting_that_is_left_out_would_break_the_sandbox(name, tmp_path):
     assert confined("\n".join([*lines, f"{name}={BROKEN_BY[name]}"]), tmp_path) < 3
 
 
+@pytest.mark.soak
+def test_a_booted_systemd_runs_the_units_as_the_guide_says(tmp_path):
+    missing = [program for program in ("debootstrap", "systemd-nspawn") if not shutil.which(program)]
+    if missing or os.geteuid():
+        pytest.skip(f"needs root and Debian's packages debootstrap and systemd-container; missing: {missing}")
+    command = [CHECKOUT / "scripts/try_units.sh", "--place", tmp_path]
+    done = subprocess.run(command, capture_output=True, text=True)
+    assert done.returncode == 0, done.stdout[-5000:] + done.stderr[-5000:]
+    for program in ("celery", "trainer"):
+        assert f"{program}@{os.uname().nodename} sandbox 3 golden runs 3 of 3" in done.stdout
+
+
 @pytest.mark.parametrize("user", ["root", "", "two words", "new\nline", "-option", "a" * 40, "Ä"])
 def test_a_bad_user_is_refused(user):
     assert "user" in refusal(user=user)
