@@ -104,7 +104,7 @@ compose() { # the site of compose.yaml in a folder of its own, with stand-ins of
     done
     composed() { (cd "$site" && podman-compose --podman-run-args="$limits" "$@"); }
     stop() { # the second worker, too, of which podman-compose knows at its start alone
-        podman ps --all --quiet --filter label=io.podman.compose.project=paddock | xargs --no-run-if-empty podman rm --force --volumes --time 5 >/dev/null
+        podman ps --all --quiet --filter label=io.podman.compose.project=paddock | xargs --no-run-if-empty podman rm --force --volumes --time 5 >/dev/null 2>&1
         composed down --volumes >/dev/null 2>&1 || true
     }
     stop

@@ -323,5 +323,8 @@ def test_the_real_source_compiles_and_a_second_checkout_takes_the_wheel(folders,
 def test_compiler_flags_of_the_caller_do_not_change_the_arithmetic(folders, tree, monkeypatch):
     for name in ("CFLAGS", "CXXFLAGS"):
         monkeypatch.setenv(name, "-DFUSED=1")
-    (tree / "a.cpp").write_text("#ifdef FUSED\n#error built with flags of the caller\n#endif\n")
+    (tree / "a.cpp").write_text(
+        "#ifdef FUSED\n#error built with flags of the caller\n#endif\n"
+        "#ifndef __OPTIMIZE__\n#error built without optimisation\n#endif\n"
+    )
     build_pybullet._compile_tree(sys.executable, tree, folders / "made")
