@@ -34,31 +34,39 @@ def character_of(track: TrackGeometry) -> Character:
     in per cent, that a car in the middle of the road loses in bends (at most 4 m/s and 4 m/s2 sideways), times 1.07 m
     over the road's median width; at most 100.
     """
-    count = max(round(track.length / STEP_M), 16)
-    distances = np.arange(count) * (track.length / count)
-    apart = max(round(SMOOTH_M / track.length * count), 1)
-    places = distances - SMOOTH_M / 2
-    if track.is_open:  # beyond its end it goes straight on
-        places = np.append(places, places[-1] + track.length / count * np.arange(1, apart + 1))
-    headings = np.array([track.point_at(distance)[2] for distance in places])
-    turned = np.angle(np.exp(1j * (np.roll(headings, -apart) - headings)))[:count]
-    curvature = turned * (count / (apart * track.length))
+    curvature = curvature_along(track)[0]
     slowed = np.minimum(TOP_SPEED, np.sqrt(SIDEWAYS / np.maximum(np.abs(curvature), 1e-9)))
     given_away = 1.0 - 1.0 / float((TOP_SPEED / slowed).mean())
     difficulty = 100.0 * given_away * ROAD_M / median_width(track)
+    return Character(len(corners_of(track)), min(round(difficulty), 100))
+
+
+def curvature_along(track: TrackGeometry) -> tuple[np.ndarray, float]:
+    """The curvature (1/m, positive to the left) at even distances from the finish, smoothed over ``SMOOTH_M``, and the
+    metres between them."""
+    count = max(round(track.length / STEP_M), 16)
     step = track.length / count
+    apart = max(round(SMOOTH_M / step), 1)
+    places = np.arange(count + apart * track.is_open) * step - SMOOTH_M / 2  # an open track goes straight on at its end
+    headings = np.array([track.point_at(distance)[2] for distance in places.tolist()])
+    turned = np.angle(np.exp(1j * (np.roll(headings, -apart) - headings)))[:count]
+    return turned / (apart * step), step
+
+
+def corners_of(track: TrackGeometry) -> list[tuple[int, np.ndarray]]:
+    """The corners by driving direction, from the finish: the first row of :func:`curvature_along` (the last corner of a
+    loop may begin in one lap and end in the next) and the radians turned in each row."""
+    curvature, step = curvature_along(track)
+    turned = curvature * step
     if track.is_open:  # no corner goes on from its end to its start
-        curvature = np.append(curvature, 0.0)
-    return Character(_corners(curvature, step), min(round(difficulty), 100))
-
-
-def _corners(curvature: np.ndarray, step: float) -> int:
-    """The number of stretches of one sign that turn far enough, counted round the loop."""
-    sign = np.where(np.abs(curvature) < BENT, 0.0, np.sign(curvature))
-    changes = np.flatnonzero(sign != np.roll(sign, 1))
-    if not len(changes):  # a circle is one corner, a straight none
-        return int(sign[0] != 0.0)
-    stretches = np.split(np.roll(curvature, -changes[0]), (changes - changes[0])[1:])
-    signs = np.roll(sign, -changes[0])[changes - changes[0]]
-    degrees = [abs(math.degrees(float(stretch.sum()) * step)) for stretch in stretches]
-    return sum(1 for sign, turn in zip(signs, degrees, strict=True) if sign and turn >= CORNER_DEGREES)
+        turned = np.append(turned, 0.0)
+    sign = np.where(np.abs(turned) < BENT * step, 0.0, np.sign(turned))
+    firsts = np.flatnonzero(sign != np.roll(sign, 1))
+    if not len(firsts):  # a circle is one corner, a straight none
+        return [(0, turned)] if sign[0] else []
+    stretches = np.split(np.roll(turned, -firsts[0]), (firsts - firsts[0])[1:])
+    return [
+        (first, stretch)
+        for first, stretch in zip(firsts.tolist(), stretches, strict=True)
+        if sign[first] and abs(math.degrees(float(stretch.sum()))) >= CORNER_DEGREES
+    ]

@@ -1,0 +1,1 @@
+"""What a run shows: turns, telemetry, mini-sectors and lost time, from a sim-trace and its track."""
