@@ -1,8 +1,8 @@
 """Track maps as SVG with driven lines and boxes, coloured by the page's style sheet. No Django.
 
-Classes: ``track-map``, ``track-road``, ``track-centre``, ``track-finish``, ``track-start``, ``track-arrow``,
-``track-line`` (with ``speed-0`` to ``speed-5``, slow to fast, and the line's style), ``track-lane`` (with ``inner`` or
-``outer``), ``track-box``. Strokes keep their width in screen pixels (``vector-effect``).
+Classes: ``track-map``, ``track-road``, ``track-kerb``, ``track-centre``, ``track-finish``, ``track-start``,
+``track-arrow``, ``track-line`` (with ``speed-0`` to ``speed-5``, slow to fast, and the line's style), ``track-lane``
+(with ``inner`` or ``outer``), ``track-box``. Strokes keep their width in screen pixels (``vector-effect``).
 """
 
 import math
@@ -13,6 +13,7 @@ from xml.sax.saxutils import escape
 
 import numpy as np
 
+from paddock.geometry.character import STEP_M, corners_of
 from paddock.geometry.checks import Points
 from paddock.geometry.track import TrackGeometry
 
@@ -21,6 +22,8 @@ LANES = ("inner", "outer")
 BOX_MARKS = 0.7  # of the map's mark, that half a box's length is drawn at least
 
 LANE_STEP_M = 0.15
+KERB_ROWS = 3  # of a corner, from one point of its kerb to the next
+KERB_ERROR_M = 0.03
 ERROR_M = 0.01
 JUMP_M = 0.6  # the fastest car moves 0.27 m in a step; a longer one is a reset and is not drawn
 SPEED_CLASSES = 6
@@ -28,12 +31,13 @@ TOP_SPEED_MPS = 4.0
 
 _THIN = 'vector-effect="non-scaling-stroke"'
 
-# For a picture that stands alone, without a page's style sheet: quiet greys that work on dark and on light.
+# For a picture that stands alone, without a page's style sheet: a road that is seen on dark and on light.
 _STYLE = (
     "<style>"
-    ".track-road{fill:#8b949e55;stroke:#8b949e}.track-centre{fill:none;stroke:#8b949e;stroke-dasharray:4 4}"
-    ".track-start{fill:none;stroke:#8b949e;stroke-width:2.5}"
-    ".track-finish,.track-arrow{fill:none;stroke:#ff3b55;stroke-width:2.5}"
+    ".track-road{fill:#4a525d;stroke:#e3e8ee;stroke-width:1.5}.track-kerb{fill:none;stroke:#ff3b55;stroke-width:3;"
+    "stroke-dasharray:4 4}.track-centre{fill:none;stroke:#e8b84a;stroke-dasharray:4 5}"
+    ".track-start,.track-finish{fill:none;stroke:#fff;stroke-width:5;stroke-dasharray:3 3}"
+    ".track-arrow{fill:none;stroke:#ff3b55;stroke-width:2.5}"
     ".track-box path{fill:#d99a3d;stroke:#7a4f10}.track-box text{fill:#1c1206;text-anchor:middle;font-weight:700}"
     ".track-lane{stroke:#5eb0ff}.track-lane.outer{stroke-dasharray:6 4}"
     ".track-line{fill:none;stroke:#2fbf71;stroke-width:2}"
@@ -165,7 +169,8 @@ def draw_svg(
     below_m: float = 0.0,
     line_m: float = 0.0,
 ) -> str:
-    """The map: road, centre line, finish and driving direction, then lines and boxes; with ``lanes`` their middles too.
+    """The map: road with kerbs, centre line, finish and driving direction, then lines and boxes; with ``lanes`` their
+    middles too.
 
     ``width``: in pixels, None so that the page's layout decides. ``title`` (default: the track's name) may come from a
     stranger and is escaped. ``standalone``: adds a small style. ``marks``: SVG of the caller in the map's coordinates
@@ -184,6 +189,7 @@ def draw_svg(
         f"<title>{_text(track.name if title is None else title)}</title>",
         _STYLE if standalone else "",
         f'<path class="track-road" fill-rule="evenodd" {_THIN} d="{ring}"/>',
+        f'<path class="track-kerb" fill="none" {_THIN} d="{_kerbs(frame, track)}"/>',
         f'<path class="track-centre" fill="none" {_THIN} d="{centre}"/>',
         *(_lane(frame, track, lane) for lane in LANES if lanes),
         *(_stroke(frame, points, speed, one.style) for one in lines for speed, points in one.strokes()),
@@ -197,6 +203,18 @@ def draw_svg(
 def svg_path(track: TrackGeometry, points: Sequence[Sequence[float]] | Points, *, closed: bool = False) -> str:
     """The ``d`` of a path through ``points`` (x, y in metres) in the coordinates of :func:`draw_svg` of this track."""
     return _Frame(track).path(points, closed=closed)
+
+
+def _kerbs(frame: "_Frame", track: TrackGeometry) -> str:
+    """The inner border of every turn."""
+    paths = []
+    for first, turned in corners_of(track):
+        is_left = float(turned.sum()) > 0
+        metres = [STEP_M * (first + row) for row in np.linspace(0, len(turned), max(3, len(turned) // KERB_ROWS))]
+        inner = [left if is_left else -right for left, right in map(track.half_widths_at, metres)]
+        border = np.array([track.point_at(at, offset)[:2] for at, offset in zip(metres, inner, strict=True)])
+        paths.append(frame.path(simplify(border, KERB_ERROR_M)))
+    return "".join(paths)
 
 
 def _across(track: TrackGeometry, metres: float) -> tuple[tuple[float, float], tuple[float, float]]:

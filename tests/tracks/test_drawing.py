@@ -11,6 +11,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from paddock.geometry.catalogue import CATALOGUE, by_slug
+from paddock.geometry.character import character_of
 from paddock.geometry.track import TrackGeometry
 from tests.soak import examples
 from tracks.drawing import ERROR_M, SPEED_CLASSES, BoxMark, Trajectory, draw_svg, simplify, simplify_loop, svg_path
@@ -44,7 +45,7 @@ def test_a_map_is_xml_with_all_marks_inside_its_frame(entry, direction):
     x_min, y_min, x_max, y_max = track.bounds
     assert width == pytest.approx(x_max - x_min + 0.6, abs=0.01)
     assert height == pytest.approx(y_max - y_min + 0.6, abs=0.01)
-    for word in ("track-road", "track-centre", "track-line", "track-finish", "track-arrow"):
+    for word in ("track-road", "track-kerb", "track-centre", "track-line", "track-finish", "track-arrow"):
         (path,) = drawn(picture, word)
         assert all(0 <= x <= width and 0 <= y <= height for x, y in points_of(path)), word
     assert len(picture) < 16_000
@@ -93,6 +94,27 @@ def test_the_finish_line_spans_the_road_at_waypoint_0():
     one, other = points_of(path)
     assert math.dist(one, other) == pytest.approx(1.07, abs=0.02)
     assert svg_path(track, [track.left[0], track.right[0]]) == path.get("d")
+
+
+@pytest.mark.parametrize("direction", ["ccw", "cw"])
+def test_kerbs_lie_on_the_inner_border_of_the_turns(direction):
+    track = by_slug("kuei-raceway").geometry(direction)
+    (kerbs,) = drawn(draw_svg(track), "track-kerb")
+    x_min, _, _, y_max = track.bounds
+    pieces = kerbs.get("d").split("M")[1:]
+    assert len(pieces) == character_of(track).corners
+    sides = []
+    for piece in pieces:
+        points = [tuple(map(float, pair.split(","))) for pair in piece.split()]
+        for x, y in points:
+            place = track.project(x + x_min - 0.3, y_max + 0.3 - y)
+            left, right = track.half_widths_at(place.distance)
+            assert place.offset == pytest.approx(left if place.offset > 0 else -right, abs=0.03)
+        before, after = (track.project(x + x_min - 0.3, y_max + 0.3 - y) for x, y in (points[0], points[-1]))
+        turned = math.remainder(after.heading - before.heading, math.tau)
+        assert (turned > 0) == (before.offset > 0), "on the side that the road turns to"
+        sides.append(before.offset > 0)
+    assert {True, False} == set(sides)
 
 
 HOSTILE = "</title><script>alert(1)</script>&amp;\"'\x00\x1b\ud800\uffff]]>"
