@@ -1,6 +1,6 @@
 """The frame of the charts that the server draws as SVG: no script, and the page's own colours."""
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from html import escape
 
@@ -45,3 +45,15 @@ class Chart:
             f'<text class="chart-label" x="{self.x(share):.1f}" y="{self.height - 9}">{escape(text)}</text>'
             for share, text in marks
         )
+
+
+def sparkline(values: Sequence[float], title: str, *, width: int = 96, height: int = 22) -> str:
+    """A small line of at least one value, lower values higher up, with a dot at the last of the best."""
+    least, most = min(values), max(values)
+    best = len(values) - 1 - list(reversed(values)).index(least)
+    chart = Chart("spark", width, height, 4, 4, 4, 4)
+    span, last = max(most - least, 1), max(len(values) - 1, 1)
+    shares = [(number / last, (value - least) / span) for number, value in enumerate(values)]
+    x, y = shares[best]
+    dot = f'<circle class="spark-best" cx="{chart.x(x):.1f}" cy="{chart.y(y):.1f}" r="3"/>'
+    return f'{chart.begin(title)}<path class="spark-line" d="{chart.line(shares)}"/>{dot}</svg>'

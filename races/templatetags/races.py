@@ -15,6 +15,7 @@ from django.utils.translation import gettext as _
 from django.utils.translation import gettext_noop
 
 from core.database.kept_queries import KeptQuery
+from core.pages.charts import sparkline
 from core.streams.shared_pieces import shared_value
 from core.times import clock
 from evaluation.models import Evaluation, TrainedModel
@@ -223,6 +224,14 @@ def figure_in(shown: ranking.Standing, column: ranking.Column) -> int | None:
     """The time of a standing in a column."""
     figure: int | None = getattr(shown, column.figure)
     return figure
+
+
+@register.simple_tag
+def tries_line(scores: Sequence[int]) -> SafeString:
+    """A racer's scores in a race as a small line; nothing for less than two."""
+    if len(scores) < 2:
+        return mark_safe("")
+    return mark_safe(sparkline(scores, " · ".join(map(clock, scores))))  # times only
 
 
 @register.filter

@@ -82,5 +82,9 @@ def test_the_columns_stay_on_a_wide_screen(world, live_server, browser) -> None:
     with visitor(browser, live_server.url, alice, viewport={"width": 1280, "height": 800}) as context:
         page = context.new_page()
         page.goto(race.get_absolute_url())
-        assert page.locator("tr.me .c-gap").is_visible() and not page.locator("tr.me .row-more").is_visible()
+        assert page.locator("tr.me .c-gap").is_visible() and page.locator("tr.me .c-int").is_visible()
+        detail = page.locator("tr.me + .row-detail")
+        assert not detail.is_visible()
+        page.locator("tr.me summary").click()
+        playwright.expect(detail).to_be_visible()
         assert page.get_by_role("link", name="Submit a car").is_visible()

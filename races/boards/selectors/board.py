@@ -3,6 +3,7 @@
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from itertools import islice
+from operator import itemgetter
 from typing import Any
 
 from django.db.models import OuterRef, Q, QuerySet, Subquery
@@ -30,8 +31,9 @@ class BoardRow:
     """One line of a board; times in milliseconds. Once duels are drawn, times and laps are those of the qualifying.
 
     ``rank``: None for baselines and unclassified entries. ``gap_ms``: to the leader's score, negative for a baseline
-    ahead, None without a score and once duels are drawn. ``sector_colours``: ``"purple"`` for the race's best,
-    ``"green"`` for the racer's own best, else ``"yellow"``; None without a complete lap.
+    ahead, None without a score and once duels are drawn. ``interval_ms``: the same to the ranked racer ahead.
+    ``sector_colours``: ``"purple"`` for the race's best, ``"green"`` for the racer's own best, else ``"yellow"``; None
+    without a complete lap. ``above``: the entry of the line above, if this page has it.
     """
 
     rank: int | None
@@ -40,6 +42,8 @@ class BoardRow:
     sector_colours: tuple[str | None, str | None, str | None]
     has_fastest_lap: bool
     is_me: bool
+    interval_ms: int | None = None
+    above: Entry | None = None
 
     @property
     def racer(self) -> Racer:
@@ -58,13 +62,22 @@ class BoardRow:
         return self.entry.classified
 
     @property
+    def sector_gaps(self) -> tuple[int, ...]:
+        """By sector of the best laps the milliseconds behind the line above; empty where one has no sectors."""
+        theirs = self.above.sectors if self.above is not None else ()
+        return tuple(own - other for own, other in zip(self.entry.sectors, theirs, strict=False))
+
+    @property
     def shown_values(self) -> tuple:
         """All values of the row that its line shows: equal values draw equal lines in the same race and minute."""
         entry, racer = self.entry, self.entry.racer
         of_entry = repr([entry.__dict__[field.attname] for field in Entry._meta.concrete_fields])
         of_racer = (racer.alias, racer.has_page, racer.country, racer.avatar)
         about = (entry.best and entry.best.evaluation.public_id, entry.car_of and entry.car_of.racer.alias)
-        return of_entry, *of_racer, *about, self.rank, self.gap_ms, self.sector_colours, self.has_fastest_lap
+        above = self.above and (self.above.shown_name, self.above.best and self.above.best.evaluation.public_id)
+        gaps = self.sector_gaps
+        shown = (self.rank, self.gap_ms, self.interval_ms, above, gaps, self.sector_colours, self.has_fastest_lap)
+        return of_entry, *of_racer, *about, *shown
 
     @property
     def group(self) -> str:
@@ -98,19 +111,36 @@ class Board:
         """Whether the reader's row is on another page, so that this page pins it."""
         return self.my_row is not None and all(not row.is_me for row in self.rows)
 
+    @property
+    def rival(self) -> tuple[Entry, int] | None:
+        """The house car just ahead of the reader and by how many milliseconds, if this page has both."""
+        mine = self.my_row
+        if mine is None or self.my_row_is_elsewhere or mine.gap_ms is None:
+            return None
+        ahead = [
+            (row.entry, mine.gap_ms - row.gap_ms)
+            for row in self.rows
+            if row.is_baseline and row.gap_ms is not None and row.gap_ms < mine.gap_ms
+        ]
+        return min(ahead, key=itemgetter(1), default=None)
+
 
 def board(race: Race, racer: Viewer = None, *, page: int = 1, per_page: int = PER_PAGE) -> Board:
     """Page ``page`` (from 1; cut to what there is) of a board, in at most five queries, however long it is."""
     totals = totals_of(race)
     page, pages, offset = _cut(page, totals.rows, per_page)
-    entries = list(page_of(_with_relations(board_entries(race)), race, ORDER, offset, per_page, totals.rows))
+    before = min(offset, 1)  # the line above the page
+    entries = list(
+        page_of(_with_relations(board_entries(race)), race, ORDER, offset - before, per_page + before, totals.rows)
+    )
+    above, entries = entries[:before], entries[before:]
     view = _View(race, racer)
     mine = next((entry for entry in entries if entry.racer_id == view.reader_id), None)
     elsewhere = view.look_up(entries if offset == 0 else (), reader=mine is None)
     first = next((entry for entry in entries if has_rank(entry)), None) if offset else None
     ranks = ranks_of([entry for entry in (first, elsewhere) if entry is not None])
-    above = None if first is None else ranks[first.pk]
-    rows = list(view.rows(entries, (above or 1) - 1))
+    first_rank = None if first is None else ranks[first.pk]
+    rows = list(view.rows(entries, (first_rank or 1) - 1, next(iter(above), None)))
     my_row = next((row for row in rows if row.is_me), None)
     if elsewhere is not None and not elsewhere.is_withdrawn:
         my_row = view.row(elsewhere, ranks[elsewhere.pk])
@@ -191,10 +221,19 @@ _NOT_SHOWN = [
     for field in model._meta.concrete_fields
     if field.name not in shown
 ]
+
+
+def _ahead_of_outer() -> QuerySet[Entry]:
+    """The ranked entries with a better score than the outer query's, the nearest first."""
+    ranked = Entry.objects.filter(race=OuterRef("race"), withdrawn_at=None, is_baseline=False)
+    return ranked.filter(rank_score__lt=OuterRef("rank_score")).order_by("-rank_score")
+
+
 _own: KeptQuery[Any] = KeptQuery(
     lambda race, racer: with_place(
         Entry.objects.filter(race_id=race, racer_id=racer)
         .select_related("best__evaluation", "car_of__racer")
+        .annotate(ahead_score=Subquery(_ahead_of_outer().values("rank_score")[:1]))
         .defer(*_NOT_SHOWN)
         .order_by()
     )
@@ -216,6 +255,8 @@ def as_seen_by(shown: Board, race: Race, racer: Viewer, *, pinned: bool = True) 
         mine.race, mine.racer = race, racer
     if pinned and mine is not None and not mine.is_withdrawn:
         my_row = view.row(mine, 1 + mine.place if has_rank(mine) else None)
+        if my_row.gap_ms is not None and mine.ahead_score is not None and mine.rank_score > mine.ahead_score >= 0:
+            my_row = replace(my_row, interval_ms=mine.rank_score - mine.ahead_score)
     return replace(shown, race=race, my_row=my_row, my_entry=mine)
 
 
@@ -314,11 +355,15 @@ class _View:
             mine.race = self.race
         return mine
 
-    def rows(self, entries: Iterable[Entry], rank: int) -> Iterator[BoardRow]:
-        """Rows for entries that follow each other on the board; ``rank``: how many with a rank stand above them."""
+    def rows(self, entries: Iterable[Entry], rank: int, above: Entry | None = None) -> Iterator[BoardRow]:
+        """Rows for entries that follow each other on the board; ``rank``: how many with a rank stand above them,
+        ``above``: the entry just above, if known."""
+        ahead = above if above is not None and has_rank(above) else None
         for entry in entries:
             rank += has_rank(entry)
-            yield self.row(entry, rank if has_rank(entry) else None)
+            row = self.row(entry, rank if has_rank(entry) else None)
+            yield replace(row, interval_ms=_interval(entry, ahead), above=above)
+            above, ahead = entry, entry if has_rank(entry) else ahead
 
     def row(self, entry: Entry, rank: int | None) -> BoardRow:
         """A line for an entry whose rank is known."""
@@ -335,6 +380,12 @@ class _View:
             has_fastest_lap=has_rank(entry) and fastest is not None and entry.best_lap_ms == fastest,
             is_me=self.reader_id is not None and entry.racer_id == self.reader_id,
         )
+
+
+def _interval(entry: Entry, ahead: Entry | None) -> int | None:
+    if ahead is None or not entry.classified or (entry.seed, entry.is_live) != (None, ahead.is_live):
+        return None
+    return (entry.score_ms or 0) - (ahead.score_ms or 0) if ahead.seed is None else None
 
 
 def _colours(entry: Entry, race: Race) -> tuple[str | None, str | None, str | None]:
