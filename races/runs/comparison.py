@@ -1,7 +1,5 @@
 """Two laps against each other: where one gained on the other, from the traces of both. Pure."""
 
-import csv
-import io
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Annotated, Any
@@ -9,27 +7,12 @@ from typing import Annotated, Any
 import numpy as np
 
 from evaluation.running.messages import DrivenLapDocument
+from paddock.analysis import telemetry
+from paddock.analysis.telemetry import DrivenTrace, LapLine
 from paddock.errors import UserFault
 
 POINTS = 200  # of a whole lap: each half a percent of it
 _END = 100.0  # percent
-
-
-@dataclass(frozen=True)
-class LapLine:
-    """A lap by distance: ``percent`` (rising), ``ms`` since its start, commanded ``speed`` (m/s); ``time_ms`` if
-    complete."""
-
-    number: int
-    time_ms: int | None
-    percent: np.ndarray
-    ms: np.ndarray
-    speed: np.ndarray
-
-    @property
-    def reached(self) -> float:
-        """How far it came, in percent."""
-        return float(self.percent[-1])
 
 
 @dataclass(frozen=True)
@@ -64,33 +47,11 @@ class LapComparison:
 
 
 def lap_line(trace_csv: bytes, laps: Sequence[DrivenLapDocument], number: int) -> LapLine:
-    """Lap ``number`` (from 1) from a sim-trace. At a place passed twice because of a reset the first time counts.
-    Raises UserFault("compare_lap")."""
-    lap = next((lap for lap in laps if lap["number"] == number), None)
-    if lap is None:
+    """Lap ``number`` (from 1) from a sim-trace. Raises UserFault("compare_lap")."""
+    line = telemetry.lap_line(DrivenTrace.of(trace_csv), laps, number)
+    if line is None:
         raise UserFault("compare_lap", lap=number, laps=len(laps))
-    percent, ms, speed = [0.0], [0.0], [0.0]
-    for row in csv.DictReader(io.StringIO(trace_csv.decode())):
-        at = min(float(row["progress"]), _END)
-        if int(float(row["episode"])) != number - 1 or at <= percent[-1]:
-            continue
-        percent.append(at)
-        ms.append(max(ms[-1], float(row["tstamp"]) * 1000 - lap["start_ms"]))
-        speed.append(float(row["throttle"]))
-    time_ms = lap["time_ms"] if lap["complete"] else None
-    if time_ms is not None:
-        if percent[-1] >= _END:  # the row behind the line: the time at the line is known better
-            percent.pop(), ms.pop()
-            last = speed.pop()
-        else:
-            last = speed[-1]
-        percent.append(_END)
-        ms = [min(each, time_ms) for each in ms] + [time_ms]
-        speed.append(last)
-    if len(percent) < 2:
-        raise UserFault("compare_lap", lap=number, laps=len(laps))
-    speed[0] = speed[1]
-    return LapLine(number, time_ms, np.array(percent), np.array(ms), np.array(speed))
+    return line
 
 
 def compare(one: LapLine, other: LapLine, length_m: float) -> LapComparison:
