@@ -1,4 +1,4 @@
-"""The drawings of the shells as SVG path data (``shells.json``).
+"""The drawings of the shells as SVG path data (``static/viewer/shells.json``, which the viewer reads too).
 
 From the side, as pages show a car: 120 x 56 units, driving to the right. From above, as a replay shows it: 120 x 68
 units around the middle of the car, driving to the right. A car is 0.33 m long, so that a unit is about 3 mm.
@@ -32,6 +32,7 @@ class FromAbove:
     under: str = _COVERED
 
 
-_DRAWINGS = json.loads(Path(__file__).with_name("shells.json").read_text("utf-8"))
+_FILE = Path(__file__).resolve().parents[2] / "static" / "viewer" / "shells.json"
+_DRAWINGS = json.loads(_FILE.read_text("utf-8"))
 FROM_THE_SIDE = {shell: FromTheSide(**drawings["side"]) for shell, drawings in _DRAWINGS.items()}
 FROM_ABOVE = {shell: FromAbove(**drawings["above"]) for shell, drawings in _DRAWINGS.items()}
