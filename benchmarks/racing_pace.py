@@ -22,6 +22,7 @@ from functools import cache
 from typing import Any
 
 from evaluation.running.pipeline import RaceJob, evaluate
+from paddock.analysis.racing_line import RacingLine, minimum_curvature_line
 from paddock.geometry.catalogue import CATALOGUE
 from paddock.geometry.track import TrackGeometry
 from paddock.packages.metadata import MetadataDocument, parse_metadata
@@ -32,7 +33,6 @@ from training.trainer.client import Iteration, Listener, train
 from training.trainer.spec import LAP_TIME, TrainerSpec
 
 from .processor import Clock
-from .racing_line import RacingLine, minimum_curvature_line
 
 REWARD = "race"
 SPEED_LIMIT_MPS = 3.0

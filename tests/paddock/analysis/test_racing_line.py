@@ -7,7 +7,7 @@ import math
 import numpy as np
 import pytest
 
-from benchmarks.racing_line import centre_line, line_at, minimum_curvature_line
+from paddock.analysis.racing_line import centre_line, line_at, minimum_curvature_line
 from paddock.geometry.catalogue import CATALOGUE
 from paddock.geometry.track import TrackGeometry
 from paddock.simulator.physics import PADDOCK_CAR
