@@ -1,31 +1,38 @@
-"""The races of the first page, as cards and folded, and a newcomer's first steps."""
+"""The first page: the lap that it plays, the races as cards and folded, recent results, and what the reader can do."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from copy import copy
 from dataclasses import dataclass
 from datetime import datetime, timedelta
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from django.db.models import Exists, OuterRef, QuerySet
 
 from accounts.groups.selectors import remember_groups
 from accounts.models import Racer
+from core.database.kept_queries import KeptQuery
 from core.forms import explain
-from evaluation.models import Evaluation, TrainedModel
+from evaluation.models import Evaluation, Result, TrainedModel
+from evaluation.running.messages import DrivenLapDocument
 from paddock.errors import UserFault
 from paddock.rules.race import RANKING
-from races.boards.selectors.board import CLASSIFIED
+from races.boards.selectors.board import CLASSIFIED, BoardRow, to_gain_ms, with_ahead_score
+from races.boards.selectors.counts import with_place
 from races.entries.eligibility import read_for_checks, refusal
 from races.entries.engines import hidden_runs
 from races.models import Division, Entry, Race, RaceKind, Submission
+from races.runs.replay import ColourBy, trajectories
+from tracks.drawing import Trajectory
 
 if TYPE_CHECKING:
     from django.contrib.auth.models import AnonymousUser
 
 
 LOOKED_AT, CARDS, LEAST_CARDS = 24, 4, 2
+RESULTS = 6
+PLACES_READ = 50
 
 
 def home_races(
@@ -58,6 +65,75 @@ def _refusals(races: Sequence[Race], reader: Racer | AnonymousUser, now: datetim
         faults = ((race.pk, refusal(race, reader, now)) for race in checked)
         closed = {pk: fault for pk, fault in faults if fault is not None}
     return {pk: explain(fault) for pk, fault in closed.items()}
+
+
+@dataclass(frozen=True)
+class LeadingLap:
+    """The best lap of a race's leader, or of its fastest house car while no racer is classified."""
+
+    race: Race
+    entry: Entry
+    run: Evaluation
+    lap: DrivenLapDocument
+    lines: list[Trajectory]
+
+
+def leading_lap(
+    races: Sequence[Race], podiums: Mapping[int, Sequence[BoardRow]], house_cars: Mapping[int, Sequence[Entry]]
+) -> LeadingLap | None:
+    """The lap to play, of the first of these races with one; led by racers before led by house cars. One query."""
+    leaders = [podiums[race.pk][0].entry for race in races if podiums.get(race.pk)]
+    leaders += [house_cars[race.pk][0] for race in races if house_cars.get(race.pk)]
+    runs = {entry.pk: entry.best.evaluation for entry in leaders if entry.best is not None}
+    results = Result.objects.filter(evaluation__in=[run.pk for run in runs.values()])  # sealed ones are not among them
+    driven = {result.evaluation_id: result for result in results.only("evaluation", "laps", "trajectory")}
+    by_id = {race.pk: race for race in races}
+    for entry in leaders:
+        race, run = by_id[entry.race_id], runs.get(entry.pk)
+        result = None if run is None else driven.get(run.pk)
+        if run is None or result is None or not race.track.has_shape:
+            continue
+        laps = [lap for lap in result.laps if lap["complete"] and lap["number"] <= len(result.trajectory)]
+        if laps:
+            best = min(laps, key=lambda lap: lap["time_ms"])
+            lines = trajectories(result.trajectory, ColourBy.SPEED, best["number"])
+            return LeadingLap(race, entry, run, best, lines)
+    return None
+
+
+def recent_results(races: Sequence[Race], most: int = RESULTS) -> list[Entry]:
+    """The racers of these races who came on its board or improved last, the latest first."""
+    entries = Entry.objects.filter(CLASSIFIED, race__in=[race.pk for race in races], withdrawn_at=None)
+    entries = entries.filter(is_baseline=False, best__isnull=False).select_related("racer", "best__evaluation")
+    found, by_id = list(entries.order_by("-best_id")[:most]), {race.pk: race for race in races}
+    for entry in found:
+        entry.race = by_id[entry.race_id]
+    return found
+
+
+@dataclass(frozen=True)
+class MyPlace:
+    """Where the reader stands in a race. ``gain_ms``: to the racer ahead, None for none."""
+
+    race: Race
+    rank: int
+    gain_ms: int | None
+
+
+_places: KeptQuery[Any] = KeptQuery(
+    lambda racer: with_place(
+        with_ahead_score(Entry.objects.filter(CLASSIFIED, racer_id=racer, withdrawn_at=None, is_baseline=False))
+        .only("race", "classified", "rank_score", "is_live", "seed")
+        .order_by("-best_id")[:PLACES_READ]
+    )
+)
+
+
+def my_places(racer: Racer, races: Sequence[Race]) -> list[MyPlace]:
+    """The racer's places in those of ``races`` where they have one: one query."""
+    found = {entry.race_id: entry for entry in _places(racer=racer.pk)}
+    mine = [(race, found[race.pk]) for race in races if race.pk in found]
+    return [MyPlace(race, entry.place + 1, to_gain_ms(entry)) for race, entry in mine]
 
 
 # What the table of runs shows: all columns of seven tables would take most of the page's time

@@ -1,4 +1,4 @@
-"""The first page: what is racing now, and for a racer their own cars and results."""
+"""The first page: the leading lap, what the reader can do next, recent results, races to enter."""
 
 from collections.abc import Callable, Hashable
 from datetime import datetime
@@ -15,10 +15,19 @@ from accounts.models import Viewer
 from core.streams.shared_pieces import shared_piece, shared_value
 from evaluation.selectors import models_of
 from league.cups.selectors import cup_now, stage_of
-from league.home.selectors import LOOKED_AT, first_steps, home_races, latest_runs
+from league.home.selectors import (
+    LOOKED_AT,
+    first_steps,
+    home_races,
+    latest_runs,
+    leading_lap,
+    my_places,
+    recent_results,
+)
 from races.boards.selectors.board import podiums, to_beat
 from races.entries.selectors.lists import racing_now, sees_only_public, upcoming
 from races.models import Race, RaceKind
+from races.rules.layout import box_marks
 from races.spoilers.selectors import spoilers_of
 
 UPCOMING = 5
@@ -27,12 +36,12 @@ OWN = 5
 
 @require_safe
 def home(request: HttpRequest) -> HttpResponse:
-    """Open races that the reader may enter, with their podiums; the next races; my models and latest runs.
+    """The leading lap, what the reader can do next, recent results, open races with their podiums, my runs and models.
 
     Readers who see only public races, and their results, share the lists; what they may enter is in the keys.
     """
-    now, reader = timezone.now(), request.user
-    shares = not spoilers_of(request).on and sees_only_public(reader, ("open", "upcoming"), now)
+    now, reader, spoilers = timezone.now(), request.user, spoilers_of(request)
+    shares = not spoilers.on and sees_only_public(reader, ("open", "upcoming"), now)
 
     def part(name: str, values: Callable[[], dict[str, Any]], *key: Hashable) -> SafeString:
         template = f"league/home/parts/{name}.html"
@@ -45,27 +54,56 @@ def home(request: HttpRequest) -> HttpResponse:
     cards, folded = home_races(races, reader, now)
     chosen = tuple(race.pk for race in cards), tuple((race.pk, why_not) for race, why_not in folded)
 
+    def newest() -> dict[int, Race]:
+        """The open races, newer than what was chosen from, perhaps."""
+        return {race.pk: race for race in (read() if shares else races)}
+
+    def boards() -> dict[str, Any]:
+        """The races of the cards, their podiums, and the house cars to beat where nobody is on one."""
+
+        def read_boards() -> dict[str, Any]:
+            shown = [race for pk, race in newest().items() if pk in chosen[0]]
+            shown.sort(key=lambda race: chosen[0].index(race.pk))
+            leading = podiums(shown)
+            return {"races": shown, "podiums": leading, "to_beat": to_beat(leading)}
+
+        return shared_value(("boards of the first page", chosen[0]), read_boards) if shares else read_boards()
+
+    drawn = boards() if not shares else None
+
     def open_races() -> dict[str, Any]:
-        newest = {race.pk: race for race in (read() if shares else races)}  # newer than what was chosen from, perhaps
-        shown = [newest[pk] for pk in chosen[0] if pk in newest]
-        others = [(newest[pk], why_not) for pk, why_not in chosen[1] if pk in newest]
-        leading = podiums(shown)
-        context = {"podiums": leading, "to_beat": to_beat(leading), "is_racer": reader.is_authenticated}
-        return {"races": shown, "folded": others} | context
+        known = newest()
+        others = [(known[pk], why_not) for pk, why_not in chosen[1] if pk in known]
+        return {"folded": others, "is_racer": reader.is_authenticated} | (drawn or boards())
+
+    def leading() -> dict[str, Any]:
+        found = drawn or boards()
+        led = [race for race in found["races"] if not spoilers.hides(race)]
+        lap = leading_lap(led, found["podiums"], found["to_beat"])
+        return {"leading": lap, "boxes": box_marks(lap.race) if lap else (), "race": next(iter(found["races"]), None)}
+
+    def results() -> dict[str, Any]:
+        return {"results": recent_results([race for race in newest().values() if not spoilers.hides(race)])}
 
     coming = {} if shares else {"racer": reader}
     context: dict[str, Any] = {
+        "leading": part("leading", leading, chosen[0]),
+        "results": part("results", results),
         "open_races": part("open_races", open_races, reader.is_authenticated, chosen),
         "upcoming": part("upcoming", lambda: {"upcoming": list(upcoming(now, **coming)[:UPCOMING])}),
         "cup": part("cup", lambda: _cup(now)),
     }
     if reader.is_authenticated:
         models = list(models_of(reader).select_related(None).only("public_id", "name", "metadata")[:OWN])
+        steps = first_steps(reader, now)
+        has_place = steps is None or steps.has_place
         context |= {
             "models": models,
             "runs": list(latest_runs(reader)[:OWN]),
-            "steps": first_steps(reader, now),
+            "steps": steps,
+            "places": my_places(reader, [race for race in cards if not spoilers.hides(race)]) if has_place else [],
             "league_race": next((race for race in cards if race.kind == RaceKind.LEAGUE), None),
+            "first_race": next(iter(cards), None),
         }
     return render(request, "league/home/home.html", context)
 

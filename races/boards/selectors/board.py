@@ -223,17 +223,26 @@ _NOT_SHOWN = [
 ]
 
 
-def _ahead_of_outer() -> QuerySet[Entry]:
-    """The ranked entries with a better score than the outer query's, the nearest first."""
+def with_ahead_score(entries: QuerySet[Entry]) -> QuerySet[Any]:
+    """``entries`` with ``ahead_score``, the ``rank_score`` of the nearest racer with a better one."""
     ranked = Entry.objects.filter(race=OuterRef("race"), withdrawn_at=None, is_baseline=False)
-    return ranked.filter(rank_score__lt=OuterRef("rank_score")).order_by("-rank_score")
+    ahead = ranked.filter(rank_score__lt=OuterRef("rank_score")).order_by("-rank_score").values("rank_score")
+    return entries.annotate(ahead_score=Subquery(ahead[:1]))
+
+
+def to_gain_ms(entry: Any) -> int | None:
+    """Milliseconds to the racer ahead of an entry of :func:`with_ahead_score`; None for the first, and where duels or a
+    live event decide."""
+    if entry.seed is not None or entry.is_live or not entry.classified or (entry.ahead_score or -1) < 0:
+        return None
+    gap: int = entry.rank_score - entry.ahead_score
+    return gap
 
 
 _own: KeptQuery[Any] = KeptQuery(
     lambda race, racer: with_place(
-        Entry.objects.filter(race_id=race, racer_id=racer)
+        with_ahead_score(Entry.objects.filter(race_id=race, racer_id=racer))
         .select_related("best__evaluation", "car_of__racer")
-        .annotate(ahead_score=Subquery(_ahead_of_outer().values("rank_score")[:1]))
         .defer(*_NOT_SHOWN)
         .order_by()
     )
@@ -255,8 +264,7 @@ def as_seen_by(shown: Board, race: Race, racer: Viewer, *, pinned: bool = True) 
         mine.race, mine.racer = race, racer
     if pinned and mine is not None and not mine.is_withdrawn:
         my_row = view.row(mine, 1 + mine.place if has_rank(mine) else None)
-        if my_row.gap_ms is not None and mine.ahead_score is not None and mine.rank_score > mine.ahead_score >= 0:
-            my_row = replace(my_row, interval_ms=mine.rank_score - mine.ahead_score)
+        my_row = replace(my_row, interval_ms=to_gain_ms(mine))
     return replace(shown, race=race, my_row=my_row, my_entry=mine)
 
 
@@ -304,16 +312,16 @@ def podiums(races: Iterable[Race], size: int = 3) -> dict[int, list[BoardRow]]:
     }
 
 
-def to_beat(podiums: Mapping[int, Sequence[BoardRow]]) -> dict[int, Entry]:
-    """The best classified house car of each race of ``podiums`` without a classified racer, by the race's id."""
+def to_beat(podiums: Mapping[int, Sequence[BoardRow]], most: int = 3) -> dict[int, list[Entry]]:
+    """The best classified house cars of each race of ``podiums`` without a classified racer, by the race's id."""
     waiting = [pk for pk, rows in podiums.items() if not rows]
     if not waiting:
         return {}
     entries = Entry.objects.filter(CLASSIFIED, race__in=waiting, withdrawn_at=None, is_baseline=True)
-    best: dict[int, Entry] = {}
-    for entry in entries.select_related("racer").order_by(*ORDER):
-        best.setdefault(entry.race_id, entry)
-    return best
+    best: dict[int, list[Entry]] = {}
+    for entry in entries.select_related("racer", "best__evaluation").order_by(*ORDER):
+        best.setdefault(entry.race_id, []).append(entry)
+    return {pk: cars[:most] for pk, cars in best.items()}
 
 
 def _lead(leader: Entry) -> int | None:
