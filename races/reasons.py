@@ -260,6 +260,9 @@ register(
     invalid={
         "compare_itself": _("This is the same run. Choose another one."),
         "compare_elsewhere": _("That run is on another track, or in the other direction."),
+        "compare_engine": _(
+            "That run was driven with the engine %(other)s, this one with %(engine)s: their times do not compare."
+        ),
         "compare_lap": _("There is no lap %(lap)s that can be compared: the run has %(laps)s."),
     },
     not_found={

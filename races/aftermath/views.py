@@ -19,7 +19,7 @@ from races.aftermath.results import event_csv, laps_csv, results_pdf
 from races.aftermath.watch_again import again_document
 from races.live.selectors.events import live_events_visible_to
 from races.models import LiveEvent, LiveState, Race
-from races.runs.replay import map_size
+from races.replays.run_maps import map_size
 from videos.responses import page_language
 
 from ..web.views import downloaded, faults_reported, report_fault, too_many, visible_race

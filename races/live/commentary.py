@@ -12,7 +12,7 @@ from ..boards.ranking import Standing
 from ..duels.bracket import tie_of
 from ..duels.selectors import Duels, TreeTie, duels_of
 from ..models import COUNTDOWN, PLAYED_BEHIND, DuelFormat, LiveEvent, LiveSlot, Opponents, Race, SlotState
-from ..runs.replay import SECTORS
+from ..replays.run_maps import SECTORS
 from .selectors.events import all_played, on_track, running_order
 from .selectors.runs import DrivenRun, shown_runs
 from .streaming.pose_chunks import RunEvent, cut

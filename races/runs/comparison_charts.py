@@ -7,8 +7,7 @@ from math import floor, log10
 import numpy as np
 
 from core.pages.charts import Chart
-
-from .comparison import LapComparison
+from races.replays.comparison import LapComparison
 
 CHART = Chart("lap-chart", 640, 204, left=56, right=12, top=26, bottom=28)
 

@@ -8,7 +8,6 @@ urlpatterns = [
     path("evaluations/<str:public_id>/", evaluations.evaluation, name="evaluation"),
     path("evaluations/<str:public_id>/live/", evaluations.evaluation_live, name="evaluation_live"),
     path("evaluations/<str:public_id>/stop/", evaluations.evaluation_stop, name="evaluation_stop"),
-    path("evaluations/<str:public_id>/replay.json", evaluations.evaluation_replay, name="evaluation_replay"),
     path("evaluations/<str:public_id>/compare/", comparison.evaluation_compare, name="evaluation_compare"),
     path(
         "evaluations/<str:public_id>/compare/<str:other_id>/",

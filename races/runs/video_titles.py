@@ -10,16 +10,9 @@ from videos.hooks import Runs, register_runs
 from ..boards.ranking import standing_in
 from ..entries.selectors.visibility import can_see_evaluation, evaluations_visible_to
 from ..models import Duel, Race, Submission
+from ..replays.selectors import race_of
 from ..rules.live_start import begins_elsewhere
 from ..web.names import named, names_track
-
-
-def race_of(evaluation: Evaluation) -> Race | None:
-    """The race that a run was driven in; None for a test drive."""
-    submission, duel = getattr(evaluation, "submission", None), getattr(evaluation, "duel", None)
-    if submission is not None:
-        return submission.entry.race
-    return duel.race if duel is not None else None
 
 
 def titles_of(evaluation: Evaluation, language: str) -> tuple[str, str]:

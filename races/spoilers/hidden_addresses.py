@@ -4,6 +4,7 @@ Rooms above register their own. Every other address either shows no results or l
 (``tests/pages/test_spoilers.py`` has both lists, and refuses an address that is in none).
 """
 
+import re
 from collections.abc import Callable, Iterable, Mapping
 from typing import Any
 
@@ -32,6 +33,12 @@ def _of_race(request: HttpRequest, named: Mapping[str, Any]) -> Iterable[int]:
 def _of_runs(request: HttpRequest, named: Mapping[str, Any]) -> Iterable[int]:
     wanted = [named[name] for name in ("public_id", "other_id") if name in named]
     return races_of_runs(Q(public_id__in=wanted))
+
+
+def _of_replays(request: HttpRequest, named: Mapping[str, Any]) -> Iterable[int]:
+    """The run of the address, and those of ``with`` by their ids or links."""
+    beside = re.findall(r"[\w-]{6,64}", " ".join(request.GET.getlist("with")), re.ASCII)
+    return races_of_runs(Q(public_id__in=[named["public_id"], *beside]))
 
 
 def _of_videos(request: HttpRequest, named: Mapping[str, Any]) -> Iterable[int]:
@@ -66,4 +73,5 @@ def register() -> None:
         *("api-evaluation", "api-metrics", "api-evaluation-compare", "api-layout", "api-evaluation-logs"),
         *("api-trace", "api-videos"),
     )
+    register_scope(_of_replays, "replay")
     register_scope(_of_videos, *("video_live", "video_file", "video_poster", "api-video", "api-video-file"))

@@ -30,10 +30,10 @@ from races.entries.selectors.lists import races_on
 from races.entries.selectors.offers import Learned, Offer, offers_for
 from races.entries.selectors.visibility import evaluations_visible_to
 from races.models import LiveEvent, Race, RaceState
+from races.replays.run_maps import LAP_COLOURS, map_place
 from races.rules import descriptions
 from races.rules.layout import box_marks, has_boxes, layout_marks
 from races.rules.live_start import live_layout, start_m
-from races.runs.replay import LAP_COLOURS, map_place
 from tracks.drawing import BoxMark, Trajectory, draw_svg
 from tracks.models import Track
 

@@ -5,7 +5,7 @@ from django.template import Context
 
 from evaluation.models import Evaluation
 from races.models import Race
-from races.runs.video_titles import race_of
+from races.replays.selectors import race_of
 from races.spoilers.selectors import NOTHING, Spoilers, spoilers_of
 
 register = template.Library()

@@ -36,7 +36,7 @@ from races.live.services import (
     tick_live,
 )
 from races.models import LiveEvent, LiveSlot, Visibility
-from races.runs.replay import map_point
+from races.replays.run_maps import map_point
 from tests.evaluation.stubs import HEADER
 from tests.factories import a_model, lap, outcome, start
 from tests.pages.conftest import World, make_world

@@ -13,7 +13,7 @@ from evaluation.running.queue.services import queue_evaluation
 from paddock.rules.race import BoxPlace, RaceRules
 from paddock.simulator.layout import lay_out
 from races.models import Duel
-from races.runs.replay import map_point
+from races.replays.run_maps import map_point
 from tests.evaluation.stubs import car_outcome, outcome_of
 from tests.factories import a_model, a_race, a_racer, a_track, start
 from tests.pages.conftest import World

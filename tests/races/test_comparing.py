@@ -14,8 +14,8 @@ from races.entries.selectors.visibility import can_see_evaluation
 from races.entries.services.entries import accept_invitation
 from races.entries.services.submissions import submit_model
 from races.models import Visibility
-from races.runs.comparison import best_lap, compare, lap_line
-from races.runs.selectors import Why, comparable_with, offers_to_compare, refuse_incomparable
+from races.replays.comparison import best_lap, compare, lap_line
+from races.replays.selectors import Why, comparable_with, offers_to_compare, refuse_incomparable
 from tests.drawn_runs import a_driven_run
 from tests.evaluation.stubs import HEADER
 from tests.factories import a_model, a_race, a_racer, lap

@@ -7,7 +7,7 @@ import pytest
 from races.boards.selectors.board import board
 from races.entries.services.standings import recompute_race
 from races.models import Entry, Race
-from races.runs.replay import lap_rows
+from races.replays.run_maps import lap_rows
 from races.runs.video_titles import race_of_marks
 from tests.factories import a_race, a_racer, drive, lap, laps
 

@@ -14,7 +14,7 @@ from paddock.simulator.physics import PADDOCK_CAR
 from paddock.simulator.policies import CentreLinePilot
 from paddock.simulator.race import Entrant, RaceSettings, run_race
 from paddock.simulator.solids import cars_touch
-from races.runs.replay import map_place, replay_data
+from races.replays.run_maps import map_place, replay_data
 from tests.paddock.simulator.tracks_for_tests import stadium
 from videos.drawing.motion import read_steps
 

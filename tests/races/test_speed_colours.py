@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from races.runs.replay import ColourBy, speed_scale, trajectories
+from races.replays.run_maps import ColourBy, speed_scale, trajectories
 from tracks.drawing import SPEED_CLASSES
 
 

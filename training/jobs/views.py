@@ -22,8 +22,8 @@ from core.streams.shared_pieces import lasting_value, shared_value
 from paddock.errors import UserFault
 from paddock.rules.race import BOX_COUNT
 from races.models import Race, RaceType
+from races.replays.run_maps import map_point, map_size
 from races.rules.layout import box_marks
-from races.runs.replay import map_point, map_size
 from races.web.views import report_fault
 from tracks.drawing import BoxMark
 from training.jobs.exports import Download, download

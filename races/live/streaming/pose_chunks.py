@@ -12,7 +12,7 @@ from evaluation.models import Result
 from evaluation.running.results import read_layout, read_trace
 
 from ...boards.ranking import Lap
-from ...runs.replay import replay_data
+from ...replays.run_maps import replay_data
 
 CHUNK_MS = 500
 _COLUMNS = ("t", "x", "y", "yaw", "v", "steer", "lap", "status")
@@ -25,7 +25,7 @@ Columns = Mapping[str, Any]  # of a whole run, by name
 
 
 class CarPoses(TypedDict):
-    """A car's steps as columns of equal length, as :func:`races.runs.replay.replay_data` has them."""
+    """A car's steps as columns of equal length, as :func:`races.replays.run_maps.replay_data` has them."""
 
     number: int
     t: list[int]

@@ -33,7 +33,7 @@ from races.live.streaming.camera import frames_of
 from races.models import Entry, LiveEvent, LiveRacer, LiveState, Opponents, Visibility
 from races.models.live import TO_COME, UNDER_WAY
 from races.models.sensors import not_offered
-from races.runs.replay import map_size
+from races.replays.run_maps import map_size
 
 from ...web.views import faults_reported, organised_race, watched_race
 from .screens import panel_context

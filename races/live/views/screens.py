@@ -30,7 +30,7 @@ from races.live.selectors import events
 from races.live.selectors.runs import facts_of, met_before
 from races.live.services import react
 from races.models import LiveEvent, LiveRacer, Opponents, Race, ReactionKind, Visibility
-from races.runs.replay import map_size
+from races.replays.run_maps import map_size
 from races.web.spectator_links import keep_token, race_of_token, spectator_token
 
 from ...web.views import organised_race, report_fault, visible_race, watched_race

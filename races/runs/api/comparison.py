@@ -10,9 +10,9 @@ from evaluation.models import Evaluation
 from evaluation.running.results import read_trace
 from paddock.errors import UserFault
 
+from ...replays.comparison import LapComparison, LapLine, best_lap, compare, lap_line
+from ...replays.selectors import refuse_incomparable
 from ...web.api import visible_evaluation
-from ..comparison import LapComparison, LapLine, best_lap, compare, lap_line
-from ..selectors import refuse_incomparable
 
 
 class CompareView(APIView):

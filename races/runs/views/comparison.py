@@ -18,12 +18,11 @@ from evaluation.running.results import read_trace
 from paddock.errors import UserFault
 from races.boards.selectors.results import place_of
 from races.models import Entry, Submission
+from races.replays.comparison import LapComparison, best_lap, compare, ghost_data, lap_line
+from races.replays.run_maps import lap_rows, map_size, replay_data
+from races.replays.selectors import direction_of, offers_to_compare, race_of, refuse_incomparable
 from races.rules.layout import driven_boxes
-from races.runs.comparison import LapComparison, best_lap, compare, ghost_data, lap_line
 from races.runs.comparison_charts import gap_chart, speed_chart
-from races.runs.replay import lap_rows, map_size, replay_data
-from races.runs.selectors import direction_of, offers_to_compare, refuse_incomparable
-from races.runs.video_titles import race_of
 from tracks.drawing import Trajectory
 
 from ...web.views import finished_evaluation, public_evaluation, report_fault, shown_evaluation, visible_evaluation

@@ -7,8 +7,6 @@ from django.contrib.auth.decorators import login_required
 from django.http import Http404, HttpRequest, HttpResponse, HttpResponseBase, JsonResponse
 from django.shortcuts import get_object_or_404, redirect, render
 from django.utils import timezone
-from django.utils.cache import get_conditional_response
-from django.utils.http import quote_etag
 from django.views.decorators.http import require_POST, require_safe
 
 from core.pages.live_parts import live_part
@@ -17,22 +15,22 @@ from evaluation.models import CompetitorResult, Evaluation, State
 from evaluation.running.competitors import CompetitorRow, LiveCompetitor, car_rows, live_cars
 from evaluation.running.queue.selectors import expected_wait_s, queue_position
 from evaluation.running.queue.services import stop_evaluation
-from evaluation.running.results import read_layout, read_trace
+from evaluation.running.results import read_trace
 from evaluation.selectors import can_see_model
 from races.boards.selectors.results import HeatResult, RunResult, heat_of, result_of
 from races.entries.selectors.lists import replaced_by
 from races.models import OwnEvaluation
+from races.replays.run_maps import ColourBy, lap_rows, map_point, map_size, speed_scale, trajectories
+from races.replays.selectors import direction_of
+from races.replays.setup import run_setup
 from races.rules.layout import awaited_boxes, driven_boxes
-from races.runs.replay import ColourBy, lap_rows, map_point, map_size, replay_data, speed_scale, trajectories
 from races.runs.video_titles import race_of_marks
 from races.test_runs.selectors import can_stop_run, own_result
 
 from ...web.views import downloaded, finished_evaluation, shown_evaluation, visible_evaluation
 from ..latest_run import live_mark
-from ..selectors import direction_of
 from .videos import video_context
 
-REPLAY_FORMAT = 2
 Car = TypeVar("Car", CompetitorRow, LiveCompetitor)
 
 
@@ -64,21 +62,6 @@ def evaluation_stop(request: HttpRequest, public_id: str) -> HttpResponse:
             raise Http404
         stop_evaluation(evaluation=shown, now=timezone.now())
     return redirect(shown)
-
-
-@require_safe
-def evaluation_replay(request: HttpRequest, public_id: str) -> HttpResponse:
-    """Every step of the run, in the coordinates of the map."""
-    shown = finished_evaluation(request, public_id)
-    result = shown.result
-    etag = quote_etag(f"{result.trace_sha256[:32]}-{direction_of(shown)}-{REPLAY_FORMAT}")
-    response = get_conditional_response(request, etag=etag)
-    if response is None:
-        rivals = {rival.number: read_trace(rival) for rival in result.rivals.all()}
-        response = JsonResponse(replay_data(shown.track, read_trace(result), read_layout(result)["bots"], rivals))
-    response["ETag"] = etag
-    response["Cache-Control"] = "private, max-age=0, must-revalidate"
-    return response
 
 
 @require_safe
@@ -153,7 +136,7 @@ def _context(request: HttpRequest, shown: Evaluation) -> dict:
             "bot_count": shown.spec["rules"].get("bots", 0),
             "cars": rows,
             "may_crash": shown.spec["rules"].get("race_type", "time_trial") != "time_trial" or car.result.crashes,
-            "map_size": map_size(shown.track),
+            "viewer": run_setup(shown),
             "worth": _worth(request, shown, car),
             "own_worth": own_result(own, shown.result) if own else None,
         }

@@ -82,7 +82,7 @@ def best_lap(laps: Sequence[DrivenLapDocument]) -> int:
 
 
 def ghost_data(replay: Mapping[str, Any], laps: Sequence[DrivenLapDocument], lap: int) -> dict[str, list]:
-    """The columns of :func:`races.runs.replay.replay_data` of one lap, whose clock begins with the lap."""
+    """The columns of :func:`races.replays.run_maps.replay_data` of one lap, whose clock begins with the lap."""
     start = next(one["start_ms"] for one in laps if one["number"] == lap)
     names = ("t", "x", "y", "yaw", "v", "steer", "lap", "status")
     rows = [index for index, number in enumerate(replay["lap"]) if number == lap - 1]

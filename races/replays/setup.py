@@ -1,0 +1,72 @@
+"""The setup of a viewer: which runs it plays on which track, and its words in the reader's language."""
+
+import json
+from collections.abc import Sequence
+from typing import NotRequired, TypedDict
+
+from django.urls import reverse
+from django.utils.translation import gettext as _
+from django.utils.translation import pgettext
+
+from evaluation.models import Evaluation
+
+from .selectors import direction_of
+
+
+class ViewedRun(TypedDict):
+    """A run of a viewer: the address of its document, the lap that its clock begins with (0: the run), and its name and
+    look where they differ from the document's."""
+
+    url: str
+    lap: int
+    name: NotRequired[str]
+    look: NotRequired[dict[str, str]]
+
+
+def viewer_setup(scene: str, runs: Sequence[ViewedRun], *, page: str = "", quiet: bool = False) -> str:
+    """The JSON for the include ``races/replays/viewer.html``. ``scene``: the address of the scene document; ``page``:
+    that of the viewer's page, for links to a moment; ``quiet``: play at once, over and over, without controls."""
+    return json.dumps({"scene": scene, "runs": list(runs), "page": page, "quiet": quiet, "words": words()})
+
+
+def run_setup(shown: Evaluation, lap: int = 0) -> str:
+    """The viewer of one run."""
+    return viewer_setup(
+        scene_address(shown),
+        [{"url": document_address(shown), "lap": lap}],
+        page=reverse("replay", args=[shown.public_id]),
+    )
+
+
+def document_address(run: Evaluation) -> str:
+    return reverse("evaluation_replay", args=[run.public_id])
+
+
+def scene_address(run: Evaluation) -> str:
+    return f"{reverse('track_scene', args=[run.track.slug])}?direction={direction_of(run)}"
+
+
+def words() -> dict[str, str]:
+    """The texts that scripts write."""
+    return {
+        "play": _("Play"),
+        "pause": _("Pause"),
+        "lap": _("Lap"),
+        "failed": _("The replay could not be loaded."),
+        "lost": _("%s is missing: its replay could not be loaded."),
+        "no3d": _("This browser shows no 3D graphics. The map shows the same."),
+        "contextLost": _("The 3D view stopped. The map goes on."),
+        "copied": _("Link copied"),
+        "leads": _("leads"),
+        "out": _("out"),
+        "map": _("Map"),
+        "chase": pgettext("camera", "Chase"),
+        "onboard": pgettext("camera", "Onboard"),
+        "top": pgettext("camera", "From above"),
+        "trackside": pgettext("camera", "Trackside"),
+        "free": pgettext("camera", "Free"),
+        "difference": _("Next difference"),
+        "off_track": _("Next off-track"),
+        "overtake": _("Next overtake"),
+        "crash": _("Next crash"),
+    }

@@ -1,0 +1,11 @@
+"""Addresses of replays."""
+
+from django.urls import path
+
+from . import views
+
+urlpatterns = [
+    path("evaluations/<str:public_id>/replay/", views.replay, name="replay"),
+    path("evaluations/<str:public_id>/replay.json", views.evaluation_replay, name="evaluation_replay"),
+    path("tracks/<slug:slug>/scene.json", views.track_scene, name="track_scene"),
+]

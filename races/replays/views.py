@@ -1,0 +1,331 @@
+"""The page of the viewer, and the documents that it plays."""
+
+import gzip
+import hashlib
+import json
+from collections.abc import Callable, Hashable, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+from django.http import Http404, HttpRequest, HttpResponse, QueryDict
+from django.shortcuts import get_object_or_404, redirect, render
+from django.urls import reverse
+from django.utils.cache import get_conditional_response, patch_vary_headers
+from django.utils.http import quote_etag
+from django.utils.translation import gettext as _
+from django.views.decorators.http import require_safe
+
+from core import times
+from core.streams.shared_pieces import lasting_value
+from evaluation.appearance.looks import VehicleLook, distinguish_looks
+from evaluation.models import Evaluation, State
+from evaluation.running.competitors import car_rows
+from evaluation.running.results import read_trace
+from paddock.errors import PaddockError, PlatformFault, UserFault
+from paddock.geometry.track import CCW, DIRECTIONS
+from races.replays.comparison import LapComparison, best_lap, compare, lap_line
+from races.replays.document import document_key, look_document, run_document
+from races.replays.run_maps import LAP_COLOURS, LapRow, lap_rows
+from races.replays.scene import SCENE_FORMAT, scene_document
+from races.replays.selectors import (
+    RunOffer,
+    Why,
+    direction_of,
+    named_run,
+    offers_to_compare,
+    race_of,
+    refuse_incomparable,
+)
+from races.replays.setup import document_address, scene_address, viewer_setup
+from races.rules.layout import driven_boxes
+from races.spoilers.selectors import spoilers_of
+from races.web.views import finished_evaluation, report_fault, shown_evaluation, visible_evaluations
+from tracks.drawing import Trajectory
+from tracks.models import Track
+
+MOST_RUNS = 8
+WHOLE = 0  # for a lap: the run from its start
+_WORDS = frozenset(why.value for why in Why)
+
+
+@dataclass(frozen=True)
+class ReplayedRun:
+    """A run on the page: its number in the order asked for, the lap that is shown (:data:`WHOLE`: all), its name and
+    look there, and the address of the page without it."""
+
+    number: int
+    run: Evaluation
+    lap: int
+    name: str
+    look: VehicleLook
+    without: str
+
+    @property
+    def spelled(self) -> str:
+        """The run and its lap as ``with`` has them."""
+        return _spelled([(self.run.public_id, str(self.lap or ""))])
+
+    @property
+    def line(self) -> Trajectory | None:
+        """The line of its lap."""
+        driven = self.run.result.trajectory
+        return (
+            Trajectory(driven[self.lap - 1], style=f"lap-{self.number % LAP_COLOURS}")
+            if 0 < self.lap <= len(driven)
+            else None
+        )
+
+
+@dataclass(frozen=True)
+class RunVerdict:
+    """The first run against another: who is ahead at the end, and where the first gains and loses most."""
+
+    name: str
+    sentence: str
+    gained: tuple[float, float, int]
+    lost: tuple[float, float, int]
+
+
+@require_safe
+def replay(request: HttpRequest, public_id: str) -> HttpResponse:
+    """A run in the viewer. ``with``: up to seven others, each an id, an id and its lap (``id:2``), a link, or one of
+    :class:`Why`; ``lap``: of the run, ``all`` for its whole. Scripts read ``t`` and ``camera``."""
+    shown = shown_evaluation(request, public_id)
+    if shown.state != State.FINISHED:
+        raise Http404
+    asked = _asked(request, shown)
+    others, refused = _others(request, shown, list(asked))
+    beside = [(run.public_id, asked[run.public_id]) for run in others]
+    if refused is not None:
+        report_fault(request, refused)
+    if refused is not None or _spelled(beside) != ",".join(request.GET.getlist("with")):
+        query = request.GET.copy()
+        query["with"] = _spelled(beside)
+        return redirect(_address(shown, query))
+    runs = _replayed(shown, request.GET.get("lap", ""), others, beside)
+    cars = car_rows(shown)
+    context = {
+        "evaluation": shown,
+        "race": race_of(shown),
+        "runs": runs,
+        "cars": sorted(cars, key=lambda car: car.number) if len(cars) > 1 else [],
+        "direction": direction_of(shown),
+        "lines": [line for each in runs if (line := each.line)],
+        "boxes": driven_boxes(shown.result.layout),
+        "viewer": _setup(shown, runs),
+        "verdicts": _verdicts(runs),
+        "rows": _rows(runs) if len(runs) > 1 else [],
+        "swapped": _swapped(runs) if len(runs) == 2 else "",
+        "offers": _offers(request, shown, runs, beside) if len(runs) < MOST_RUNS else [],
+    }
+    return render(request, "races/replays/replay.html", context)
+
+
+@require_safe
+def evaluation_replay(request: HttpRequest, public_id: str) -> HttpResponse:
+    """The run document (:mod:`races.replays.document`)."""
+    shown = finished_evaluation(request, public_id)
+    cars = car_rows(shown)
+    key = document_key(shown, cars)
+    return _document(request, key, lambda: run_document(shown, cars))
+
+
+@require_safe
+def track_scene(request: HttpRequest, slug: str) -> HttpResponse:
+    """The scene document (:mod:`races.replays.scene`); ``direction``: ``ccw`` or ``cw``."""
+    track = get_object_or_404(Track, slug=slug, length_m__isnull=False)
+    direction = request.GET.get("direction", CCW)
+    if direction not in DIRECTIONS:
+        raise Http404
+    key = "scene document", SCENE_FORMAT, track.slug, track.name, track.geometry.fingerprint, direction
+    return _document(request, key, lambda: scene_document(track, direction))
+
+
+def _document(request: HttpRequest, key: Hashable, make: Callable[[], dict[str, Any]]) -> HttpResponse:
+    """A document as JSON, made and compressed once for all readers: it has no secret and nothing of the request."""
+    etag = quote_etag(hashlib.sha256(repr(key).encode()).hexdigest()[:32])
+    response = get_conditional_response(request, etag=etag)
+    if response is None:
+        small = lasting_value(key, lambda: gzip.compress(json.dumps(make()).encode(), compresslevel=5, mtime=0))
+        takes = "gzip" in request.headers.get("Accept-Encoding", "")
+        response = HttpResponse(small if takes else gzip.decompress(small), content_type="application/json")
+        if takes:
+            response["Content-Encoding"] = "gzip"
+    response["ETag"] = etag
+    response["Cache-Control"] = "private, max-age=0, must-revalidate"
+    patch_vary_headers(response, ("Accept-Encoding",))
+    return response
+
+
+def _asked(request: HttpRequest, shown: Evaluation) -> dict[str, str]:
+    """The ids of ``with`` with their laps, each once; words are replaced by the run that they name."""
+    found: dict[str, str] = {}
+    for text in ",".join(request.GET.getlist("with")).split(","):
+        if "/evaluations/" in text:
+            text = text.partition("/evaluations/")[2].partition("/")[0]
+        run, _colon, lap = text.strip().partition(":")
+        if run in _WORDS:
+            run = named_run(run, shown, request.user, spoilers_of(request).hidden)
+        if run:
+            found.setdefault(run[:64], lap if lap.isdecimal() and len(lap) < 4 else "")
+    return dict(list(found.items())[: MOST_RUNS - 1])
+
+
+def _others(
+    request: HttpRequest, shown: Evaluation, wanted: Sequence[str]
+) -> tuple[list[Evaluation], PaddockError | None]:
+    """The other runs, and the first refusal among them."""
+    known = visible_evaluations(request, wanted)
+    others: list[Evaluation] = []
+    refused: PaddockError | None = None
+    for public_id in wanted:
+        try:
+            if public_id not in known:
+                raise UserFault("compare_unknown")
+            refuse_incomparable(shown, known[public_id])
+        except UserFault as fault:
+            refused = refused or fault
+        else:
+            others.append(known[public_id])
+    return others, refused
+
+
+def _replayed(
+    shown: Evaluation, lap: str, others: Sequence[Evaluation], beside: Sequence[tuple[str, str]]
+) -> list[ReplayedRun]:
+    """The runs with their laps: alone the whole run, beside others the best lap of each, unless the address says so."""
+    runs = [shown, *others]
+    if lap == "all" or (not lap and not others):
+        laps = [WHOLE] * len(runs)
+    else:
+        asked = (lap, *(each for _id, each in beside))
+        laps = [_lap_of(run, each) for run, each in zip(runs, asked, strict=True)]
+    looks = distinguish_looks([run.model.look for run in runs])
+    without = [_with(shown, lap, [pair for pair in beside if pair[0] != run.public_id]) for run in runs]
+    parts = zip(runs, laps, _names(runs), looks, without, strict=True)
+    return [ReplayedRun(number, *each) for number, each in enumerate(parts)]
+
+
+def _lap_of(run: Evaluation, asked: str) -> int:
+    numbers = [lap["number"] for lap in run.result.laps]
+    return int(asked) if asked.isdecimal() and len(asked) < 4 and int(asked) in numbers else best_lap(run.result.laps)
+
+
+def _names(runs: Sequence[Evaluation]) -> list[str]:
+    """The racers of the runs, with their models where one has several, and a number where that is not enough."""
+    names = [run.owner.shown_name for run in runs]
+    names = [
+        f"{name} · {run.model.name}" if names.count(name) > 1 else name for run, name in zip(runs, names, strict=True)
+    ]
+    return [f"{name} ({at})" if names.count(name) > 1 else name for at, name in enumerate(names, 1)]
+
+
+def _spelled(beside: Sequence[tuple[str, str]]) -> str:
+    """Other runs and their laps as ``with`` has them."""
+    return ",".join(f"{run}:{lap}" if lap else run for run, lap in beside)
+
+
+def _with(shown: Evaluation, lap: str, beside: Sequence[tuple[str, str]]) -> str:
+    """The page's address with these other runs and their laps."""
+    query = QueryDict(mutable=True)
+    query["lap"], query["with"] = lap, _spelled(beside)
+    return _address(shown, query)
+
+
+def _address(shown: Evaluation, query: QueryDict) -> str:
+    """The page's address with a query, without its empty values."""
+    for name in [name for name, value in query.items() if not value]:
+        del query[name]
+    address = reverse("replay", args=[shown.public_id])
+    return f"{address}?{query.urlencode(safe=':,')}" if query else address
+
+
+def _swapped(runs: Sequence[ReplayedRun]) -> str:
+    first, other = runs
+    return _with(other.run, str(other.lap or "all"), [(first.run.public_id, str(first.lap or ""))])
+
+
+def _setup(shown: Evaluation, runs: Sequence[ReplayedRun]) -> str:
+    viewed: Any = [
+        {
+            "url": document_address(each.run),
+            "lap": each.lap,
+            **({"name": each.name, "look": look_document(each.look)} if len(runs) > 1 else {}),
+        }
+        for each in runs
+    ]
+    return viewer_setup(scene_address(shown), viewed, page=reverse("replay", args=[shown.public_id]))
+
+
+def _verdicts(runs: Sequence[ReplayedRun]) -> list[RunVerdict]:
+    """The first run's lap against that of each other; none where a trace cannot be read or a lap not be compared."""
+    first, *others = runs
+    found = []
+    for other in others:
+        try:
+            numbers = [each.lap or best_lap(each.run.result.laps) for each in (first, other)]
+            compared = _compared(first.run, other.run, *numbers)
+        except (UserFault, PlatformFault):
+            continue
+        sentence = _sentence(compared, first.name, other.name)
+        stretches = compared.stretch(gained=True), compared.stretch(gained=False)
+        found.append(RunVerdict(other.name, sentence, *stretches))
+    return found
+
+
+def _compared(one: Evaluation, other: Evaluation, lap: int, other_lap: int) -> LapComparison:
+    results = (one.result, lap), (other.result, other_lap)
+    key = ("compared laps", *((result.trace_sha256, number) for result, number in results))
+
+    def made() -> LapComparison:
+        line, other_line = (lap_line(read_trace(result), result.laps, number) for result, number in results)
+        return compare(line, other_line, one.track.geometry.length)
+
+    return lasting_value(key, made)
+
+
+def _sentence(compared: LapComparison, name: str, other: str) -> str:
+    gap = compared.last_gap_ms
+    where = _("at the line") if compared.is_whole else _("after %s m") % f"{compared.metres[-1]:.1f}"
+    if not gap:
+        return _("Both are as fast %(where)s.") % {"where": where}
+    by = times.gap(abs(gap)).lstrip("+")
+    return _("%(ahead)s is %(gap)s s ahead %(where)s.") % {
+        "ahead": name if gap > 0 else other,
+        "gap": by,
+        "where": where,
+    }
+
+
+def _rows(runs: Sequence[ReplayedRun]) -> list[dict[str, Any]]:
+    """The laps of all runs, lap by lap, with the gap to the same lap of the first."""
+    laps: list[dict[int, LapRow]] = [
+        {row.lap["number"]: row for row in lap_rows(each.run.result.laps, None)} for each in runs
+    ]
+    rows = []
+    for number in range(1, max(0, *(max(own, default=0) for own in laps)) + 1):
+        first = _time_of(laps[0].get(number))
+        for each, own in zip(runs, laps, strict=True):
+            if (row := own.get(number)) is not None:
+                time = _time_of(row)
+                gap = None if not each.number or first is None or time is None else time - first
+                rows.append({"of": each, "row": row, "gap_ms": gap, "is_shown": number == each.lap})
+    return rows
+
+
+def _time_of(row: LapRow | None) -> int | None:
+    return row.lap["time_ms"] if row is not None and row.lap["complete"] else None
+
+
+def _offers(
+    request: HttpRequest, shown: Evaluation, runs: Sequence[ReplayedRun], beside: Sequence[tuple[str, str]]
+) -> list[tuple[RunOffer, str]]:
+    """The runs that are not on the page yet, each with the address that adds it."""
+    here = {each.run.pk for each in runs}
+    lap = request.GET.get("lap", "")
+    offers = offers_to_compare(shown, request.user, race_of(shown), spoilers_of(request).hidden)
+    return [
+        (offer, _with(shown, lap, [*beside, (offer.evaluation.public_id, "")]))
+        for offer in offers
+        if offer.evaluation.pk not in here
+    ]
