@@ -40,7 +40,7 @@ class RunColumns(TypedDict):
     on_track: list[bool]
 
 
-class RunEvent(TypedDict):
+class ReplayEvent(TypedDict):
     """Something that happened to a car: lap, off_track, crash or reset."""
 
     t: int
@@ -76,9 +76,9 @@ def _numbers(column: Sequence[str], digits: int) -> list[float]:
     return [round(float(each), digits) for each in column]
 
 
-def car_events(number: int, columns: RunColumns, laps: Sequence[DrivenLapDocument]) -> list[RunEvent]:
+def car_events(number: int, columns: RunColumns, laps: Sequence[DrivenLapDocument]) -> list[ReplayEvent]:
     """What happened to car ``number``, in order."""
-    found: list[RunEvent] = [
+    found: list[ReplayEvent] = [
         {"t": lap["start_ms"] + lap["time_ms"], "kind": "lap", "car": number} for lap in laps if lap["complete"]
     ]
     t, x, y, status = columns["t"], columns["x"], columns["y"], columns["status"]
@@ -117,8 +117,8 @@ def car_document(
 
 
 def run_document(shown: Evaluation, cars: Sequence[CompetitorRow]) -> dict[str, Any]:
-    """A finished run with all of its ``cars`` (:func:`.competitors.car_rows`). Raises PlatformFault ``storage_failed``,
-    ``file_damaged``."""
+    """A finished run with all of its ``cars`` (:func:`evaluation.running.competitors.car_rows`). Raises PlatformFault
+    ``storage_failed``, ``file_damaged``."""
     own, *rivals = (
         car_document(car.number, car.label, car.look, read_trace(car.result), car.result.laps)
         for car in sorted(cars, key=lambda car: car.number)

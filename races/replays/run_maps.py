@@ -50,7 +50,7 @@ class LapRow:
 
 def lap_rows(laps: Sequence[DrivenLapDocument], race: Race | None) -> list[LapRow]:
     """The laps with their sector colours: purple as fast as anybody ranked in ``race``, green the run's own best,
-    yellow slower. ``race``: None without purple (:func:`.video_titles.race_of_marks`)."""
+    yellow slower. ``race``: None without purple (:func:`races.runs.video_titles.race_of_marks`)."""
     complete = [lap for lap in laps if lap["complete"]]
     best_ms = min((lap["time_ms"] for lap in complete), default=None)
     own = [min(times) for times in zip(*(lap["sector_ms"] for lap in complete if _timed(lap)), strict=False)]

@@ -3,6 +3,7 @@
 import math
 from typing import Any
 
+from paddock.analysis.turns import turns_of
 from paddock.geometry.checks import Points
 from tracks.models import Track
 
@@ -27,7 +28,7 @@ def scene_document(track: Track, direction: str) -> dict[str, Any]:
         "outer": _points(outer),
         "start": _line_across(geometry, 0.0),
         "finish": _line_across(geometry, geometry.finish_m),
-        "turns": [],
+        "turns": [turn._asdict() for turn in turns_of(track.geometry, direction)],
     }
 
 

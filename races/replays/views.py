@@ -78,7 +78,7 @@ class ReplayedRun:
 
 @dataclass(frozen=True)
 class RunVerdict:
-    """The first run against another: who is ahead at the end, and where the first gains and loses most."""
+    """The first run against another: which is ahead at the end, and where the first gains and loses most."""
 
     name: str
     sentence: str
@@ -193,7 +193,7 @@ def _others(
 def _replayed(
     shown: Evaluation, lap: str, others: Sequence[Evaluation], beside: Sequence[tuple[str, str]]
 ) -> list[ReplayedRun]:
-    """The runs with their laps: alone the whole run, beside others the best lap of each, unless the address says so."""
+    """The runs with their laps: alone the whole run, beside others the best, unless the address names one."""
     runs = [shown, *others]
     if lap == "all" or (not lap and not others):
         laps = [WHOLE] * len(runs)

@@ -55,7 +55,7 @@ def test_the_last_fragment_is_the_whole_result(world: World) -> None:
     assert (response["HX-Retarget"], response["HX-Reswap"]) == ("#evaluation", "outerHTML")
     html = response.content.decode()
     assert html.lstrip().startswith('<div id="evaluation"')
-    assert "0:09.000" in html and "data-replay" in html and "hx-get" not in html
+    assert "0:09.000" in html and "data-viewer" in html and "hx-get" not in html
 
 
 def test_a_result_shows_laps_sectors_files_and_proof(world: World) -> None:
@@ -99,16 +99,15 @@ def test_stopping_a_run_twice_changes_nothing(world: World) -> None:
     assert "stopped before its end" in client.get(path).content.decode()
 
 
-def test_a_replay_is_the_trace_in_map_coordinates(world: World) -> None:
+def test_a_replay_is_the_trace_in_metres(world: World) -> None:
     path = f"/evaluations/{world.finished.evaluation.public_id}/replay.json"
     response = world.client("anonymous").get(path)
     run = response.json()
-    assert (run.pop("bots"), run.pop("rivals")) == ([], [])
-    assert {len(column) for column in run.values()} == {10}
-    assert run["t"][0] == 0 and run["lap"][0] != run["lap"][-1]
-    x_min, _, _, y_max = world.track.geometry.bounds
-    assert run["x"][0] == round(0.5 - x_min + 0.3, 3)
-    assert run["y"][0] == round(y_max + 0.3, 3)
+    assert (run["bots"], run["rivals"], run["boxes"]) == ([], [], [])
+    columns = run["columns"]
+    assert {len(column) for column in columns.values()} == {10}
+    assert (columns["t"][0], columns["lap"][0]) == (0, 1) and columns["lap"][-1] > 1
+    assert (columns["x"][0], columns["y"][0]) == (0.5, 0.0)
     again = world.client("anonymous").get(path, headers={"If-None-Match": response["ETag"]})
     assert (again.status_code, again.content) == (304, b"")
 

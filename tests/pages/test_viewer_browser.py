@@ -1,4 +1,4 @@
-"""The viewer of replays in a real Chromium: where each car is at every step, its clock, its controls and its address."""
+"""The viewer of replays in a real Chromium: positions at every step, clock, controls and address."""
 
 from __future__ import annotations
 
@@ -188,5 +188,3 @@ def test_without_scripts_the_page_has_map_sentence_and_tables(browser, live_serv
         playwright.expect(page.get_by_text("bob is 1.000 s ahead at the line.")).to_be_visible()
         playwright.expect(page.get_by_role("region", name="Laps and sectors")).to_be_visible()
         playwright.expect(page.locator("[data-player]")).to_be_hidden()
-
-
