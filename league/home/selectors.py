@@ -23,7 +23,7 @@ from races.boards.selectors.counts import with_place
 from races.entries.eligibility import read_for_checks, refusal
 from races.entries.engines import hidden_runs
 from races.models import Division, Entry, Race, RaceKind, Submission
-from races.runs.replay import ColourBy, trajectories
+from races.replays.run_maps import ColourBy, trajectories
 from tracks.drawing import Trajectory
 
 if TYPE_CHECKING:

@@ -173,7 +173,8 @@ def test_the_page_of_a_duel_shows_the_laps_of_each_car(world: World, boss, decid
     assert laps("") == laps("?car=0") == laps("?car=7") == laps("?car=x") == laps("?car=-1")
     html = boss.get(f"{decided.get_absolute_url()}?car=1&colour=lap").content.decode()
     assert "?colour=lap&amp;lap=2&amp;car=1#driven" in html, "other views keep the car"
-    assert 'data-lap="alice · Lap"' in html, "the replay's clock and speed are those of the car whose run it is"
+    replayed = boss.get(f"{decided.get_absolute_url()}replay.json").json()
+    assert (replayed["name"], replayed["number"]) == ("alice", 0), "its clock and speed are those of the run's own car"
     assert RivalResult.objects.get().trace_sha256 in html and decided.result.trace_sha256 not in html
 
 
