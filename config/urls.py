@@ -41,6 +41,7 @@ urlpatterns = [
     path("needs/", workers.needs, name="needs"),
     path("workers/", workers.workers, name="workers"),
     path("workers/<slug:name>/failed/", workers.failed, name="failed_runs"),
+    path("", include("config.sharing.urls")),
     path("", include("league.urls")),
     path("", include("accounts.urls")),
     path("", include("training.urls")),

@@ -6,6 +6,7 @@ from paddock.errors.reasons import register
 register(
     "Paddock's own faults",
     unavailable={
+        "cards_busy": _("The site draws many pictures now. Ask for this one again in a minute."),
         "database_not_ready": _(
             "The database is not ready: %(problem)s. Run “manage.py setup” (“manage.py run” does "
             "this automatically), or check DATABASE_URL and PADDOCK_DATA."

@@ -9,6 +9,7 @@ class LeagueConfig(AppConfig):
     def ready(self) -> None:
         from accounts.quotas import register as register_quota
         from accounts.signals import account_taken_over
+        from core.cards.registry import register_cards
         from core.events import register_reader
         from core.pages.registry import register_slots
         from races.boards.qualifying_line import register_cut
@@ -38,6 +39,7 @@ class LeagueConfig(AppConfig):
         register_time_check(check_round_times)
         streams.register()
         spoilers.register()
+        register_cards("league.cards.kinds")
         register_hold(hold_season)
         register_official(is_official)
         register_final(is_final)

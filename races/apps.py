@@ -9,6 +9,7 @@ class RacesConfig(AppConfig):
 
     def ready(self) -> None:
         from accounts.quotas import register
+        from core.cards.registry import register_cards
         from core.pages.registry import register_slots
         from evaluation.signals import evaluation_ended
 
@@ -48,6 +49,7 @@ class RacesConfig(AppConfig):
         register_audiences()
         streams.register()
         spoiler_pages.register()
+        register_cards("races.cards.races", "races.cards.runs")
         register_slots(
             {
                 "foot.links": "races/spoilers/foot.html",

@@ -265,15 +265,32 @@
     button.hidden = false;
     button.addEventListener("click", () => print());
   });
+  async function copy(button, field) {
+    field.select();
+    try { await navigator.clipboard.writeText(field.value); } catch { document.execCommand("copy"); }
+    const label = button.textContent;
+    button.textContent = button.dataset.copied;
+    setTimeout(() => { button.textContent = label; }, 1600);
+  }
   each("[data-copy]", (button) => {
     button.hidden = false;
+    button.addEventListener("click", () => copy(button, document.getElementById(button.dataset.copy)));
+  });
+  // the share sheet on phones, the link elsewhere
+  each("[data-share]", (button) => {
+    button.hidden = false;
     button.addEventListener("click", async () => {
-      const field = document.getElementById(button.dataset.copy);
-      field.select();
-      try { await navigator.clipboard.writeText(field.value); } catch { document.execCommand("copy"); }
-      const label = button.textContent;
-      button.textContent = button.dataset.copied;
-      setTimeout(() => { button.textContent = label; }, 1600);
+      const { share: url, title } = button.dataset;
+      if (navigator.share && matchMedia("(pointer: coarse)").matches) {
+        try { await navigator.share({ title, url }); } catch { /* the reader closed it */ }
+        return;
+      }
+      const field = document.createElement("input"); // outside of a secure site only a field can be copied
+      field.value = url;
+      button.after(field);
+      await copy(button, field);
+      field.remove();
+      button.focus();
     });
   });
 

@@ -8,7 +8,9 @@ class TracksConfig(AppConfig):
 
     def ready(self) -> None:
         from accounts.quotas import register
+        from core.cards.registry import register_cards
 
         from .services import TRACKS
 
         register(TRACKS)
+        register_cards("tracks.cards")

@@ -113,7 +113,7 @@ class Paper:
             pass
         else:
             return _LATIN
-        from videos.drawing.lettering import system_font  # loads Pillow
+        from core.cards.lettering import system_font  # loads Pillow
 
         font = system_font(letter)
         if font is None:
@@ -147,6 +147,6 @@ class Paper:
 
 def _plain(text: str) -> str:
     """One line without what no font has: dashes and quotes that Latin-1 lacks become plain ones."""
-    from videos.drawing.lettering import drawable  # loads Pillow
+    from core.cards.lettering import drawable  # loads Pillow
 
     return drawable(str(text).translate(_PLAIN))

@@ -120,7 +120,7 @@ def test_an_event_that_was_called_off_leaves_the_board(alice, now):
 
 
 def test_korean_letters_are_in_the_file():
-    from videos.drawing.lettering import is_drawable
+    from core.cards.lettering import is_drawable
 
     if not is_drawable("결과"):
         pytest.fail("fonts-noto-cjk is missing: make setup installs it")

@@ -4,9 +4,11 @@ from typing import NamedTuple
 
 import numpy as np
 
+from core.cards.lettering import mask, shortened
+
 from . import palette, shapes
 from .brush import Sticker, disc
-from .lettering import Pen, figures, mask, shortened, write
+from .lettering import Pen, figures, write
 from .panel import car_picture, sector_bars
 from .scene import Words
 from .timeline import Actor, FrameTimeline

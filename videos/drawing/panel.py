@@ -6,9 +6,11 @@ from collections.abc import Sequence
 import cv2
 import numpy as np
 
+from core.cards.lettering import shortened
+
 from . import palette, shapes
 from .brush import Sticker, disc, fill, fixed, rounded, stroke
-from .lettering import Pen, figures, shortened, write
+from .lettering import Pen, figures, write
 from .motion import fault_times
 from .palette import Colour, mixed
 from .scene import BAR, Words

@@ -4,9 +4,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from core.cards.lettering import is_drawable
 from paddock.errors import UserFault
 
-from .lettering import is_drawable
 from .motion import Eye, Motion, Steps, drive_of, follow, poses_at, read_steps
 from .palette import Colour, bgr
 from .scene import BAR, CARD_MS, MAX_SECONDS, PX_PER_M, Form, VideoCar, VideoScene, Words

@@ -7,13 +7,13 @@ from itertools import pairwise
 import cv2
 import numpy as np
 
+from core.cards.lettering import mask, shortened
 from evaluation.appearance.looks import Shell
 from paddock.simulator.solids import box as box_solid
 
 from . import palette, shapes
 from .brush import Sticker, dim, disc, fill, fixed, stroke
 from .ground import Ground
-from .lettering import mask, shortened
 from .motion import CRASHED, IMMOBILIZED, OFF_TRACK, REVERSED
 from .palette import Colour, mixed
 from .scene import PX_PER_M

@@ -27,6 +27,7 @@ from races.rules.layout import awaited_boxes, driven_boxes
 from races.runs.video_titles import race_of_marks
 from races.test_runs.selectors import can_stop_run, own_result
 
+from ...web.names import named
 from ...web.views import downloaded, finished_evaluation, shown_evaluation, visible_evaluation
 from ..latest_run import live_mark
 from .videos import video_context
@@ -117,7 +118,9 @@ def _context(request: HttpRequest, shown: Evaluation) -> dict:
     }
     if shown.state == State.FINISHED:
         rows = car_rows(shown)
-        context["heading"] = _heading(rows)
+        context["heading"] = heading = _heading(rows)
+        drivers = " – ".join(each.label for each in heading) or shown.owner.shown_name
+        context["share_title"] = f"{drivers} · {shown.track.name if race is None else named(race.name)}"
         colour = ColourBy.of(request.GET.get("colour"))
         lap = request.GET.get("lap", "")
         car = _chosen_car(request, rows)

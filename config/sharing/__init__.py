@@ -1,0 +1,1 @@
+"""Links to the site elsewhere: their pictures, embedded pages, oEmbed, and what crawlers may read."""

@@ -1,0 +1,1 @@
+"""What links to racers and seasons show elsewhere: cards, as guests may see them."""
