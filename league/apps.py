@@ -39,7 +39,7 @@ class LeagueConfig(AppConfig):
         register_time_check(check_round_times)
         streams.register()
         spoilers.register()
-        register_cards("league.cards.kinds")
+        register_cards(["league.cards.kinds"])
         register_hold(hold_season)
         register_official(is_official)
         register_final(is_final)

@@ -49,7 +49,7 @@ class RacesConfig(AppConfig):
         register_audiences()
         streams.register()
         spoiler_pages.register()
-        register_cards("races.cards.races", "races.cards.runs")
+        register_cards(("races.cards.races", "races.cards.runs"))
         register_slots(
             {
                 "foot.links": "races/spoilers/foot.html",

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
 from functools import cache
 from importlib import import_module
@@ -109,7 +109,7 @@ class CardKind:
 _modules: list[str] = []
 
 
-def register_cards(*modules: str) -> None:
+def register_cards(modules: Iterable[str]) -> None:
     """Register modules by name, which the first request for a card loads: each has its kinds in ``KINDS``."""
     _modules.extend(module for module in modules if module not in _modules)
 
