@@ -1,0 +1,93 @@
+"""Documents for the viewer from races that are really driven here, and a page that draws them in three dimensions."""
+
+from __future__ import annotations
+
+import json
+import math
+from typing import Any
+
+from paddock.geometry.catalogue import CATALOGUE
+from paddock.geometry.track import TrackGeometry
+from paddock.rules.race import RaceRules
+from paddock.simulator.layout import lay_out
+from paddock.simulator.policies import CentreLinePilot
+from paddock.simulator.race import Entrant, RaceSettings, run_race
+from paddock.simulator.results import RaceResult
+from tests.shared import CHECKOUT
+
+SITE = "http://viewer.test"
+PAGE = """<!doctype html><html data-theme="light"><body style="margin:0"><canvas tabindex="0" id="scene"
+style="width:64px;height:36px"></canvas></body></html>"""
+OPEN = """async ({scene, documents, options}) => {
+  const { Replay } = await import("/static/viewer/store.js");
+  const { createScene } = await import("/static/viewer/scene.js");
+  window.replay = new Replay(scene, documents.map((document) => ({ document })));
+  window.told = [];
+  window.view = createScene(document.getElementById("scene"), replay, {
+    onLost: () => told.push("lost"), onRestored: () => told.push("restored"), keepPicture: true, ...options,
+  });
+  view.draw(replay, 0);
+}"""
+
+
+def track_of(slug: str) -> TrackGeometry:
+    return next(entry for entry in CATALOGUE if entry.slug == slug).geometry()
+
+
+def drive(track: TrackGeometry, rules: RaceRules, *, blind: bool = False, **pilot: Any) -> RaceResult:
+    """A race of one car that follows the centre line; ``blind``: into the boxes."""
+    layout = {} if blind else {"layout": lay_out(track.in_direction(rules.direction), rules)}
+    driver = CentreLinePilot(track, direction=rules.direction, **layout, **pilot)
+    return run_race(RaceSettings(track, rules, [Entrant(driver.action_space, driver.sensors, driver)]))
+
+
+def run_document(
+    result: RaceResult, name: str = "flyer", shell: str = "wedge", colour: str = "#ef4444"
+) -> dict[str, Any]:
+    trace = result.trace
+    columns = {
+        "t": [round(1000 * (stamp - trace["tstamp"][0])) for stamp in trace["tstamp"].tolist()],
+        "x": trace["X"].round(4).tolist(),
+        "y": trace["Y"].round(4).tolist(),
+        "yaw": trace["yaw"].round(2).tolist(),
+        "v": trace["throttle"].round(2).tolist(),
+        "steer": trace["steer"].round(1).tolist(),
+        "lap": (trace["episode"] + 1).tolist(),
+        "status": trace["episode_status"].tolist(),
+        "progress": trace["progress"].round(3).tolist(),
+        "on_track": trace["all_wheels_on_track"].tolist(),
+    }
+    bots = result.layout.get("bots", [])
+    return {
+        **{"run": name, "name": name, "href": "#", "look": {"shell": "wedge", "colour": "#ef4444"}},
+        **{"laps": [], "columns": columns, "rivals": [], "events": []},
+        "boxes": [{**box, "yaw": math.degrees(box["yaw"])} for box in result.layout["boxes"]],
+        "bots": [
+            {axis: [scale * place[n] for place in bot] for n, (axis, scale) in enumerate(_AXES.items())} for bot in bots
+        ],
+    }
+
+
+_AXES = {"x": 1.0, "y": 1.0, "yaw": 180 / math.pi}
+
+
+def scene_document(track: TrackGeometry, direction: str) -> dict[str, Any]:
+    geometry = track.in_direction(direction)
+    lines = {name: getattr(geometry, name).round(4).tolist() for name in ("centre", "inner", "outer")}
+    turns = [{"number": 1, "from_m": 3.0, "apex_m": 3.5, "to_m": 4.0, "x": 0.0, "y": 0.0}]
+    return {"name": track.name, "direction": direction, "closed": not track.is_open, "turns": turns, **lines}
+
+
+def open_scene(page: Any, scene: dict[str, Any], documents: list[dict[str, Any]], **options: Any) -> None:
+    """A page of its own with the scene of a replay: ``view`` and ``replay`` are in its window."""
+    static = CHECKOUT / "static"
+
+    def answer(route: Any) -> None:
+        path = static / route.request.url.removeprefix(f"{SITE}/static/")
+        kind = "application/json" if path.suffix == ".json" else "text/javascript"
+        route.fulfill(body=path.read_bytes(), content_type=kind)
+
+    page.route(f"{SITE}/", lambda route: route.fulfill(body=PAGE, content_type="text/html"))
+    page.route(f"{SITE}/static/**", answer)
+    page.goto(f"{SITE}/")
+    page.evaluate(OPEN, {"scene": json.loads(json.dumps(scene)), "documents": documents, "options": options})
