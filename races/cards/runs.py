@@ -17,8 +17,8 @@ from evaluation.running.competitors import CompetitorRow, car_rows
 from paddock.simulator.results import LapDocument
 from races.entries.selectors.visibility import evaluations_visible_to
 from races.models import Visibility
-from races.runs.replay import ColourBy, trajectories
-from races.runs.selectors import direction_of
+from races.replays.run_maps import ColourBy, trajectories
+from races.replays.selectors import direction_of
 from races.runs.video_titles import titles_of
 from races.web.views import public_evaluation
 from tracks.cards import map_shapes
