@@ -70,6 +70,9 @@ export class Viewer {
     this.begin();
   }
 
+  // Whether this is the viewer's own page.
+  get isPage() { return location.pathname === this.setup.page; }
+
   note(text) {
     this.part("note").textContent = text;
     this.part("note").hidden = !text;
@@ -157,7 +160,10 @@ export class Viewer {
       this.part("jumps").append(button);
     }
     if (!this.setup.quiet) this.root.addEventListener("keydown", (event) => this.press(event));
-    this.part("stage").addEventListener("click", () => { if (!this.dragged) player.toggle(); });
+    // a click plays, but not the end of a drag, which moves the free camera
+    let from = null;
+    this.part("stage").addEventListener("pointerdown", ({ x, y }) => { from = [x, y]; });
+    this.part("stage").addEventListener("click", ({ x, y }) => { if (!this.setup.quiet && from && Math.hypot(x - from[0], y - from[1]) < 6) player.toggle(); });
   }
 
   // Behind the last one, to the first again.
@@ -192,58 +198,83 @@ export class Viewer {
   }
 
   // --- cameras ------------------------------------------------------------------------------------------------------------
-  // `scene`: a view in three dimensions over the canvas; the map is small beside it then. Its `lost` event, or a lost
-  // context, brings the map back.
-  addScene(scene, canvas) {
-    this.scene = scene;
+  // Where WebGL 2 is there, its cameras are offered; the scene is loaded with the first of them. The map is small then.
+  offerCameras() {
+    if (this.setup.quiet || !hasWebGL()) return;
     const select = this.part("camera");
     select.replaceChildren(...[...CAMERAS, MAP].map((name) => new Option(this.words[name], name)));
-    select.addEventListener("change", () => this.setCamera(select.value));
+    select.value = MAP;
+    select.addEventListener("change", () => { this.prefer(select.value); this.setCamera(select.value); });
     this.part("cameras").hidden = false;
-    canvas.addEventListener("webglcontextlost", (event) => {
-      event.preventDefault();
-      this.setCamera(MAP);
-      this.note(this.words.contextLost);
-      [...select.options].forEach((option) => { option.disabled = option.value !== MAP; });
-    });
-    canvas.addEventListener("webglcontextrestored", () => {
-      [...select.options].forEach((option) => { option.disabled = false; });
-      this.note("");
-    });
+    const wanted = [this.asked, this.preferred].find((name) => name === MAP || CAMERAS.includes(name));
+    const first = wanted ?? (this.isPage && !navigator.connection?.saveData ? CAMERAS[0] : MAP);
+    if (first !== MAP) this.setCamera(first);
+  }
+
+  get preferred() { try { return localStorage.getItem("viewer-camera"); } catch { return null; } }
+
+  prefer(name) { try { localStorage.setItem("viewer-camera", name); } catch { /* a browser that stores nothing */ } }
+
+  // A view in three dimensions, made once; null where it cannot be drawn.
+  async mountScene() {
+    try {
+      const { createScene } = await import("./scene.js");
+      return createScene(this.part("scene"), this.replay, {
+        calm: isStill(), onMoved: () => this.draw(),
+        onLost: () => { this.lost = true; this.setCamera(MAP); this.note(this.words.contextLost); },
+        onRestored: () => { this.lost = false; this.note(""); this.setCamera(this.last); },
+      });
+    } catch (error) {
+      console.warn("no 3D view", error);
+      return null;
+    }
   }
 
   get camera() { return this.part("camera").value || MAP; }
 
-  setCamera(name) {
-    const is3d = Boolean(this.scene) && name !== MAP;
+  async setCamera(name) {
+    const wants3d = name !== MAP && !this.lost;
+    this.part("camera").value = wants3d ? name : MAP;
+    if (wants3d) {
+      this.last = name;
+      this.part("scene").hidden = false;
+      this.part("stage").classList.add("in-3d");
+      this.mounting ??= this.mountScene();
+      this.scene = await this.mounting;
+      if (this.camera === MAP) return; // changed meanwhile
+    }
+    const is3d = Boolean(wants3d && this.scene);
+    if (wants3d && !is3d) {
+      this.part("cameras").hidden = true;
+      this.part("camera").value = MAP;
+      this.note(this.words.no3d);
+    }
     this.part("scene").hidden = !is3d;
     this.part("stage").classList.toggle("in-3d", is3d);
     this.views = is3d ? [this.scene, this.map] : [this.map];
-    if (this.scene) this.part("camera").value = is3d ? name : MAP;
-    if (is3d) { this.scene.setCamera(name); this.scene.resize(); }
+    if (is3d) { this.scene.setCamera(this.camera); this.scene.resize(); }
     this.remember();
     this.draw();
   }
 
   nextCamera() {
-    if (!this.scene) return;
+    if (this.part("cameras").hidden) return;
     const names = [...CAMERAS, MAP];
     this.setCamera(names[(names.indexOf(this.camera) + 1) % names.length]);
   }
 
   // --- a link to a moment -----------------------------------------------------------------------------------------------
   get address() {
-    const isHere = location.pathname === this.setup.page;
-    const address = new URL(isHere ? location.href : this.setup.page, location.href);
+    const address = new URL(this.isPage ? location.href : this.setup.page, location.href);
     address.searchParams.set("t", (this.player.now / 1000).toFixed(2).replace(/\.?0+$/, ""));
-    if (this.scene) address.searchParams.set("camera", this.camera);
+    if (!this.part("cameras").hidden) address.searchParams.set("camera", this.camera);
     address.hash = "";
     return decodeURIComponent(address.href);
   }
 
-  // The address of the viewer's own page shows the moment where it was paused.
+  // The address of the viewer's own page has the moment where it was paused.
   remember() {
-    if (this.begun && location.pathname === this.setup.page && this.player.now > 0) history.replaceState(history.state, "", this.address);
+    if (this.begun && this.isPage && this.player.now > 0) history.replaceState(history.state, "", this.address);
   }
 
   async share() {
@@ -254,10 +285,11 @@ export class Viewer {
   }
 
   begin() {
-    const query = new URLSearchParams(location.pathname === this.setup.page ? location.search : "");
+    const query = new URLSearchParams(this.isPage ? location.search : "");
     this.player.seek(1000 * Number(query.get("t") ?? 0));
     this.asked = query.get("camera") ?? "";
     this.begun = true;
+    this.offerCameras();
     if (this.setup.quiet && !isStill()) {
       this.player.loop = true;
       this.player.play();
