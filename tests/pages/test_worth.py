@@ -42,7 +42,6 @@ def said(submission: Submission, reader: Racer | None = None) -> str:
     page = client.get(submission.evaluation.get_absolute_url())
     assert page.status_code == 200
     strip = re.search(r'<section class="card worth".*?</section>', page.content.decode(), re.S)
-    strip = strip and [re.sub(r'<p class="worth-next">.*?</p>', "", strip[0], flags=re.S)]
     return " ".join(html.unescape(re.sub(r"<[^>]*>", " ", strip[0])).split()) if strip else ""
 
 
