@@ -27,6 +27,7 @@ from league.home.selectors import (
 from races.boards.selectors.board import podiums, to_beat
 from races.entries.selectors.lists import racing_now, sees_only_public, upcoming
 from races.models import Race, RaceKind
+from races.replays.setup import ViewedRun, document_address, scene_address, viewer_setup
 from races.rules.layout import box_marks
 from races.spoilers.selectors import spoilers_of
 
@@ -80,7 +81,11 @@ def home(request: HttpRequest) -> HttpResponse:
         found = drawn or boards()
         led = [race for race in found["races"] if not spoilers.hides(race)]
         lap = leading_lap(led, found["podiums"], found["to_beat"])
-        return {"leading": lap, "boxes": box_marks(lap.race) if lap else (), "race": next(iter(found["races"]), None)}
+        if lap is None:
+            return {"race": next(iter(found["races"]), None)}
+        viewed = [ViewedRun(url=document_address(lap.run), lap=lap.lap["number"])]
+        viewer = viewer_setup(scene_address(lap.run), viewed, quiet=True)
+        return {"leading": lap, "boxes": box_marks(lap.race), "viewer": viewer}
 
     def results() -> dict[str, Any]:
         return {"results": recent_results([race for race in newest().values() if not spoilers.hides(race)])}

@@ -37,7 +37,7 @@ def page(racer=None, **query) -> str:
 
 
 def stage(html: str) -> str:
-    return html.partition('id="home-stage"')[2].partition("</section>")[0]
+    return html.partition('id="home-stage"')[2].partition('<div class="stack">')[0]
 
 
 def results(html: str) -> str:
