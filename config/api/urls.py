@@ -20,6 +20,7 @@ from races.live import api as live
 from races.pages.api import boards, races
 from races.pages.api import entering as entries
 from races.runs.api import comparison, evaluations, specifications, test_runs, videos
+from races.telemetry import api as telemetry
 from races.timing.api import laps as timing
 from races.timing.api import setup as timing_setup
 from tracks import api as tracks
@@ -145,6 +146,11 @@ version_1: list[URLPattern | URLResolver] = [
         "evaluations/<slug:public_id>/compare/<slug:other_id>/",
         comparison.CompareView.as_view(),
         name="api-evaluation-compare",
+    ),
+    path(
+        "evaluations/<slug:public_id>/telemetry/",
+        telemetry.TelemetryView.as_view(),
+        name="api-telemetry",
     ),
     path("evaluations/<slug:public_id>/layout/", evaluations.LayoutView.as_view(), name="api-layout"),
     path("evaluations/<slug:public_id>/logs/", evaluations.LogsView.as_view(), name="api-evaluation-logs"),

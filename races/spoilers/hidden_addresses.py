@@ -73,5 +73,5 @@ def register() -> None:
         *("api-evaluation", "api-metrics", "api-evaluation-compare", "api-layout", "api-evaluation-logs"),
         *("api-trace", "api-videos"),
     )
-    register_scope(_of_replays, "replay")
+    register_scope(_of_replays, "replay", "telemetry", "telemetry_csv", "api-telemetry")
     register_scope(_of_videos, *("video_live", "video_file", "video_poster", "api-video", "api-video-file"))

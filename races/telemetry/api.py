@@ -1,0 +1,31 @@
+"""Telemetry for programs."""
+
+from drf_spectacular.utils import OpenApiParameter, extend_schema
+from rest_framework.request import Request
+from rest_framework.response import Response
+
+from core.api.documents import serializer_of
+from core.api.views import APIView
+
+from ..web.api import visible_evaluation
+from .document import TelemetryDocument, telemetry_document
+from .selectors import asked_laps
+
+
+class TelemetryView(APIView):
+    @extend_schema(
+        operation_id="read_telemetry",
+        summary="Laps of one or several runs along their way, with mini-sectors and losses",
+        description=(
+            "Speed, steering, offset, curvature and time at places a tenth of a metre apart. All runs must be "
+            "finished, on the same track in the same direction, by the same engine, and you must see them."
+        ),
+        parameters=[
+            OpenApiParameter("lap", int, description="Of the run; its best one unless it is given."),
+            OpenApiParameter("with", str, description="Up to seven other runs: `id,id:2`, where 2 is the lap."),
+        ],
+        responses=serializer_of(TelemetryDocument),
+        tags=["evaluations"],
+    )
+    def get(self, request: Request, public_id: str) -> Response:
+        return Response(telemetry_document(asked_laps(request, visible_evaluation(request, public_id))))

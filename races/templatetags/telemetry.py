@@ -1,0 +1,96 @@
+"""The telemetry of the runs on a page."""
+
+import json
+from collections.abc import Sequence
+from typing import Any
+
+from django import template
+from django.http import QueryDict
+from django.urls import reverse
+from django.utils.translation import gettext as _
+
+from paddock.errors import PaddockError
+from races.replays.views import ReplayedRun
+from races.telemetry.document import AskedLap, LossDocument, MiniSectorDocument, TelemetryDocument, telemetry_document
+from races.telemetry.selectors import asked_lap
+
+register = template.Library()
+
+
+@register.inclusion_tag("races/telemetry/panel.html")
+def telemetry_panel(runs: Sequence[ReplayedRun]) -> dict[str, Any]:
+    """Charts, mini-sectors and losses of the laps of ``runs``, of the best lap of a run that is shown whole. Nothing
+    where a trace cannot be read."""
+    if not all(each.run.result.laps for each in runs):
+        return {}
+    laps = [asked_lap(each.run, each.lap) for each in runs]
+    try:
+        document = telemetry_document(laps)
+    except PaddockError:
+        return {}
+    query = _query(laps)
+    first = laps[0].run.public_id
+    setup = {"url": f"{reverse('telemetry', args=[first])}?{query}", "words": _words()}
+    names = {each.run.public_id: each.name for each in runs}
+    against = document["against"]
+    return {
+        "setup": json.dumps(setup),
+        "csv": f"{reverse('telemetry_csv', args=[first])}?{query}",
+        "document": document,
+        "runs": [
+            {"number": number, "of": run, "telemetry": shown, "sectors": _row(document["sectors"], number)}
+            for number, (run, shown) in enumerate(zip(runs, document["runs"], strict=True))
+        ],
+        "losses": [(loss, _moment(laps, loss)) for loss in document["losses"]],
+        "against": against and {"name": names.get(against["run"], ""), "lap": against["lap"]},
+        "places": _places(document),
+    }
+
+
+def _query(laps: Sequence[AskedLap]) -> str:
+    query = QueryDict(mutable=True)
+    query["lap"] = str(laps[0].number)
+    if len(laps) > 1:
+        query["with"] = ",".join(f"{lap.run.public_id}:{lap.number}" for lap in laps[1:])
+    return query.urlencode(safe=":,")
+
+
+def _moment(laps: Sequence[AskedLap], loss: LossDocument) -> str:
+    """The replay of these laps where a loss begins."""
+    address = reverse("replay", args=[laps[0].run.public_id])
+    return f"{address}?{_query(laps)}&t={loss['t_ms'] / 1000:.2f}"
+
+
+def _row(sectors: Sequence[MiniSectorDocument], number: int) -> list[tuple[MiniSectorDocument, int | None, str]]:
+    """The mini-sectors of one run: each with its time and colour."""
+    return [(sector, sector["times"][number], sector["colours"][number]) for sector in sectors]
+
+
+def _places(document: TelemetryDocument) -> list[dict[str, Any]]:
+    """The channels where each mini-sector ends."""
+    metres, last = document["metres"], len(document["metres"]) - 1
+    rows = []
+    for sector in document["sectors"]:
+        at = round(last * sector["number"] / len(document["sectors"]))
+        values = [
+            (run["ms"][at], run["delta_ms"][at], run["driven_speed"][at], run["driven_steer"][at], run["offset"][at])
+            for run in document["runs"]
+        ]
+        rows.append({"metres": metres[at], "runs": values})
+    return rows
+
+
+def _words() -> dict[str, str]:
+    """The texts that the script writes."""
+    return {
+        "speed": _("Speed"),
+        "steer": _("Steering"),
+        "delta": _("Time delta"),
+        "offset": _("Offset from the centre line"),
+        "curvature": _("Curvature"),
+        "reward": _("Reward"),
+        "turn": _("Turn"),
+        "later": _("above 0: later"),
+        "left": _("above 0: left"),
+        "failed": _("The telemetry could not be loaded."),
+    }

@@ -1,0 +1,396 @@
+// Charts of laps side by side, over distance or time, beside a replay: they share their moment with its player. The page
+// has the rest (mini-sectors, losses, tables) from the server; uPlot draws. Needs vendor/uplot.iife.min.js before it.
+
+const HEIGHT = { speed: 190, delta: 130, steer: 130, offset: 110, curvature: 110, reward: 110 };
+const CHARTS = [
+  { name: "delta", of: [["delta_ms"]], digits: 3, unit: "s" },
+  { name: "speed", of: [["driven_speed"], ["speed", true]], digits: 1, unit: "m/s" },
+  { name: "steer", of: [["driven_steer"], ["steer", true]], digits: 0, unit: "°" },
+  { name: "offset", of: [["offset"]], digits: 2, unit: "m" },
+  { name: "curvature", of: [["curvature"]], digits: 1, unit: "1/m" },
+  { name: "reward", of: [["reward"]], digits: 2, unit: "" },
+];
+const LEAST_SHARE = 1 / 60; // of a lap, the closest zoom
+const number = (value, digits) => (value === null || value === undefined ? "–" : value.toFixed(digits));
+const clock = (ms) => (ms === null || ms === undefined ? "–" : `${Math.floor(ms / 60000)}:${String(Math.floor(ms / 1000) % 60).padStart(2, "0")}.${String(Math.round(ms) % 1000).padStart(3, "0")}`);
+
+// The index with the largest value <= `value` in rising values that may end with nulls.
+function lastAt(values, value) {
+  let low = 0;
+  let high = values.length;
+  while (high - low > 1) {
+    const middle = (low + high) >> 1;
+    if (values[middle] !== null && values[middle] <= value) low = middle; else high = middle;
+  }
+  return low;
+}
+
+// The value of one column where another has `value`; null where it has none.
+function valueAt(keys, values, value) {
+  const i = lastAt(keys, value);
+  const [a, b] = [values[i], values[i + 1]];
+  if (a === null || a === undefined) return null;
+  if (b === null || b === undefined || keys[i + 1] === null || keys[i + 1] === keys[i]) return keys[i] >= value - 1e-9 ? a : null;
+  return a + (b - a) * Math.max(0, (value - keys[i]) / (keys[i + 1] - keys[i]));
+}
+
+class Telemetry {
+  constructor(root, replay, player, words, data) {
+    Object.assign(this, { root, replay, player, words, data, axis: "metres", reference: 0, plots: [], place: null });
+    this.part = (name) => root.querySelector(`[data-${name}]`);
+    this.commanded = this.part("commanded").checked;
+    this.part("charts").hidden = false;
+    this.box = this.part("plots");
+    this.listen();
+    this.build();
+    // a canvas does not follow the page's theme
+    this.theme = matchMedia("(prefers-color-scheme: dark)");
+    this.recoloured = () => { this.build(); this.showCursor(); };
+    this.theme.addEventListener("change", this.recoloured);
+    this.themed = new MutationObserver(this.recoloured);
+    this.themed.observe(document.documentElement, { attributes: true, attributeFilter: ["data-theme"] });
+    this.resized = new ResizeObserver(() => this.resize());
+    this.resized.observe(this.box);
+    this.time = () => this.follow();
+    player.addEventListener("time", this.time);
+    this.follow();
+  }
+
+  // --- data --------------------------------------------------------------------------------------------------------
+  // The charts' common axis, and a run's channel on it. Over time each run has its own clock.
+  get places() {
+    const { metres, runs } = this.data;
+    if (this.axis === "metres") return metres;
+    const last = Math.max(...runs.map((run) => run.ms.findLast((ms) => ms !== null) ?? 0));
+    return metres.map((_, i) => (last * i) / (metres.length - 1) / 1000);
+  }
+
+  channel(run, name) {
+    const values = name === "delta_ms" ? this.delta(run) : run[name];
+    if (!values || this.axis === "metres") return values;
+    return this.places.map((s) => valueAt(run.ms, values, s * 1000));
+  }
+
+  delta(run) {
+    const other = this.data.runs[this.reference].ms;
+    return run.ms.map((ms, i) => (ms === null || other[i] === null ? null : (ms - other[i]) / 1000));
+  }
+
+  // --- charts --------------------------------------------------------------------------------------------------------
+  build() {
+    for (const { plot } of this.plots) plot.destroy();
+    this.box.replaceChildren();
+    const { runs } = this.data;
+    this.colours = runs.map((run, at) => this.colour(run, at));
+    const x = this.places;
+    this.range ??= [x[0], x[x.length - 1]];
+    this.whole = [x[0], x[x.length - 1]];
+    this.plots = [];
+    for (const chart of CHARTS) {
+      if (chart.name === "delta" && runs.length < 2) continue;
+      if (chart.name === "reward" && !runs.some((run) => run.reward)) continue;
+      const series = [{}];
+      const columns = [x];
+      for (const [name, isCommand] of chart.of) {
+        if (isCommand && !this.commanded) continue;
+        runs.forEach((run, at) => {
+          const values = this.channel(run, name);
+          if (!values) return;
+          columns.push(values);
+          series.push({ stroke: this.colours[at], width: isCommand ? 1 : at ? 1.5 : 2, dash: isCommand ? [4, 4] : undefined, alpha: isCommand ? 0.75 : 1, points: { show: false } });
+        });
+      }
+      const figure = document.createElement("figure");
+      const caption = document.createElement("figcaption");
+      const hint = { delta: this.words.later, steer: this.words.left, offset: this.words.left, curvature: this.words.left }[chart.name];
+      caption.textContent = `${this.words[chart.name]}${chart.unit ? `, ${chart.unit}` : ""}${hint ? ` (${hint})` : ""}`;
+      figure.append(caption);
+      figure.dataset.chart = chart.name;
+      this.box.append(figure);
+      const plot = new uPlot(this.options(chart, series), columns, figure);
+      this.touch(plot);
+      this.plots.push({ chart, plot });
+    }
+  }
+
+  // A run has the colour of its car in the replay, as far from the ground as the text is.
+  colour({ run }, at) {
+    const look = this.replay.runs.find((each) => each.run === run)?.look;
+    const samples = this.root.querySelectorAll(`.t${at}`);
+    if (look) samples.forEach((sample) => { sample.style.background = `color-mix(in srgb, ${look.colour} 78%, var(--text))`; });
+    return getComputedStyle(samples[0]).backgroundColor;
+  }
+
+  options({ name, digits }, series) {
+    const style = getComputedStyle(this.root);
+    const text = style.color;
+    const grid = style.getPropertyValue("--telemetry-grid") || "#8884";
+    const axis = { stroke: text, grid: { stroke: grid, width: 1 }, ticks: { show: false }, font: `12px ${style.fontFamily}` };
+    return {
+      width: Math.max(200, this.box.clientWidth), height: HEIGHT[name], series, legend: { show: false },
+      scales: { x: { time: false, range: () => this.range }, y: { range: (u, low, high) => this.span(name, low, high) } },
+      axes: [
+        { ...axis, size: 24, values: (u, ticks) => ticks.map((tick) => `${+tick.toFixed(2)}`) },
+        { ...axis, size: 44, values: (u, ticks) => ticks.map((tick) => tick.toFixed(Math.max(digits, tick % 1 ? 1 : 0))) },
+      ],
+      cursor: { y: false, drag: { x: true, y: false, setScale: false }, points: { size: 6 } },
+      hooks: {
+        drawClear: [(u) => this.drawTurns(u, name === this.first, text)],
+        setSelect: [(u) => this.select(u)],
+        setCursor: [(u) => this.point(u)],
+      },
+    };
+  }
+
+  // The turns behind the lines, with their numbers in the first chart.
+  drawTurns(u, isFirst, text) {
+    const { ctx, bbox } = u;
+    const [run] = this.data.runs;
+    const place = (metres) => (this.axis === "metres" ? metres : (valueAt(this.data.metres, run.ms, metres) ?? 0) / 1000);
+    ctx.save();
+    ctx.beginPath();
+    ctx.rect(bbox.left, bbox.top, bbox.width, bbox.height);
+    ctx.clip();
+    for (const { number: name, from_m: from, to_m: to, apex_m: apex } of this.data.turns) {
+      for (const [a, b] of from < to ? [[from, to]] : [[from, this.data.length_m], [0, to]]) {
+        const [left, right] = [a, b].map((metres) => u.valToPos(place(metres), "x", true));
+        ctx.fillStyle = text;
+        ctx.globalAlpha = 0.06;
+        ctx.fillRect(left, bbox.top, right - left, bbox.height);
+        if (!(apex >= a && apex <= b)) continue;
+        ctx.globalAlpha = 0.7;
+        ctx.font = `${11 * devicePixelRatio}px ${getComputedStyle(this.root).fontFamily}`;
+        ctx.textAlign = "center";
+        ctx.fillText(String(name), u.valToPos(place(apex), "x", true), bbox.top + 11 * devicePixelRatio);
+      }
+    }
+    ctx.restore();
+  }
+
+  get first() { return this.data.runs.length > 1 ? "delta" : "speed"; }
+
+  // Both signs of the delta always have room, so that zero is seen.
+  span(name, low, high) {
+    if (low === null || high === null || low === undefined || Number.isNaN(low)) return [0, 1];
+    if (name === "speed") return [0, Math.max(high, 0.5) * 1.05];
+    const most = Math.max(Math.abs(low), Math.abs(high), name === "delta" ? 0.05 : 0.1) * 1.08;
+    return name === "reward" ? [Math.min(0, low), Math.max(high, 0.1) * 1.05] : name === "delta" ? [Math.min(low * 1.1, -0.05), Math.max(high * 1.1, 0.05)] : [-most, most];
+  }
+
+  resize() {
+    const width = Math.max(200, this.box.clientWidth);
+    for (const { chart, plot } of this.plots) if (plot.width !== width) plot.setSize({ width, height: HEIGHT[chart.name] });
+    this.showCursor();
+  }
+
+  // --- zoom ------------------------------------------------------------------------------------------------------------
+  show(from, to) {
+    const [first, last] = this.whole;
+    const least = (last - first) * LEAST_SHARE;
+    const size = Math.min(Math.max(to - from, least), last - first);
+    const begin = Math.min(Math.max((from + to - size) / 2, first), last - size);
+    this.range = [begin, begin + size];
+    for (const { plot } of this.plots) plot.setScale("x", { min: this.range[0], max: this.range[1] });
+    this.showCursor();
+    this.linkCsv();
+  }
+
+  zoom(how) {
+    const [from, to] = this.range;
+    const size = to - from;
+    const middle = this.place >= from && this.place <= to ? this.place : (from + to) / 2;
+    const around = (factor) => [middle - (middle - from) * factor, middle + (to - middle) * factor];
+    const ranges = {
+      in: () => around(0.5), out: () => around(2), all: () => this.whole,
+      "pan-back": () => [from - size / 3, to - size / 3], "pan-on": () => [from + size / 3, to + size / 3],
+    };
+    this.show(...ranges[how]());
+  }
+
+  // The file has the metres that are shown.
+  linkCsv() {
+    const link = this.part("csv");
+    const url = new URL(this.csv ??= link.href);
+    const isWhole = this.range[0] <= this.whole[0] && this.range[1] >= this.whole[1];
+    if (!isWhole) {
+      const at = (value) => (this.axis === "metres" ? value : valueAt(this.data.runs[0].ms, this.data.metres, value * 1000) ?? this.data.length_m);
+      url.searchParams.set("from", at(this.range[0]).toFixed(2));
+      url.searchParams.set("to", at(this.range[1]).toFixed(2));
+    }
+    link.href = url;
+  }
+
+  select(u) {
+    if (u.select.width < 4) return;
+    const [from, to] = [u.select.left, u.select.left + u.select.width].map((left) => u.posToVal(left, "x"));
+    u.setSelect({ left: 0, width: 0, top: 0, height: 0 }, false);
+    this.show(from, to);
+  }
+
+  // --- cursor ----------------------------------------------------------------------------------------------------------
+  // The player's moment as a place on the axis: of the first run's lap.
+  follow() {
+    const ms = this.player.now + (this.replay.runs[0]?.start ?? 0) - this.data.runs[0].start_ms;
+    const [run] = this.data.runs;
+    const last = run.ms.findLast((each) => each !== null) ?? 0;
+    this.place = ms < -1 || ms > last + 1 ? null : this.axis === "time" ? ms / 1000 : valueAt(run.ms, this.data.metres, Math.min(Math.max(ms, 0), last));
+    this.showCursor();
+  }
+
+  showCursor() {
+    for (const { plot } of this.plots) {
+      const left = this.place === null ? -10 : plot.valToPos(this.place, "x");
+      plot.setCursor({ left, top: left < 0 ? -10 : 0 }, false); // without an event
+    }
+    this.showValues();
+  }
+
+  // A chart's cursor was moved by the pointer: the replay goes there unless it plays.
+  point(u) {
+    if (this.player.playing || u.cursor.left < 0) return;
+    this.goTo(u.posToVal(u.cursor.left, "x"));
+  }
+
+  goTo(place) {
+    const [run] = this.data.runs;
+    const at = Math.min(Math.max(place, this.whole[0]), this.whole[1]);
+    const ms = this.axis === "time" ? at * 1000 : valueAt(this.data.metres, run.ms, at);
+    if (ms !== null) this.player.seek(ms + run.start_ms - (this.replay.runs[0]?.start ?? 0));
+  }
+
+  showValues() {
+    const { runs, metres, turns } = this.data;
+    const rows = this.root.querySelectorAll(".telemetry-values tbody tr");
+    const at = this.place;
+    const [run] = runs;
+    const way = at === null ? null : this.axis === "metres" ? at : valueAt(run.ms, metres, at * 1000);
+    const inside = way === null ? null : turns.find(({ from_m: from, to_m: to }) => (from < to ? way >= from && way < to : way >= from || way < to));
+    this.part("place").textContent = way === null ? "" : `${way.toFixed(1)} m${inside ? ` · ${this.words.turn} ${inside.number}` : ""}`;
+    runs.forEach((each, index) => {
+      const [keys, key] = this.axis === "metres" ? [metres, at] : [each.ms, at === null ? null : at * 1000];
+      const value = (values) => (key === null ? null : valueAt(keys, values, key));
+      const delta = value(this.delta(each));
+      const texts = [
+        clock(value(each.ms)), index === this.reference || delta === null ? "" : `${delta < 0 ? "−" : "+"}${Math.abs(delta).toFixed(3)}`,
+        number(value(each.driven_speed), 2), number(value(each.driven_steer), 0), number(value(each.offset), 2),
+      ];
+      texts.forEach((text, cell) => { rows[index].cells[cell + 1].textContent = text; });
+    });
+  }
+
+  // --- what the reader does ----------------------------------------------------------------------------------------------
+  listen() {
+    this.part("axis").addEventListener("change", ({ target }) => {
+      this.axis = target.value;
+      this.range = undefined;
+      this.build();
+      this.follow();
+      this.linkCsv();
+    });
+    this.part("reference")?.addEventListener("change", ({ target }) => { this.reference = Number(target.value); this.build(); this.showCursor(); });
+    this.part("commanded").addEventListener("change", ({ target }) => { this.commanded = target.checked; this.build(); this.showCursor(); });
+    this.root.querySelectorAll("[data-zoom]").forEach((button) => button.addEventListener("click", () => this.zoom(button.dataset.zoom)));
+    this.box.addEventListener("keydown", (event) => this.press(event));
+    this.box.addEventListener("dblclick", () => this.zoom("all"));
+    this.box.addEventListener("wheel", (event) => {
+      if (!event.ctrlKey && !event.metaKey) return;
+      event.preventDefault();
+      this.zoom(event.deltaY < 0 ? "in" : "out");
+    }, { passive: false });
+    this.root.querySelectorAll("[data-from]").forEach((cell) => cell.addEventListener("click", () => {
+      const [from, to] = [cell.dataset.from, cell.dataset.to].map(Number);
+      const place = (metres) => (this.axis === "metres" ? metres : (valueAt(this.data.metres, this.data.runs[0].ms, metres) ?? 0) / 1000);
+      this.show(place(from), place(to));
+    }));
+    this.root.querySelectorAll("a[data-moment]").forEach((link) => link.addEventListener("click", (event) => {
+      if (event.ctrlKey || event.metaKey || event.shiftKey) return;
+      event.preventDefault();
+      this.player.pause();
+      this.player.seek(Number(link.dataset.moment) + this.data.runs[0].start_ms - (this.replay.runs[0]?.start ?? 0));
+      document.querySelector("[data-stage]")?.scrollIntoView({ block: "center" });
+    }));
+  }
+
+  press(event) {
+    const { key, shiftKey } = event;
+    if (event.ctrlKey || event.metaKey || event.altKey) return;
+    const [from, to] = this.range;
+    const step = (this.whole[1] - this.whole[0]) / (this.data.metres.length - 1) * (shiftKey ? 10 : 1);
+    const move = (by) => () => {
+      const place = (this.place ?? from) + by;
+      if (place < from || place > to) this.show(place - (to - from) / 2, place + (to - from) / 2);
+      this.player.pause();
+      this.goTo(place);
+    };
+    const acts = {
+      ArrowLeft: move(-step), ArrowRight: move(step), Home: () => this.goTo(this.whole[0]), End: () => this.goTo(this.whole[1]),
+      "+": () => this.zoom("in"), "=": () => this.zoom("in"), "-": () => this.zoom("out"), "0": () => this.zoom("all"),
+      PageUp: () => this.zoom("pan-back"), PageDown: () => this.zoom("pan-on"),
+    };
+    if (!acts[key]) return;
+    event.preventDefault();
+    event.stopPropagation();
+    acts[key]();
+  }
+
+  // One finger moves the cursor, two zoom and pan.
+  touch(plot) {
+    const { over } = plot;
+    const fingers = new Map();
+    let begun;
+    const inside = ({ clientX }) => clientX - over.getBoundingClientRect().left;
+    over.addEventListener("pointerdown", (event) => {
+      if (event.pointerType !== "touch") return;
+      fingers.set(event.pointerId, inside(event));
+      begun = fingers.size === 2 ? { at: [...fingers.values()].map((left) => plot.posToVal(left, "x")) } : undefined;
+    });
+    over.addEventListener("pointermove", (event) => {
+      if (!fingers.has(event.pointerId)) return;
+      fingers.set(event.pointerId, inside(event));
+      const lefts = [...fingers.values()];
+      if (!begun) { this.player.pause(); this.goTo(plot.posToVal(lefts[0], "x")); return; }
+      // the two places stay under the two fingers
+      const scale = (begun.at[1] - begun.at[0]) / ((lefts[1] - lefts[0]) || 1);
+      const from = begun.at[0] - lefts[0] * scale;
+      this.show(from, from + over.clientWidth * scale);
+    });
+    for (const end of ["pointerup", "pointercancel"]) over.addEventListener(end, ({ pointerId }) => { fingers.delete(pointerId); begun = undefined; });
+  }
+
+  dispose() {
+    this.player.removeEventListener("time", this.time);
+    this.resized.disconnect();
+    this.themed.disconnect();
+    this.theme.removeEventListener("change", this.recoloured);
+    for (const { plot } of this.plots) plot.destroy();
+  }
+}
+
+// The charts in `root` (templates/races/telemetry/panel.html) for a replay and its player.
+export async function createTelemetry(root, replay, player) {
+  const { url, words } = JSON.parse(root.dataset.telemetry);
+  const answer = await fetch(url, { headers: { Accept: "application/json" } });
+  if (!answer.ok) throw Object.assign(new Error(words.failed), { status: answer.status });
+  const telemetry = new Telemetry(root, replay, player, words, await answer.json());
+  root.telemetry = telemetry;
+  root.dispatchEvent(new CustomEvent("telemetry:ready", { bubbles: true, detail: telemetry }));
+  return telemetry;
+}
+
+function join(viewer) {
+  const root = document.querySelector("[data-telemetry]:not([data-started])");
+  if (!root) return;
+  root.dataset.started = "yes";
+  createTelemetry(root, viewer.replay, viewer.player).catch((error) => {
+    if (!("status" in error)) throw error;
+    const note = document.createElement("p");
+    note.className = "pad";
+    note.setAttribute("role", "status");
+    note.textContent = error.message;
+    root.querySelector(".card-head").after(note);
+  });
+}
+
+document.addEventListener("viewer:ready", ({ detail }) => join(detail));
+const ready = [...document.querySelectorAll("[data-viewer]")].find((root) => root.viewer);
+if (ready) join(ready.viewer);

@@ -1,0 +1,170 @@
+"""Telemetry beside a replay in a real Chromium: one cursor, zoom, keys, the moments of losses, its file."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import replace
+from urllib.parse import parse_qs, urlencode, urlsplit
+
+import pytest
+from django.urls import reverse
+from django.utils import timezone
+
+from evaluation.running.queue.jobs import finish_evaluation
+from races.entries.services.submissions import submit_model
+from tests.factories import a_model, a_race, a_racer, outcome, start, track_row
+from tests.paddock.analysis.mistakes import SLOW, drive, track_named
+from tests.pages.browsing import IN_A_BROWSER, chromium, visitor
+from tests.pages.test_compare_browser import SHOTS, shoot
+
+playwright = pytest.importorskip("playwright.sync_api", reason="Playwright is not installed")
+
+pytestmark = [*IN_A_BROWSER, pytest.mark.django_db(transaction=True)]
+SLUG = "reinvent-2018"
+CURSOR = "document.querySelector('[data-telemetry]').telemetry"
+
+
+@pytest.fixture(scope="module")
+def browser() -> Iterator:
+    with chromium() as opened:
+        yield opened
+
+
+def a_simulated_run(race, racer, now, run):
+    """A finished run with the laps and the trace of a run of the simulator."""
+    evaluation = start(submit_model(race=race, racer=racer, model=a_model(racer), now=now).evaluation, now)
+    driven = replace(outcome([lap.to_dict() for lap in run.laps]), trace_csv=run.trace.to_csv())
+    assert finish_evaluation(pk=evaluation.pk, lease=evaluation.lease, outcome=driven, now=now)
+    evaluation.refresh_from_db()
+    return evaluation
+
+
+@pytest.fixture
+def pair(alice, wakes):
+    """A run that is slow in turn 4 of its second lap, and one that is not."""
+    now = timezone.now()
+    race = a_race(now, slug="open", name="Open race", track=track_row(SLUG), laps=2, minimum_laps=2)
+    slow = drive(SLUG, SLOW, track_named(SLUG)[1][3])
+    return a_simulated_run(race, alice, now, slow), a_simulated_run(race, a_racer("bob"), now, drive(SLUG))
+
+
+@pytest.fixture
+def open_page(browser, live_server, alice, pair):
+    with visitor(browser, live_server.url, alice) as context:
+        page = context.new_page()
+        errors: list[str] = []
+        page.on("pageerror", lambda error: errors.append(str(error)))
+
+        def goto(width: int = 1280, **query: str):
+            page.set_viewport_size({"width": width, "height": 900})
+            given = {"lap": "2", "with": f"{pair[1].public_id}:2"} | query
+            page.goto(f"{reverse('replay', args=[pair[0].public_id])}?{urlencode(given, safe=':,')}")
+            playwright.expect(page.locator("figure[data-chart] canvas").first).to_be_visible()
+            return page
+
+        yield goto
+        assert not errors
+
+
+def state(page, what: str):
+    return page.evaluate(f"{CURSOR}.{what}")
+
+
+def test_charts_and_replay_share_one_moment(open_page):
+    page = open_page()
+    playwright.expect(page.locator("figure[data-chart]")).to_have_count(5)  # no reward
+    page.locator("[data-seek]").fill("4000")
+    cell = page.locator(".telemetry-values tbody td").first
+    playwright.expect(cell).to_have_text("0:04.000")
+    over = page.locator("figure[data-chart=speed] .u-over")
+    over.scroll_into_view_if_needed()
+    box = over.bounding_box()
+    page.mouse.move(box["x"] + box["width"] / 2, box["y"] + 40)
+    half = state(page, "data.length_m") / 2
+    assert state(page, "place") == pytest.approx(half, abs=0.1)
+    assert page.locator("[data-seek]").input_value() != "4000"
+    if SHOTS:
+        shoot(page, "telemetry")
+
+
+def test_a_loss_leads_to_its_moment(open_page):
+    page = open_page()
+    loss = page.locator(".telemetry-losses a")
+    playwright.expect(loss).to_have_count(1)
+    playwright.expect(loss).to_contain_text("lost in turn 4: braked 0.6 m/s too much")
+    moment = int(loss.get_attribute("data-moment"))
+    loss.click()
+    assert int(page.locator("[data-seek]").input_value()) == pytest.approx(moment, abs=2)
+    address = parse_qs(urlsplit(loss.get_attribute("href")).query)
+    assert float(address["t"][0]) * 1000 == pytest.approx(moment, abs=10)
+
+
+def test_keys_move_the_cursor_and_zoom(open_page):
+    page = open_page()
+    page.locator("[data-plots]").focus()
+    page.keyboard.press("ArrowRight")
+    one = state(page, "place")
+    page.keyboard.press("Shift+ArrowRight")
+    assert state(page, "place") == pytest.approx(11 * one, rel=0.05)
+    page.keyboard.press("+")
+    first, last = state(page, "range")
+    assert last - first == pytest.approx(state(page, "data.length_m") / 2, rel=0.01)
+    page.keyboard.press("PageDown")
+    assert state(page, "range[0]") > first
+    page.keyboard.press("0")
+    assert state(page, "range") == state(page, "whole")
+
+
+def test_a_part_is_zoomed_by_the_pointer_and_is_what_the_file_has(open_page):
+    page = open_page()
+    over = page.locator("figure[data-chart=delta] .u-over")
+    over.scroll_into_view_if_needed()
+    box = over.bounding_box()
+    page.mouse.move(box["x"] + box["width"] * 0.25, box["y"] + 20)
+    page.mouse.down()
+    page.mouse.move(box["x"] + box["width"] * 0.5, box["y"] + 20, steps=4)
+    page.mouse.up()
+    length = state(page, "data.length_m")
+    first, last = state(page, "range")
+    assert (first, last) == (pytest.approx(length / 4, abs=0.2), pytest.approx(length / 2, abs=0.2))
+    link = parse_qs(urlsplit(page.locator("[data-csv]").get_attribute("href")).query)
+    assert float(link["from"][0]) == pytest.approx(first, abs=0.01)
+    with page.expect_download() as download:
+        page.locator("[data-csv]").click()
+    rows = download.value.path().read_text().splitlines()
+    assert first - 0.1 <= float(rows[1].split(",")[2]) <= first + 0.2
+    page.locator(".mini-sectors [data-from]").nth(10).click()
+    assert state(page, "range[0]") == pytest.approx(length / 2, abs=0.1)
+
+
+def test_over_time_each_run_has_its_own_clock(open_page, pair):
+    page = open_page()
+    page.locator("[data-axis]").select_option("time")
+    times = [run.result.laps[1]["time_ms"] for run in pair]
+    assert state(page, "whole[1]") == pytest.approx(max(times) / 1000, abs=0.01)
+    page.locator("[data-seek]").fill("4000")
+    assert state(page, "place") == pytest.approx(4.0, abs=0.01)
+    cells = page.locator(".telemetry-values tbody tr td:first-of-type")
+    playwright.expect(cells.nth(0)).to_have_text("0:04.000")
+    playwright.expect(cells.nth(1)).to_have_text("0:04.000")
+
+
+def test_the_delta_is_to_any_run(open_page, pair):
+    page = open_page()
+    page.locator("[data-seek]").fill(str(pair[0].result.laps[1]["time_ms"]))
+    gap = (pair[1].result.laps[1]["time_ms"] - pair[0].result.laps[1]["time_ms"]) / 1000
+    deltas = page.locator(".telemetry-values tbody tr td:nth-of-type(2)")
+    playwright.expect(deltas.nth(1)).to_have_text(f"−{-gap:.3f}")
+    page.locator("[data-reference]").select_option("1")
+    playwright.expect(deltas.nth(0)).to_have_text(f"+{-gap:.3f}")
+    playwright.expect(deltas.nth(1)).to_have_text("")
+
+
+@pytest.mark.parametrize("width", [360, 1920])
+def test_charts_have_the_width_of_the_page(open_page, width):
+    page = open_page(width)
+    assert page.evaluate("document.documentElement.scrollWidth") <= width
+    chart = page.locator("figure[data-chart=speed] .uplot").bounding_box()
+    assert width * 0.55 <= chart["width"] <= width
+    if SHOTS:
+        shoot(page, f"telemetry-{width}")
