@@ -12,6 +12,7 @@ class RacesConfig(AppConfig):
         from core.cards.registry import register_cards
         from core.pages.registry import register_slots
         from evaluation.signals import evaluation_ended
+        from tracks.reference.selectors import register_demand
 
         from . import streams
         from .aftermath import certificate
@@ -46,6 +47,7 @@ class RacesConfig(AppConfig):
         video_words.register()
         queues.register()
         track_figures.register()
+        register_demand(track_figures.raced_ways)
         register_audiences()
         streams.register()
         spoiler_pages.register()

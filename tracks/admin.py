@@ -14,13 +14,13 @@ from django.utils.translation import gettext_lazy as _
 
 from accounts.models import Racer
 from accounts.request_racer import racer_of
-from core.admin import ComparedChanges
+from core.admin import ComparedChanges, ReadOnly
 from core.forms import explain
 from paddock.errors import UserFault
 from paddock.geometry.files import MAX_BYTES
 
 from .drawing import draw_svg
-from .models import Track, TrackLook
+from .models import ReferenceLap, Track, TrackLook
 from .services import import_track
 
 
@@ -114,3 +114,14 @@ class TrackAdmin(ComparedChanges, admin.ModelAdmin):
         picture = draw_svg(track.geometry, width=480, standalone=True)
         data = base64.b64encode(picture.encode()).decode()
         return format_html('<img alt="" width="480" src="data:image/svg+xml;base64,{}">', data)
+
+
+@admin.register(ReferenceLap)
+class ReferenceLapAdmin(ReadOnly, admin.ModelAdmin):
+    list_display = ("track", "direction", "engine", "state", "time_ms", "worker", "reason_code", "ended_at")
+    list_filter = ("state", "engine", "direction")
+    search_fields = ("track__name", "track__slug")
+    list_select_related = ("track",)
+
+    def get_queryset(self, request: HttpRequest) -> QuerySet[ReferenceLap]:
+        return super().get_queryset(request).defer("trace", "track__npy")

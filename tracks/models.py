@@ -8,6 +8,7 @@ from django.utils.translation import gettext
 from django.utils.translation import gettext_lazy as _
 
 from core.database.columns import MultiLineField, OneLineField
+from core.jobs.models import Job, lease_constraints
 from paddock.errors import UserFault
 from paddock.geometry.files import read_npy
 from paddock.geometry.track import TrackGeometry
@@ -116,3 +117,54 @@ class Track(models.Model):
 
 _MOST_GEOMETRIES = 128
 _geometries: dict[tuple[str, str], TrackGeometry] = {}
+
+
+class ReferenceState(models.TextChoices):
+    """FAILED: no lap could be driven on the track."""
+
+    QUEUED = "queued", _("queued")
+    RUNNING = "running", _("on track")
+    FINISHED = "finished", _("finished")
+    FAILED = "failed", _("failed")
+
+
+class ReferenceLap(Job):
+    """The reference of a track in one direction on one engine: a run of :mod:`paddock.analysis.reference_lap`.
+
+    ``laps``: LapResult dicts in order; ``time_ms``: the best lap; ``trace``: its sim-trace, a gzipped CSV file.
+    """
+
+    track = models.ForeignKey(
+        Track, models.CASCADE, related_name="reference_laps", verbose_name=_("track"), db_index=False
+    )
+    direction = models.CharField(_("direction"), max_length=3, choices=Direction.choices)
+    engine = models.CharField(_("engine"), max_length=32)
+    state = models.CharField(_("state"), max_length=8, choices=ReferenceState.choices, default=ReferenceState.QUEUED)
+    queued_at = models.DateTimeField(_("queued"), default=timezone.now)
+    time_ms = models.PositiveIntegerField(_("best lap"), null=True, blank=True)
+    laps = models.JSONField(_("laps"), default=list, blank=True)
+    trace = models.BinaryField(_("trace"), default=b"", editable=False)
+    trace_sha256 = models.CharField(_("sha-256 of the trace"), max_length=64, blank=True)
+
+    class Meta:
+        verbose_name = _("reference lap")
+        verbose_name_plural = _("reference laps")
+        ordering = ["queued_at", "pk"]
+        constraints = [
+            *lease_constraints("reference", waiting="queued", working="running", final=["finished", "failed"]),
+            models.UniqueConstraint(fields=["track", "direction", "engine"], name="reference_driven_once"),
+            models.CheckConstraint(
+                condition=models.Q(direction__in=Direction.values), name="reference_direction_known"
+            ),
+            models.CheckConstraint(
+                condition=models.Q(state="finished", time_ms__gt=0) & ~models.Q(trace_sha256="")
+                | ~models.Q(state="finished") & models.Q(time_ms=None, trace_sha256=""),
+                name="reference_finished_has_a_time",
+            ),
+            models.CheckConstraint(
+                condition=~models.Q(state="failed") | ~models.Q(reason_code=""), name="reference_failure_has_reason"
+            ),
+        ]
+
+    def __str__(self) -> str:
+        return f"{self.track_id} {self.direction}"

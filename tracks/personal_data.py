@@ -7,7 +7,7 @@ from django.db.models import ProtectedError
 
 from core.personal_data.rules import Leaving, PersonalData, register
 
-from .models import Track
+from .models import ReferenceLap, Track
 
 
 def _erase(leaving: Leaving) -> None:
@@ -27,6 +27,10 @@ register(
         section="tracks",
         exported="name description",
         withheld={"The page of the track offers its file.": "npy"},
+    ),
+    PersonalData(
+        ReferenceLap,
+        kept={"It is a lap of the site's own driver.": "reason_params operator_detail laps trace trace_sha256"},
     ),
     erase=_erase,
 )

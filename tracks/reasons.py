@@ -21,7 +21,15 @@ register(
     conflict={
         "track_known": _("This track already exists as %(name)s. Use that one."),
         "track_limit": _("You have reached the limit of %(limit)s imported tracks. Use one of them, or ask an admin."),
+        "reference_undrivable": _(
+            "No reference lap of this track could be driven without leaving the road. Race on it without medals, or "
+            "import a wider track."
+        ),
         "track_in_use": _("Races or evaluations were driven on this track, so it stays."),
+    },
+    unavailable={
+        "reference_lost": _("The worker that drove this reference lap disappeared. It will be driven again."),
+        "reference_failed": _("Paddock failed to drive this reference lap. The worker's log has the details."),
     },
 )
 

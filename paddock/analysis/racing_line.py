@@ -22,6 +22,7 @@ from paddock.geometry.track import TrackGeometry
 from paddock.simulator.physics import PADDOCK_CAR, CarPhysics
 
 SPACING_M = 0.2
+_MOST_POINTS = 600  # of a longer track the points lie farther apart: the work grows with their cube
 _ROUNDS = 1000
 _SETTLED_M = 1e-6
 _MOST_DAMPING = 1e12  # no step is small enough to improve the line any more
@@ -46,7 +47,7 @@ class RacingLine:
         return float(self.steps.sum())
 
     def lap_s(self, speed_limit: float, physics: CarPhysics = PADDOCK_CAR) -> float:
-        """Seconds of a flying lap of a car that is told to drive at most ``speed_limit`` m/s; see the module."""
+        """Seconds of a flying lap of a car with commands of at most ``speed_limit`` m/s; see the module."""
         speeds = self.speeds(speed_limit, physics)
         following = np.roll(speeds, -1)
         return float((2.0 * self.steps / (speeds + following)).sum())
@@ -92,7 +93,7 @@ def line_at(track: TrackGeometry, distances: np.ndarray, offsets: np.ndarray) ->
 
 def places_along(track: TrackGeometry) -> np.ndarray:
     """The distances of a line's points from the finish, on an open track to its very end."""
-    count = max(round(track.length / SPACING_M), 16)
+    count = min(max(round(track.length / SPACING_M), 16), _MOST_POINTS)
     return np.arange(count + track.is_open) * track.length / count
 
 

@@ -26,7 +26,7 @@ from paddock.simulator.stage import PreparedTrack
 from .racing_line import RacingLine, best_line
 
 LAPS = 3
-RULES = RaceRules(laps=LAPS, max_resets=0)
+RULES = RaceRules(laps=LAPS, max_resets=0, max_simulated_ms=1_200_000)
 CAR_SPACE = ActionSpace.continuous(
     (-PADDOCK_CAR.max_steering_deg, PADDOCK_CAR.max_steering_deg), (PADDOCK_CAR.min_speed, PADDOCK_CAR.max_speed)
 )
@@ -45,7 +45,7 @@ Row = tuple[float, float, float, float, float, float]  # x, y, heading, curvatur
 
 
 @dataclass(frozen=True)
-class Style:
+class DrivingStyle:
     """How a lap is driven. ``shortness``, ``margin``: of the line (:func:`.racing_line.best_line`), margin in metres;
     ``grip``: share of the curve limit; ``braking``: share of the car's; ``settle_m``, ``settle_s``: the way in which an
     error falls to a third, at rest and for each m/s; ``early_s``: by how much a speed is commanded before its place."""
@@ -68,14 +68,17 @@ CHOICES: tuple[tuple[dict[str, float], ...], ...] = (
     tuple({"braking": braking} for braking in (0.4, 0.8)),
 )
 # For roads on which the first is too fast: slower and slower.
-CAREFUL = (Style(), *(Style(grip=grip, braking=0.3, margin=0.12, settle_m=0.06) for grip in (0.75, 0.6, 0.45, 0.3)))
+CAREFUL = (
+    DrivingStyle(),
+    *(DrivingStyle(grip=grip, braking=0.3, margin=0.12, settle_m=0.06) for grip in (0.75, 0.6, 0.45, 0.3)),
+)
 
 
 @dataclass(frozen=True)
-class Reference:
+class ReferenceRun:
     """The fastest run found: its style and result, and how many runs it is the best of."""
 
-    style: Style
+    style: DrivingStyle
     result: RaceResult
     runs: int
 
@@ -85,14 +88,14 @@ class Reference:
         return min(lap.time_ms for lap in self.result.laps)
 
 
-def drive_reference(track: TrackGeometry, direction: str) -> Reference | None:
+def drive_reference(track: TrackGeometry, direction: str) -> ReferenceRun | None:
     """The best of the runs of three laps that the search drives, always the same ones on a machine; None where the
     driver cannot stay on the road."""
     ground = PreparedTrack(track, direction)
     lines: dict[tuple[float, float], RacingLine] = {}
-    found: dict[Style, RaceResult | None] = {}
+    found: dict[DrivingStyle, RaceResult | None] = {}
 
-    def drive(style: Style) -> float:
+    def drive(style: DrivingStyle) -> float:
         """The best lap of a run without a fault."""
         if style not in found:
             key = style.shortness, style.margin
@@ -112,10 +115,10 @@ def drive_reference(track: TrackGeometry, direction: str) -> Reference | None:
             best = min((best, *(replace(best, **change) for change in changes)), key=drive)
     result = found[best]
     assert result is not None
-    return Reference(best, result, len(found))
+    return ReferenceRun(best, result, len(found))
 
 
-def drive_line(ground: PreparedTrack, line: RacingLine, style: Style) -> RaceResult | None:
+def drive_line(ground: PreparedTrack, line: RacingLine, style: DrivingStyle) -> RaceResult | None:
     """A run of three laps along a line; None after a fault."""
     driver = LineDriver(line, style)
     rules = replace(RULES, direction=ground.track.direction)
@@ -130,7 +133,7 @@ class LineDriver:
     sensors = (POSE,)
     action_space = CAR_SPACE
 
-    def __init__(self, line: RacingLine, style: Style, physics: CarPhysics = PADDOCK_CAR) -> None:
+    def __init__(self, line: RacingLine, style: DrivingStyle, physics: CarPhysics = PADDOCK_CAR) -> None:
         self._style, self._physics = style, physics
         self._closed = not line.is_open
         self._step_m, self._rows = _plan(line, style, physics)
@@ -198,7 +201,7 @@ class LineDriver:
         return (1.0 - min(abs(curvature) / limit, _STEEPEST) ** sharpness) ** (-1.0 - 1.0 / sharpness)
 
 
-def _plan(line: RacingLine, style: Style, physics: CarPhysics) -> tuple[float, list[Row]]:
+def _plan(line: RacingLine, style: DrivingStyle, physics: CarPhysics) -> tuple[float, list[Row]]:
     """The rows of a line, and the equal step between them in metres."""
     # the car speeds up as it can: commands need not wait for it
     brakes = replace(physics, braking=physics.braking * style.braking, acceleration=_AT_ONCE)

@@ -30,6 +30,12 @@ def standard_races() -> QuerySet[Race]:
     return fair.exclude(live_event__speed_control=True)
 
 
+def raced_ways() -> list[tuple[int, str]]:
+    """The id and direction of each track that simulated races are held on."""
+    held = Race.objects.filter(physical=False, imported_at=None, cancelled_at=None)
+    return list(held.order_by().values_list("track_id", "direction").distinct())
+
+
 def _record(*, reverse: bool) -> Subquery:
     """The fastest lap of a classified car in standard races of one direction: the file's, or the other."""
     raced = standard_races().filter(fastest_lap_ms__isnull=False)

@@ -43,7 +43,7 @@ BY_NAME = {
     409: "account_last_admin account_leads_class account_leads_group account_not_deletable account_of_class "
     "program_disabled "
     "alias_of_class alias_reserved alias_same account_organises car_of_another highlights_none training_no_model "
-    "video_no_steps video_no_best_lap reward_check_runs "
+    "reference_undrivable video_no_steps video_no_best_lap reward_check_runs "
     "race_is_physical race_not_physical live_of_real_cars sensors_too_many timekeepers_too_many "
     "team_too_many_invitations too_many_tokens class_too_many class_too_many_teachers follow_too_many "
     "group_is_a_class model_deleted_not_shared import_season_differs import_numbers_differ "

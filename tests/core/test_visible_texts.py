@@ -38,6 +38,7 @@ REASONS = {
         races.Race.next_engine races.RaceCar.car races.Recheck.measured_engine races.Recheck.measured_sha256
         races.Recheck.reason_code races.Redrive.engine races.Retiming.new_engine
         races.Retiming.old_engine races.Retiming.reason_code races.TimingSensor.hint races.TimingSensor.token_sha256
+        tracks.ReferenceLap.engine tracks.ReferenceLap.reason_code tracks.ReferenceLap.trace_sha256
         training.Sweep.public_id training.Sweep.reason_code
         training.TrainingJob.action_space_type training.TrainingJob.evaluate_reason_code
         training.TrainingJob.public_id training.TrainingJob.reason_code training.TrainingJob.submit_reason_code
@@ -54,6 +55,7 @@ REASONS = {
         evaluation.Evaluation.operator_detail evaluation.Evaluation.worker evaluation.ReportChunk.operator_detail
         evaluation.ReportChunk.worker evaluation.WorkerNode.name league.Mail.worker league.MailInvitation.worker
         league.WebhookDelivery.worker training.TrainingJob.operator_detail training.TrainingJob.worker
+        tracks.ReferenceLap.operator_detail tracks.ReferenceLap.request_id tracks.ReferenceLap.worker
         videos.Video.operator_detail videos.Video.worker
     """,
     "a copy of a checked text": """

@@ -27,6 +27,8 @@ from tests.drawn_runs import a_driven_run
 from tests.factories import a_race
 from tests.rows import model_row
 from tests.training.jobs import a_training
+from tracks.models import ReferenceLap
+from tracks.reference.jobs import REFERENCES
 from training.jobs.services.queue import TRAININGS
 from videos.services import VIDEOS, request_video
 
@@ -66,6 +68,11 @@ def a_recheck(racer: Any, track: Any, now: datetime) -> Leased:
     return Recheck.objects.create(day=now.date(), number=Recheck.objects.count() + 1, evaluation=run, queued_at=now)
 
 
+def a_reference(racer: Any, track: Any, now: datetime) -> Leased:
+    engine = f"engine-{ReferenceLap.objects.count()}"
+    return ReferenceLap.objects.create(track=track, direction="ccw", engine=engine, queued_at=now)
+
+
 MAKERS: dict[JobKind[Any], Callable[..., Leased]] = {
     EVALUATIONS: an_evaluation,
     TRAININGS: a_training,
@@ -75,6 +82,7 @@ MAKERS: dict[JobKind[Any], Callable[..., Leased]] = {
     CHUNKS: a_chunk,
     INVITATIONS: an_invitation,
     RECHECKS: a_recheck,
+    REFERENCES: a_reference,
 }
 
 

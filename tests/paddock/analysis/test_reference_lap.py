@@ -14,9 +14,9 @@ from paddock.analysis.racing_line import best_line
 from paddock.analysis.reference_lap import (
     CAR_SPACE,
     LAPS,
+    DrivingStyle,
     LineDriver,
-    Reference,
-    Style,
+    ReferenceRun,
     drive_line,
     drive_reference,
 )
@@ -31,7 +31,7 @@ HOUSE_CARS = Path("training/house_cars")
 
 
 @cache
-def reference(slug: str, direction: str) -> Reference:
+def reference(slug: str, direction: str) -> ReferenceRun:
     found = drive_reference(by_slug(slug).geometry(), direction)
     assert found is not None
     return found
@@ -81,7 +81,7 @@ def test_a_reference_is_near_to_the_lap_of_its_line_without_lag():
 def test_the_same_line_is_driven_the_same_way_again():
     ground = PreparedTrack(by_slug("oval").geometry(), "ccw")
     line = best_line(ground.track, 0.09)
-    first, second = (drive_line(ground, line, Style()) for _ in range(2))
+    first, second = (drive_line(ground, line, DrivingStyle()) for _ in range(2))
     assert first is not None and second is not None
     assert first.trace.sha256 == second.trace.sha256
 
@@ -89,8 +89,8 @@ def test_the_same_line_is_driven_the_same_way_again():
 def test_a_reference_is_the_best_run_of_its_search():
     found = reference("oval", "ccw")
     ground = PreparedTrack(by_slug("oval").geometry(), "ccw")
-    line = best_line(ground.track, Style().margin, Style().shortness, settled_m=1e-4)
-    usual = drive_line(ground, line, Style())
+    line = best_line(ground.track, DrivingStyle().margin, DrivingStyle().shortness, settled_m=1e-4)
+    usual = drive_line(ground, line, DrivingStyle())
     assert usual is not None and found.runs > 20
     assert found.time_ms < min(lap.time_ms for lap in usual.laps)
 
@@ -98,7 +98,7 @@ def test_a_reference_is_the_best_run_of_its_search():
 def test_a_run_with_a_fault_is_none():
     ground = PreparedTrack(by_slug("oval").geometry(), "ccw")
     off_the_road = best_line(ground.track, -0.5, 3.0)
-    assert drive_line(ground, off_the_road, Style()) is None
+    assert drive_line(ground, off_the_road, DrivingStyle()) is None
 
 
 @pytest.mark.parametrize("direction", only(["ccw"], ["ccw", "cw"]))
@@ -125,7 +125,7 @@ def test_commands_stay_within_the_car_s_actions():
 def test_a_driver_finds_its_place_again_after_it_was_put_elsewhere():
     track = by_slug("oval").geometry().in_direction("ccw")
     line = best_line(track, 0.09)
-    driver = LineDriver(line, Style())
+    driver = LineDriver(line, DrivingStyle())
     for row in (0, 35, 70):
         (x, y), (dx, dy) = line.points[row], line.points[row + 1] - line.points[row - 1]
         yaw = math.atan2(dy, dx)

@@ -1,0 +1,1 @@
+"""Reference laps of tracks, and the medals that follow from them."""

@@ -1,0 +1,45 @@
+"""Reference laps for pages and rooms above."""
+
+from collections.abc import Callable, Iterable
+
+from core.streams.shared_pieces import shared_value
+from paddock.simulator.engine import ENGINE_ID
+
+from ..models import ReferenceLap, ReferenceState, Track
+
+Pair = tuple[int, str]
+Demand = Callable[[], Iterable[Pair]]
+_demands: list[Demand] = []
+
+
+def register_demand(demand: Demand) -> None:
+    """Let reference laps be driven for the tracks, each ``(id, direction)``, that ``demand`` returns."""
+    if demand not in _demands:
+        _demands.append(demand)
+
+
+def demanded() -> set[Pair]:
+    """The tracks and directions that rooms above ask for."""
+    return {pair for demand in _demands for pair in demand()}
+
+
+def reference_lap(track: Track, direction: str) -> ReferenceLap | None:
+    """The reference of this engine with its trace; None until it is driven."""
+    found = ReferenceLap.objects.filter(track=track, direction=direction, engine=ENGINE_ID)
+    return found.filter(state=ReferenceState.FINISHED).first()
+
+
+def reference_times() -> dict[tuple[int, str, str], int]:
+    """The best lap in ms of each reference by track id, direction and engine: one query, shared by all readers."""
+
+    def read() -> dict[tuple[int, str, str], int]:
+        done = ReferenceLap.objects.filter(state=ReferenceState.FINISHED)
+        rows = done.values_list("track_id", "direction", "engine", "time_ms").order_by()
+        return {(track, direction, engine): ms for track, direction, engine, ms in rows if ms is not None}
+
+    return shared_value("reference times", read)
+
+
+def reference_ms(track_id: int, direction: str, engine: str = ENGINE_ID) -> int | None:
+    """The best lap of one reference in ms; None until it is driven."""
+    return reference_times().get((track_id, direction, engine))
