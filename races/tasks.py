@@ -7,6 +7,7 @@ from core.jobs.work import work_off
 from evaluation.sandbox import probe
 from evaluation.tasks import is_fit
 
+from .boards.day_ranks import note_ranks
 from .duels.services import drive_all_on
 from .entries.services.cars import settle_due
 from .entries.services.redrives import sweep_redrives
@@ -32,6 +33,12 @@ def live() -> int:
 def service_days() -> int:
     """Measure how fast submissions got their results. Returns the number of measured days."""
     return measure_days(now=database_now())
+
+
+@shared_task
+def day_ranks() -> int:
+    """Write down the ranks of the day in each open race. Returns the number of races."""
+    return note_ranks(now=database_now())
 
 
 @shared_task

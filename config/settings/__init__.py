@@ -105,6 +105,7 @@ CELERY_BEAT_SCHEDULE: dict[str, dict[str, Any]] = {
     "duels": {"task": "races.tasks.duels", "schedule": 30.0, "options": {"expires": 29}},
     "live": {"task": "races.tasks.live", "schedule": 1.0, "options": {"expires": 2}},
     "service days": {"task": "races.tasks.service_days", "schedule": 300.0, "options": {"expires": 299}},
+    "day ranks": {"task": "races.tasks.day_ranks", "schedule": 600.0, "options": {"expires": 599}},
     "redrives": {"task": "races.tasks.redrives", "schedule": 30.0, "options": {"expires": 29}},
     "rechecks": {"task": "races.tasks.rechecks", "schedule": 60.0, "options": {"expires": 59}},
     "references": {"task": "tracks.tasks.references", "schedule": 600.0, "options": {"expires": 599}},

@@ -107,6 +107,14 @@ class Entry(models.Model):
     own_sector_2_ms = models.PositiveIntegerField(_("personal best sector 2"), null=True, blank=True)
     own_sector_3_ms = models.PositiveIntegerField(_("personal best sector 3"), null=True, blank=True)
 
+    day_rank = models.PositiveIntegerField(
+        _("rank at the start of the day"),
+        null=True,
+        blank=True,
+        editable=False,
+        help_text=_("On the race's day of ranks."),
+    )
+
     class Meta:
         verbose_name = _("entry")
         verbose_name_plural = _("entries")

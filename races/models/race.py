@@ -158,6 +158,8 @@ class Race(ChecksTogether, with_rules(RULES, inside_a_race)):  # type: ignore[mi
     fastest_sector_2_ms = models.PositiveIntegerField(_("fastest sector 2"), null=True, blank=True, editable=False)
     fastest_sector_3_ms = models.PositiveIntegerField(_("fastest sector 3"), null=True, blank=True, editable=False)
 
+    day_of_ranks = models.DateField(_("day of ranks"), null=True, blank=True, editable=False)
+
     # A race has one engine: that of its first counted result; see races.entries.services.redrives.
     engine = models.CharField(_("engine"), max_length=32, blank=True, editable=False)
     next_engine = models.CharField(

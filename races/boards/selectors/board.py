@@ -62,6 +62,14 @@ class BoardRow:
         return self.entry.classified
 
     @property
+    def gained(self) -> int | None:
+        """Places gained since the start of the day, negative for lost ones; None without a rank then or now."""
+        then = self.entry.day_rank
+        if self.rank is None or then is None or self.entry.race.day_of_ranks is None or self.entry.seed is not None:
+            return None
+        return then - self.rank
+
+    @property
     def sector_gaps(self) -> tuple[int, ...]:
         """By sector of the best laps the milliseconds behind the line above; empty where one has no sectors."""
         theirs = self.above.sectors if self.above is not None else ()
