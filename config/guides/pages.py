@@ -42,6 +42,7 @@ GUIDES = (
     Guide("formats", _("Uploads and formats"), _("Model files, the ONNX contract, sharing, export."), "racers"),
     Guide("racing", _("Races and boards"), _("Race types, ranking, the league, cups, teams, notices."), "racers"),
     Guide("results", _("Results, test runs and reports"), _("Laps, replays, videos; private runs."), "racers"),
+    Guide("analysis", _("Lap analysis"), _("Telemetry, mini-sectors, and where time is lost.")),
     Guide("live", _("Live races"), _("Take part, watch, hide results."), "racers"),
     Guide("training", _("Training"), _("The form, hyperparameters, the learning algorithm."), "racers"),
     Guide("rewards", _("Reward functions"), _("Parameters, limits, modules, examples."), "racers"),

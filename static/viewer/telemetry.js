@@ -10,6 +10,7 @@ const CHARTS = [
   { name: "curvature", of: [["curvature"]], digits: 1, unit: "1/m" },
   { name: "reward", of: [["reward"]], digits: 2, unit: "" },
 ];
+const GRID = "rgb(128 128 128 / .25)"; // on either ground
 const LEAST_SHARE = 1 / 60; // of a lap, the closest zoom
 const number = (value, digits) => (value === null || value === undefined ? "–" : value.toFixed(digits));
 const clock = (ms) => (ms === null || ms === undefined ? "–" : `${Math.floor(ms / 60000)}:${String(Math.floor(ms / 1000) % 60).padStart(2, "0")}.${String(Math.round(ms) % 1000).padStart(3, "0")}`);
@@ -124,26 +125,25 @@ class Telemetry {
   options({ name, digits }, series) {
     const style = getComputedStyle(this.root);
     const text = style.color;
-    const grid = style.getPropertyValue("--telemetry-grid") || "#8884";
-    const axis = { stroke: text, grid: { stroke: grid, width: 1 }, ticks: { show: false }, font: `12px ${style.fontFamily}` };
+    const axis = { stroke: text, grid: { stroke: GRID, width: 1 }, ticks: { show: false }, font: `12px ${style.fontFamily}` };
     return {
       width: Math.max(200, this.box.clientWidth), height: HEIGHT[name], series, legend: { show: false },
       scales: { x: { time: false, range: () => this.range }, y: { range: (u, low, high) => this.span(name, low, high) } },
       axes: [
         { ...axis, size: 24, values: (u, ticks) => ticks.map((tick) => `${+tick.toFixed(2)}`) },
-        { ...axis, size: 44, values: (u, ticks) => ticks.map((tick) => tick.toFixed(Math.max(digits, tick % 1 ? 1 : 0))) },
+        { ...axis, size: 44, space: 20, values: (u, ticks) => ticks.map((tick) => tick.toFixed(Math.max(digits, tick % 1 ? 1 : 0))) },
       ],
       cursor: { y: false, drag: { x: true, y: false, setScale: false }, points: { size: 6 } },
       hooks: {
-        drawClear: [(u) => this.drawTurns(u, name === this.first, text)],
+        drawClear: [(u) => this.drawTurns(u, text)],
         setSelect: [(u) => this.select(u)],
         setCursor: [(u) => this.point(u)],
       },
     };
   }
 
-  // The turns behind the lines, with their numbers in the first chart.
-  drawTurns(u, isFirst, text) {
+  // The turns behind the lines, with their numbers.
+  drawTurns(u, text) {
     const { ctx, bbox } = u;
     const [run] = this.data.runs;
     const place = (metres) => (this.axis === "metres" ? metres : (valueAt(this.data.metres, run.ms, metres) ?? 0) / 1000);
@@ -166,8 +166,6 @@ class Telemetry {
     }
     ctx.restore();
   }
-
-  get first() { return this.data.runs.length > 1 ? "delta" : "speed"; }
 
   // Both signs of the delta always have room, so that zero is seen.
   span(name, low, high) {
