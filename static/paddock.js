@@ -277,10 +277,10 @@
     button.addEventListener("click", () => copy(button, document.getElementById(button.dataset.copy)));
   });
   // the share sheet on phones, the link elsewhere
-  each("[data-share]", (button) => {
+  each("[data-share-link]", (button) => {
     button.hidden = false;
     button.addEventListener("click", async () => {
-      const { share: url, title } = button.dataset;
+      const { shareLink: url, title } = button.dataset;
       if (navigator.share && matchMedia("(pointer: coarse)").matches) {
         try { await navigator.share({ title, url }); } catch { /* the reader closed it */ }
         return;

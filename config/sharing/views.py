@@ -165,10 +165,14 @@ def _named(request: HttpRequest, address: str) -> tuple[CardKind, str]:
         match = resolve(parts.path) if origin in (settings.SITE_URL, origin_of(request)) else None
     except (ValueError, Resolver404):
         match = None
-    kind = None if match is None else next((k for k in card_kinds().values() if k.page == match.url_name), None)
+    kind = None if match is None else _kind_at(match.url_name)
     if match is None or kind is None:
         raise Http404
     return kind, str(next(iter(match.kwargs.values())))
+
+
+def _kind_at(name: str | None) -> CardKind | None:
+    return next((kind for kind in card_kinds().values() if name in (kind.page, *kind.also)), None)
 
 
 def _absolute(path: str) -> str:

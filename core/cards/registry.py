@@ -89,7 +89,8 @@ class CardKind:
     without results if the second argument is true; None where guests may see nothing. ``public``: the pages that guests
     may see, ordered, for the site map; ``changed``: their attribute with the time of the last change.
     ``results``: the name of an address whose results (:mod:`races.spoilers.hidden_addresses`) the card shows.
-    ``embedded``: what other sites may frame, under the conditions of ``card``.
+    ``embedded``: what other sites may frame, under the conditions of ``card``;
+    ``also``: names of other addresses of it, which take the same key.
     """
 
     name: str
@@ -101,6 +102,7 @@ class CardKind:
     changed: str = ""
     results: str = ""
     embedded: Callable[[str, bool], EmbeddedPart | None] | None = None
+    also: tuple[str, ...] = ()
 
     def address(self, key: str) -> str:
         return reverse(self.page, args=[key])

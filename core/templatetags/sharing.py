@@ -28,20 +28,21 @@ def sharing(
     """Open Graph and Twitter tags with the card of a kind (:mod:`core.cards.registry`), and the canonical link.
 
     On pages of guests alone: only guests read these tags, and what a racer may see is perhaps not for all. ``page``:
-    its address. ``hides``: the reader hides its results, so the card shows none. ``framed``: other sites may embed the
-    page, so there is the link to its oEmbed.
+    its address, with the query that a shared link keeps. ``hides``: the reader hides its results, so the card shows
+    none. ``framed``: other sites may embed the page, so there is the link to its oEmbed.
     """
     if getattr(context.get("user"), "is_authenticated", False):
         return ""
     language = get_language() or settings.LANGUAGE_CODE
-    canonical, query = f"{settings.SITE_URL}{page}", _query(hides)
+    address, _, asked = page.partition("?")
+    query = _query(hides)
     return render_to_string(
         "parts/sharing/tags.html",
         {
             "title": title,
             "description": description,
-            "canonical": canonical,
-            "address": canonical + query,
+            "canonical": f"{settings.SITE_URL}{address}",
+            "address": f"{settings.SITE_URL}{page}{query and (query.replace('?', '&') if asked else query)}",
             "image": f"{settings.SITE_URL}{reverse('card', args=[language, kind, key])}{query}",
             "locale": _LOCALES.get(language, language),
             "oembed": f"{settings.SITE_URL}{reverse('oembed')}" if framed else "",

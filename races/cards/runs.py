@@ -19,6 +19,8 @@ from races.entries.selectors.visibility import evaluations_visible_to
 from races.models import Visibility
 from races.replays.run_maps import ColourBy, trajectories
 from races.replays.selectors import direction_of
+from races.replays.setup import run_setup
+from races.rules.layout import driven_boxes
 from races.runs.video_titles import titles_of
 from races.web.views import public_evaluation
 from tracks.cards import map_shapes
@@ -110,8 +112,11 @@ def _embedded(key: str, hides: bool) -> EmbeddedPart | None:
     context = {
         **{"evaluation": shared.run, "title": shared.title, "lines": shared.lines, "direction": shared.direction},
         **{"hides": hides, "driven": () if hides else shared.driven, "figures": shared.figures},
+        # its document would be refused too
+        "viewer": "" if hides else run_setup(shared.run, shared.best["number"] if shared.best else 0),
+        "boxes": driven_boxes(shared.run.result.layout),
     }
-    return EmbeddedPart("races/cards/run.html", context, 420)
+    return EmbeddedPart("races/cards/run.html", context, 640)
 
 
 def _public() -> QuerySet[Evaluation]:
@@ -126,5 +131,6 @@ KINDS = (
         *("run", pgettext_lazy("noun", "Run"), "evaluation", "public_id", _card, _public, "ended_at"),
         results="evaluation",
         embedded=_embedded,
+        also=("replay",),
     ),
 )

@@ -60,6 +60,9 @@ class ReplayedRun:
     look: VehicleLook
     without: str
 
+    def __str__(self) -> str:
+        return self.name
+
     @property
     def spelled(self) -> str:
         """The run and its lap as ``with`` has them."""

@@ -189,7 +189,7 @@ class TestSpoilers:
         client.post("/spoilers/", {"do": "hide"})
         page = client.get(led.get_absolute_url()).content.decode()
         assert Tags(page)["og:image"].endswith("?spoilers=hide") and Tags(page)["og:url"].endswith("?spoilers=hide")
-        assert f'data-share="{settings.SITE_URL}{led.get_absolute_url()}?spoilers=hide"' in page
+        assert f'data-share-link="{settings.SITE_URL}{led.get_absolute_url()}?spoilers=hide"' in page
         assert card_of("race", led.slug, client=client)["ETag"] != card_of("race", led.slug)["ETag"]
 
     def test_an_embedded_board_without_spoilers_has_no_result(self, led):

@@ -1,0 +1,118 @@
+"""Sharing in a real Chromium: pages in a frame of another site, the share sheet of phones, and copied links."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
+from threading import Thread
+
+import pytest
+from django.conf import settings
+from django.urls import reverse
+from django.utils import timezone
+
+from tests.drawn_runs import a_driven_run
+from tests.factories import a_race
+from tests.pages.browsing import IN_A_BROWSER, chromium, visitor
+from tests.pages.test_compare_browser import SHOTS, shoot
+
+playwright = pytest.importorskip("playwright.sync_api", reason="Playwright is not installed")
+
+pytestmark = [*IN_A_BROWSER, pytest.mark.django_db(transaction=True)]
+SHEET = "navigator.share = (data) => { window.shared = data; return Promise.resolve(); }"
+
+
+@pytest.fixture(scope="module")
+def browser() -> Iterator:
+    with chromium() as opened:
+        yield opened
+
+
+@pytest.fixture
+def run(alice, wakes):
+    now = timezone.now()
+    return a_driven_run(a_race(now, slug="night", name="Night race"), alice, now, lap_ms=9_000)
+
+
+@pytest.fixture(scope="module")
+def elsewhere() -> Iterator[str]:
+    """Another site, whose pages frame the address after "?"."""
+
+    class Elsewhere(BaseHTTPRequestHandler):
+        def do_GET(self) -> None:
+            self.send_response(200)
+            self.send_header("Content-Type", "text/html")
+            self.end_headers()
+            self.wfile.write(f'<iframe src="{self.path[2:]}" width="640" height="640"></iframe>'.encode())
+
+        def log_message(self, *args: object) -> None:
+            """No line on the terminal."""
+
+    with ThreadingHTTPServer(("127.0.0.1", 0), Elsewhere) as server:
+        Thread(target=server.serve_forever, daemon=True).start()
+        yield f"http://127.0.0.1:{server.server_port}"
+        server.shutdown()
+
+
+def test_another_site_frames_a_run_that_plays_and_a_board(browser, live_server, elsewhere, run, alice):
+    with visitor(browser, live_server.url) as context:
+        page = context.new_page()
+        errors: list[str] = []
+        page.on("pageerror", lambda error: errors.append(str(error)))
+        page.goto(f"{elsewhere}/?{live_server.url}/embed/run/{run.public_id}/")
+        frame = page.frame_locator("iframe")
+        frame.locator("[data-toggle]").click()
+        playwright.expect(frame.locator("[data-out]")).not_to_contain_text("0:00.000")
+        if SHOTS:
+            page.screenshot(path=f"{SHOTS}/embedded-run.png")
+        page.goto(f"{elsewhere}/?{live_server.url}/embed/race/night/")
+        playwright.expect(frame.get_by_role("row", name=alice.alias)).to_be_visible()
+        if SHOTS:
+            page.screenshot(path=f"{SHOTS}/embedded-board.png")
+        assert not errors
+
+
+@pytest.mark.parametrize("kind", ["race", "run", "log-in"])
+def test_no_other_page_is_framed(kind, browser, live_server, elsewhere, run):
+    address = {"race": "/races/night/", "run": run.get_absolute_url(), "log-in": "/accounts/login/"}[kind]
+    with visitor(browser, live_server.url) as context:
+        page, said = context.new_page(), []
+        page.on("console", lambda message: said.append(message.text))
+        page.goto(f"{elsewhere}/?{live_server.url}{address}")
+        playwright.expect(page.frame_locator("iframe").locator("#main")).to_have_count(0)
+        assert any("frame-ancestors" in text or "X-Frame-Options" in text for text in said), said
+
+
+@pytest.mark.parametrize("kind", ["race", "run", "racer"])
+def test_a_phone_opens_its_share_sheet(kind, browser, live_server, run, alice):
+    address = {"race": "/races/night/", "run": run.get_absolute_url(), "racer": alice.get_absolute_url()}[kind]
+    phone = {"has_touch": True, "is_mobile": True, "viewport": {"width": 360, "height": 740}}
+    with visitor(browser, live_server.url, **phone) as context:
+        context.add_init_script(SHEET)
+        page = context.new_page()
+        page.goto(address)
+        page.get_by_role("button", name="Share", exact=True).click()
+        assert page.evaluate("shared")["url"] == f"{settings.SITE_URL}{address}"
+        assert page.evaluate("document.documentElement.scrollWidth") <= 360
+        shoot(page, f"share-{kind}")
+
+
+def test_elsewhere_the_link_is_copied(browser, live_server, run):
+    with visitor(browser, live_server.url) as context:
+        context.grant_permissions(["clipboard-read", "clipboard-write"], origin=live_server.url)
+        page = context.new_page()
+        page.goto(run.get_absolute_url())
+        page.get_by_role("button", name="Share", exact=True).click()
+        playwright.expect(page.get_by_role("button", name="Link copied")).to_be_visible()
+        assert page.evaluate("navigator.clipboard.readText()") == f"{settings.SITE_URL}{run.get_absolute_url()}"
+        playwright.expect(page.get_by_role("button", name="Share", exact=True)).to_be_focused()
+
+
+def test_a_link_to_a_moment_keeps_it(browser, live_server, run):
+    moment = f"{reverse('replay', args=[run.public_id])}?t=2.5&camera=chase"
+    with visitor(browser, live_server.url) as context:
+        page = context.new_page()
+        page.goto(moment)
+        assert page.locator('meta[property="og:url"]').get_attribute("content") == f"{settings.SITE_URL}{moment}"
+        canonical = page.locator('link[rel="canonical"]').get_attribute("href")
+        assert canonical == f"{settings.SITE_URL}{reverse('replay', args=[run.public_id])}"
