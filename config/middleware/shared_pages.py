@@ -33,7 +33,7 @@ PAGES = 200  # of one process; the one asked for longest ago makes way
 VIEWS = frozenset({"home", "race", "race_duels", "race_rules", "races", "season", "season_standings"}) | frozenset(
     {"live_event", "live_state", "live_poses", "live_frames", "live_ghost", "live_screen", "live_overlay"}
     | {"tracks", "tracks_to_choose", "track_print", "season_calendar", "race_laps", "live_phone"}
-    | {"evaluation", "evaluation_live", "evaluation_compare", "evaluation_compared", "evaluation_compared_replay"}
+    | {"evaluation", "evaluation_live", "replay"}
     | {"api-docs", "status"}
 )
 _MESSAGES = "messages"

@@ -9,7 +9,7 @@ from django.utils.translation import gettext_lazy as _
 DEFAULT_COLOUR = "#3b82f6"
 COLOUR = r"^#[0-9a-f]{6}$"
 # For cars with a colour too close to another's in the same run; colour-blind viewers can distinguish them.
-_SPARE = ("#3b82f6", "#f59e0b", "#ec4899", "#14b8a6", "#f8fafc", "#ef4444", "#84cc16")
+_SPARE = ("#3b82f6", "#f59e0b", "#ec4899", "#14b8a6", "#f8fafc", "#ef4444", "#84cc16", "#a855f7")
 _APART = 120.0  # of about 765 from black to white
 
 

@@ -1,8 +1,8 @@
 """Two laps against each other: where one gained on the other, from the traces of both. Pure."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Annotated, Any
+from typing import Annotated
 
 import numpy as np
 
@@ -79,13 +79,3 @@ def best_lap(laps: Sequence[DrivenLapDocument]) -> int:
     if whole:
         return min(whole, key=lambda lap: lap["time_ms"])["number"]
     return max(laps, key=lambda lap: lap["completion_percentage"])["number"] if laps else 1
-
-
-def ghost_data(replay: Mapping[str, Any], laps: Sequence[DrivenLapDocument], lap: int) -> dict[str, list]:
-    """The columns of :func:`races.replays.run_maps.replay_data` of one lap, whose clock begins with the lap."""
-    start = next(one["start_ms"] for one in laps if one["number"] == lap)
-    names = ("t", "x", "y", "yaw", "v", "steer", "lap", "status")
-    rows = [index for index, number in enumerate(replay["lap"]) if number == lap - 1]
-    data = {name: [replay[name][index] for index in rows] for name in names}
-    data["t"] = [max(0, moment - start) for moment in data["t"]]
-    return data

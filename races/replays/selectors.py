@@ -41,9 +41,10 @@ class RunOffer:
 
 def race_of(evaluation: Evaluation) -> Race | None:
     """The race that a run was driven in; None for a test drive."""
-    submission, duel = getattr(evaluation, "submission", None), getattr(evaluation, "duel", None)
+    submission = getattr(evaluation, "submission", None)
     if submission is not None:
         return submission.entry.race
+    duel = getattr(evaluation, "duel", None)
     return duel.race if duel is not None else None
 
 
@@ -92,7 +93,7 @@ def offers_to_compare(
     they follow, house cars' and the fastest by the same rules. ``hidden``: races whose results are spoilers."""
     runs = (
         comparable_with(evaluation, reader)
-        .select_related("result", "submission__entry__race")
+        .select_related("result", "submission__entry__race", "duel__race")
         .defer("result__trajectory", "track__npy")
     )
     if hidden:

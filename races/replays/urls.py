@@ -6,6 +6,8 @@ from . import views
 
 urlpatterns = [
     path("evaluations/<str:public_id>/replay/", views.replay, name="replay"),
+    path("evaluations/<str:public_id>/compare/", views.compare_before, name="evaluation_compare"),
+    path("evaluations/<str:public_id>/compare/<str:other_id>/", views.compare_before, name="evaluation_compared"),
     path("evaluations/<str:public_id>/replay.json", views.evaluation_replay, name="evaluation_replay"),
     path("tracks/<slug:slug>/scene.json", views.track_scene, name="track_scene"),
 ]

@@ -23,7 +23,7 @@ from evaluation.running.competitors import car_rows
 from evaluation.running.results import read_trace
 from paddock.errors import PaddockError, PlatformFault, UserFault
 from paddock.geometry.track import CCW, DIRECTIONS
-from races.replays.comparison import LapComparison, best_lap, compare, lap_line
+from races.replays.comparison import LapComparison, LapLine, best_lap, compare, lap_line
 from races.replays.document import document_key, look_document, run_document
 from races.replays.run_maps import LAP_COLOURS, LapRow, lap_rows
 from races.replays.scene import SCENE_FORMAT, scene_document
@@ -104,7 +104,7 @@ def replay(request: HttpRequest, public_id: str) -> HttpResponse:
     if refused is not None or _spelled(beside) != ",".join(request.GET.getlist("with")):
         query = request.GET.copy()
         query["with"] = _spelled(beside)
-        return redirect(_address(shown, query))
+        return redirect(_address(public_id, query))
     runs = _replayed(shown, request.GET.get("lap", ""), others, beside)
     cars = car_rows(shown)
     context = {
@@ -122,6 +122,17 @@ def replay(request: HttpRequest, public_id: str) -> HttpResponse:
         "offers": _offers(request, shown, runs, beside) if len(runs) < MOST_RUNS else [],
     }
     return render(request, "races/replays/replay.html", context)
+
+
+@require_safe
+def compare_before(request: HttpRequest, public_id: str, other_id: str = "") -> HttpResponse:
+    """The address of the page of two runs in earlier versions: redirects to the viewer."""
+    query = QueryDict(mutable=True)
+    laps = [request.GET.get(name, "") for name in ("lap", "other_lap")]
+    query["lap"] = laps[0]
+    query["with"] = _spelled([(other_id, laps[1])]) if other_id else request.GET.get("with", "")
+    address = _address(public_id, query)
+    return redirect(address if "?" in address else f"{address}#offers", permanent=True)
 
 
 @require_safe
@@ -232,14 +243,14 @@ def _with(shown: Evaluation, lap: str, beside: Sequence[tuple[str, str]]) -> str
     """The page's address with these other runs and their laps."""
     query = QueryDict(mutable=True)
     query["lap"], query["with"] = lap, _spelled(beside)
-    return _address(shown, query)
+    return _address(shown.public_id, query)
 
 
-def _address(shown: Evaluation, query: QueryDict) -> str:
+def _address(public_id: str, query: QueryDict) -> str:
     """The page's address with a query, without its empty values."""
     for name in [name for name, value in query.items() if not value]:
         del query[name]
-    address = reverse("replay", args=[shown.public_id])
+    address = reverse("replay", args=[public_id])
     return f"{address}?{query.urlencode(safe=':,')}" if query else address
 
 
@@ -262,29 +273,27 @@ def _setup(shown: Evaluation, runs: Sequence[ReplayedRun]) -> str:
 
 def _verdicts(runs: Sequence[ReplayedRun]) -> list[RunVerdict]:
     """The first run's lap against that of each other; none where a trace cannot be read or a lap not be compared."""
-    first, *others = runs
-    found = []
-    for other in others:
+    lines: list[LapLine | None] = []
+    for each in runs if len(runs) > 1 else ():
         try:
-            numbers = [each.lap or best_lap(each.run.result.laps) for each in (first, other)]
-            compared = _compared(first.run, other.run, *numbers)
+            lines.append(_line_of(each.run, each.lap or best_lap(each.run.result.laps)))
         except (UserFault, PlatformFault):
-            continue
-        sentence = _sentence(compared, first.name, other.name)
-        stretches = compared.stretch(gained=True), compared.stretch(gained=False)
-        found.append(RunVerdict(other.name, sentence, *stretches))
+            lines.append(None)
+    found = []
+    for each, line in zip(runs[1:], lines[1:], strict=True):
+        if lines[0] is not None and line is not None:
+            compared = compare(lines[0], line, runs[0].run.track.geometry.length)
+            stretches = compared.stretch(gained=True), compared.stretch(gained=False)
+            found.append(RunVerdict(each.name, _sentence(compared, runs[0].name, each.name), *stretches))
     return found
 
 
-def _compared(one: Evaluation, other: Evaluation, lap: int, other_lap: int) -> LapComparison:
-    results = (one.result, lap), (other.result, other_lap)
-    key = ("compared laps", *((result.trace_sha256, number) for result, number in results))
-
-    def made() -> LapComparison:
-        line, other_line = (lap_line(read_trace(result), result.laps, number) for result, number in results)
-        return compare(line, other_line, one.track.geometry.length)
-
-    return lasting_value(key, made)
+def _line_of(run: Evaluation, lap: int) -> LapLine:
+    """A lap of a run by distance. Raises UserFault ``compare_lap``, PlatformFault ``storage_failed``,
+    ``file_damaged``."""
+    result = run.result
+    key = "lap by distance", result.trace_sha256, lap
+    return lasting_value(key, lambda: lap_line(read_trace(result), result.laps, lap))
 
 
 def _sentence(compared: LapComparison, name: str, other: str) -> str:

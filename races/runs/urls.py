@@ -2,23 +2,12 @@
 
 from django.urls import path
 
-from .views import camera, comparison, evaluations, videos
+from .views import camera, evaluations, videos
 
 urlpatterns = [
     path("evaluations/<str:public_id>/", evaluations.evaluation, name="evaluation"),
     path("evaluations/<str:public_id>/live/", evaluations.evaluation_live, name="evaluation_live"),
     path("evaluations/<str:public_id>/stop/", evaluations.evaluation_stop, name="evaluation_stop"),
-    path("evaluations/<str:public_id>/compare/", comparison.evaluation_compare, name="evaluation_compare"),
-    path(
-        "evaluations/<str:public_id>/compare/<str:other_id>/",
-        comparison.evaluation_compared,
-        name="evaluation_compared",
-    ),
-    path(
-        "evaluations/<str:public_id>/compare/<str:other_id>/replay.json",
-        comparison.evaluation_compared_replay,
-        name="evaluation_compared_replay",
-    ),
     path("evaluations/<str:public_id>/seen/", camera.evaluation_seen, name="evaluation_seen"),
     path("evaluations/<str:public_id>/attention/", camera.evaluation_attention, name="evaluation_attention"),
     path("evaluations/<str:public_id>/saw/", camera.evaluation_saw, name="evaluation_saw"),

@@ -67,8 +67,8 @@ def register() -> None:
     )
     register_scope(
         _of_runs,
-        *("evaluation", "evaluation_live", "evaluation_replay", "evaluation_compare", "evaluation_compared"),
-        *("evaluation_compared_replay", "evaluation_seen", "evaluation_saw", "evaluation_attention"),
+        *("evaluation", "evaluation_live", "evaluation_replay"),
+        *("evaluation_seen", "evaluation_saw", "evaluation_attention"),
         *("evaluation_trace", "evaluation_metrics", "evaluation_logs"),
         *("api-evaluation", "api-metrics", "api-evaluation-compare", "api-layout", "api-evaluation-logs"),
         *("api-trace", "api-videos"),

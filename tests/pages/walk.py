@@ -49,7 +49,6 @@ NO_PAGES = {
     *("api_token_revoke", "board_atom", "board_badge", "board_csv", "board_json", "elsewhere_file", "enter"),
     *("evaluation_live", "evaluation_logs", "evaluation_metrics", "evaluation_replay", "evaluation_stop"),
     *(
-        "evaluation_compared_replay",
         "evaluation_seen",
         "evaluation_attention",
         "evaluation_trace",

@@ -2,13 +2,18 @@
 
 from __future__ import annotations
 
+import json
+
 import pytest
 from django.contrib.auth.models import AnonymousUser
+from django.db import connection
 from django.test import Client
+from django.test.utils import CaptureQueriesContext
 from django.urls import reverse
 from django.utils import timezone
 
-from evaluation.models import Evaluation
+from accounts.models import Follow
+from evaluation.models import Evaluation, Result
 from paddock.errors import UserFault
 from races.entries.selectors.visibility import can_see_evaluation
 from races.entries.services.entries import accept_invitation
@@ -112,10 +117,12 @@ def test_a_sealed_run_is_with_nothing_compared(runs, now):
     assert runs["bob"] not in comparable_with(runs["alice"], stella)
     client = Client()
     client.force_login(stella)
-    for part in ("", "replay.json"):
-        address = reverse("evaluation_compared", args=[runs["alice"].public_id, runs["bob"].public_id]) + part
-        assert client.get(address).status_code == 404
-    assert client.get(f"/api/v1{address.removesuffix('replay.json')}").status_code == 404
+    assert client.get(reverse("evaluation_replay", args=[runs["bob"].public_id])).status_code == 404
+    assert client.get(reverse("replay", args=[runs["bob"].public_id])).status_code == 404
+    at = reverse("replay", args=[runs["alice"].public_id])
+    assert refusal(client, f"{at}?with={runs['bob'].public_id}") == "compare_unknown"
+    address = f"/api/v1/evaluations/{runs['alice'].public_id}/compare/{runs['bob'].public_id}/"
+    assert client.get(address).status_code == 404
 
 
 def test_what_is_offered_begins_with_the_leader(runs):
@@ -127,6 +134,7 @@ def test_what_is_offered_begins_with_the_leader(runs):
         (Why.FAST, runs["secret"]),
     ]
     assert offered[0].gap_ms == 999 - 1_199
+    assert [each.why for each in offered].count(Why.AHEAD) == 0, "the car ahead leads, and is offered once"
     assert [each.why for each in offers_to_compare(runs["alice"], runs["bob"].owner, None)][:2] == [Why.MINE, Why.MINE]
 
 
@@ -137,7 +145,7 @@ def refusal(client, address):
 
 def test_the_pages_and_the_api_refuse_with_a_reason(runs, client):
     client.force_login(runs["bob"].owner)
-    at = reverse("evaluation_compare", args=[runs["alice"].public_id])
+    at = reverse("replay", args=[runs["alice"].public_id])
     for other, code, status in (
         (runs["alice"].public_id, "compare_itself", 400),
         ("nothing-there", "compare_unknown", 404),
@@ -149,8 +157,7 @@ def test_the_pages_and_the_api_refuse_with_a_reason(runs, client):
         assert answer.status_code == status
         assert code == "compare_unknown" or answer.json()["code"] == code
     link = "https://example.org" + runs["bob"].get_absolute_url()
-    assert client.get(at, {"with": link}).url == f"{at}{runs['bob'].public_id}/"
-    assert refusal(client, f"{at}{runs['bob'].public_id}/?lap=77") == "compare_lap"
+    assert client.get(at, {"with": link}).url == f"{at}?with={runs['bob'].public_id}"
 
 
 def test_page_and_api_show_the_same_gap(runs, client):
@@ -160,12 +167,9 @@ def test_page_and_api_show_the_same_gap(runs, client):
     assert len(told["gap_ms"]) == len(told["metres"]) == len(told["speed"]) == len(told["other_speed"]) == 201
     for wrong in ("0", "4", "x", "-1", "1e1", "٣"):
         assert client.get(address, {"lap": wrong}).json()["code"] == "compare_lap"
-    page = client.get(reverse("evaluation_compared", args=[runs["alice"].public_id, runs["bob"].public_id]))
+    page = client.get(reverse("replay", args=[runs["alice"].public_id]), {"with": runs["bob"].public_id})
     assert "bob is 0.200 s ahead at the line." in page.content.decode()
-    replay = client.get(page.context["replay"]).json()
-    ghost = replay["rivals"][0]
-    assert (replay["t"][0], ghost["t"][0], replay["before"]) == (0, 0, 1)
-    assert max(ghost["t"]) < max(replay["t"]) < 1_200 and ghost["number"] == 1
+    assert [each["lap"] for each in json.loads(page.context["viewer"])["runs"]] == [2, 2], "the best lap of each"
 
 
 def test_runs_by_other_rules_have_their_race_and_no_gap(runs, now):
@@ -177,3 +181,64 @@ def test_runs_by_other_rules_have_their_race_and_no_gap(runs, now):
     assert not {each.evaluation for each in offered} & set(others)
     mine = {each.evaluation: each for each in offers_to_compare(runs["bob"], bob, None)}
     assert [(mine[run].gap_ms, mine[run].race) for run in others] == [(None, boxes), (None, free)]
+
+
+def test_a_run_of_another_engine_is_refused_and_not_offered(runs, client):
+    Result.objects.filter(evaluation=runs["bob"]).update(engine="paddock-v0")
+    alice = Evaluation.objects.get(pk=runs["alice"].pk)
+    assert runs["bob"] not in comparable_with(alice, alice.owner)
+    client.force_login(alice.owner)
+    at = reverse("replay", args=[alice.public_id])
+    assert refusal(client, f"{at}?with={runs['bob'].public_id}") == "compare_engine"
+    answer = client.get(f"/api/v1/evaluations/{alice.public_id}/compare/{runs['bob'].public_id}/")
+    assert (answer.status_code, answer.json()["code"]) == (400, "compare_engine")
+
+
+def test_addresses_of_earlier_versions_lead_to_the_viewer(runs, client):
+    alice, bob = runs["alice"].public_id, runs["bob"].public_id
+    moved = {
+        f"/evaluations/{alice}/compare/": f"/evaluations/{alice}/replay/#offers",
+        f"/evaluations/{alice}/compare/?with=ahead": f"/evaluations/{alice}/replay/?with=ahead",
+        f"/evaluations/{alice}/compare/{bob}/": f"/evaluations/{alice}/replay/?with={bob}",
+        f"/evaluations/{alice}/compare/{bob}/?lap=3&other_lap=1": f"/evaluations/{alice}/replay/?lap=3&with={bob}:1",
+    }
+    for before, now in moved.items():
+        answer = client.get(before)
+        assert (answer.status_code, answer.url) == (301, now)
+
+
+def test_words_name_the_runs_to_add(runs, client, now):
+    client.force_login(runs["alice"].owner)
+    at = reverse("replay", args=[runs["alice"].public_id])
+    for word in ("ahead", "leader"):
+        assert client.get(at, {"with": word}).url == f"{at}?with={runs['bob'].public_id}"
+    assert client.get(at, {"with": "house", "t": "2"}).url == f"{at}?with={runs['house'].public_id}&t=2"
+    assert client.get(at, {"with": "mine"}).url == at, "there is no other run of the racer"
+    Follow.objects.create(follower=runs["alice"].owner, followed=runs["house"].owner, since=now)
+    assert client.get(at, {"with": "followed"}).url == f"{at}?with={runs['house'].public_id}"
+
+
+def test_at_most_eight_runs_play_together(runs, client, now):
+    race = runs["alice"].submission.entry.race
+    more = [a_driven_run(race, a_racer(f"racer{number}"), now, count=1) for number in range(8)]
+    client.force_login(runs["alice"].owner)
+    at = reverse("replay", args=[runs["alice"].public_id])
+    page = client.get(at, {"with": ",".join(run.public_id for run in more)}, follow=True)
+    assert len(page.context["runs"]) == 8 and page.context["offers"] == []
+    assert len({each.look.colour for each in page.context["runs"]}) == 8, "each has its own colour"
+
+
+def test_more_runs_need_no_more_queries(runs, client, now):
+    race = runs["alice"].submission.entry.race
+    more = [a_driven_run(race, a_racer(f"racer{number}"), now, count=1) for number in range(7)]
+    client.force_login(runs["alice"].owner)
+    at = reverse("replay", args=[runs["alice"].public_id])
+
+    def queries(count: int) -> int:
+        with CaptureQueriesContext(connection) as captured:
+            assert client.get(at, {"with": ",".join(run.public_id for run in more[:count])}).status_code == 200
+        return len(captured)
+
+    queries(1)
+    files = 5  # each trace is one more
+    assert queries(6) <= queries(1) + files
