@@ -18,7 +18,7 @@ from django.http.response import HttpResponseBase
 from django.test import Client
 
 if TYPE_CHECKING:
-    from playwright.sync_api import Browser, BrowserContext
+    from playwright.sync_api import Browser, BrowserContext, Page
 
     from accounts.models import Racer
 
@@ -49,6 +49,7 @@ IN_A_BROWSER = [
     pytest.mark.slow,
     pytest.mark.skipif(CHROMIUM is None, reason="no Chromium or Chrome; “make test” says what to type"),
 ]
+SHOTS = os.environ.get("PADDOCK_SHOTS")
 LATE_MS = 20_000  # what a page shows comes later on a busy machine
 ASYNC_UNSAFE = "DJANGO_ALLOW_ASYNC_UNSAFE"
 BACKEND = "django.contrib.auth.backends.ModelBackend"
@@ -130,3 +131,13 @@ def visitor(browser: Browser, address: str, racer: Racer | None = None, **option
         client.force_login(racer, backend=BACKEND)
         context.add_cookies([{"name": "sessionid", "value": client.cookies["sessionid"].value, "url": address}])
     return context
+
+
+def shoot(page: Page, name: str) -> None:
+    """Pictures of a page at both widths and in both themes, in the folder ``PADDOCK_SHOTS``."""
+    for width in (360, 1280):
+        for theme in ("dark", "light"):
+            page.set_viewport_size({"width": width, "height": 900})
+            page.emulate_media(color_scheme=theme)
+            assert page.evaluate("document.documentElement.scrollWidth") <= width
+            page.screenshot(path=Path(SHOTS or ".") / f"{name}-{width}-{theme}.png", full_page=True)

@@ -140,7 +140,7 @@ def test_a_replay_is_controlled_from_the_keyboard(browser, live_server, now) -> 
     page.wait_for_function("() => document.activeElement.textContent === 'Pause'")
     page.wait_for_function("() => !document.querySelector('[data-out]').textContent.includes('0:00.000 ')")
     page.keyboard.press("Enter")
-    seek = page.get_by_label("Time of the run")
+    seek = page.get_by_label("Time of the replay")
     seek.focus()
     page.keyboard.press("Home")  # a busy machine may have played it to its end
     before = int(seek.input_value())

@@ -10,19 +10,18 @@ from django.test import Client
 from django.utils import timezone
 
 from evaluation.appearance.shells import FROM_ABOVE
-from evaluation.models import TrainedModel
+from evaluation.models import Evaluation, TrainedModel
 from tests.duels import drawn, driving, end
 from tests.factories import a_race, a_racer, drive, laps
 from tests.pages.conftest import World
 
-CAR = re.compile(r'<g class="replay-car" data-car="(\d)" hidden>(.*?)</g></g>', re.S)
 
-
-def cars_of(html: str) -> dict[str, tuple[str, str]]:
+def cars_of(run: Evaluation) -> dict[int, tuple[str, str]]:
     """The cars that a replay draws by number: the colour and the body's path of each."""
+    document = Client().get(f"{run.get_absolute_url()}replay.json").json()
     return {
-        number: re.search(r'above-body" fill="([^"]+)" d="([^"]+)"', paths).groups()
-        for number, paths in CAR.findall(html)
+        car["number"]: re.search(r'above-body" fill="([^"]+)" d="([^"]+)"', car["look"]["above"]).groups()
+        for car in (document, *document["rivals"])
     }
 
 
@@ -33,7 +32,7 @@ def test_a_replay_shows_the_shell_and_colour_of_the_model():
     evaluation = drive(a_race(now), racer, laps(11_000, 12_000, 13_000), now).evaluation
     TrainedModel.objects.filter(pk=evaluation.model_id).update(shell="kart", colour="#a3e635")
     html = Client().get(evaluation.get_absolute_url()).content.decode()
-    assert cars_of(html) == {"0": ("#a3e635", FROM_ABOVE["kart"].body)}
+    assert cars_of(evaluation) == {0: ("#a3e635", FROM_ABOVE["kart"].body)}
     assert "style=" not in html.split("data-stage")[1].split("</svg>")[0], "the content policy lets no style in"
 
 
@@ -44,11 +43,11 @@ def test_identical_looking_cars_of_a_duel_are_told_apart(monkeypatch):
     (duel,) = driving(race)
     end(duel, now)
     html = Client().get(duel.evaluation.get_absolute_url()).content.decode()
-    cars = cars_of(html)
-    assert set(cars) == {"0", "1"}
-    assert cars["0"][0] == "#3b82f6" != cars["1"][0]
+    cars = cars_of(duel.evaluation)
+    assert set(cars) == {0, 1}
+    assert cars[0][0] == "#3b82f6" != cars[1][0]
     samples = re.findall(r'class="car-sample">.*?shell-body" fill="([^"]+)"', html, re.S)
-    assert set(samples) == {cars["0"][0], cars["1"][0]}, "table and legend show the same colours"
+    assert set(samples) == {cars[0][0], cars[1][0]}, "table and legend show the same colours"
 
 
 def test_the_owner_changes_a_models_look_by_page_and_api(world: World):

@@ -1,4 +1,4 @@
-"""The replay of a run in a real browser, on columns made by hand: no site is needed."""
+"""The flat map of a replay in a real Chromium, on columns made by hand: several cars, middles, the camera frame."""
 
 from __future__ import annotations
 
@@ -7,47 +7,46 @@ from collections.abc import Iterator
 from time import monotonic
 
 import pytest
+from django.utils import timezone
 
 from paddock.simulator.physics import PADDOCK_CAR
-from tests.pages.browsing import IN_A_BROWSER, chromium
+from tests.drawn_runs import a_driven_run
+from tests.factories import a_race
+from tests.pages.browsing import IN_A_BROWSER, chromium, visitor
 from tests.shared import CHECKOUT
 
 playwright = pytest.importorskip("playwright.sync_api", reason="Playwright is not installed")
 
-pytestmark = IN_A_BROWSER
-
-PAGE = """<div data-replay="/run.json" data-play="Play" data-pause="Pause">
-<svg viewBox="0 0 10 10" data-stage><polyline points="" data-tail/>
-<defs><path d="M0 0" data-bot/></defs><g data-others></g>
-<g data-car="0" hidden></g><g data-car="1" hidden></g></svg>
-<div data-player hidden><button data-toggle>Play</button><input type="range" min="0" data-seek>
-<select data-rate><option value="4">4</option></select><output data-out data-lap="Lap"></output></div>
-<img data-seen="/seen.png" hidden><a href="/saw" data-saw>Camera view</a></div>"""
-
+pytestmark = [*IN_A_BROWSER, pytest.mark.django_db(transaction=True)]
 PIXEL = '<svg xmlns="http://www.w3.org/2000/svg" width="1" height="1"/>'
+LOOK = {"shell": "kart", "colour": "#3b82f6", "above": '<g><path class="above-body" fill="#3b82f6" d="M0 0"/></g>'}
 
 
-def columns(*moments: int) -> dict[str, list]:
+def car(number: int, *moments: int) -> dict[str, object]:
     """A car that drives to the right, half a metre in a second."""
     count = len(moments)
-    still = {"y": [1.0] * count, "yaw": [0.0] * count, "status": ["in_progress"] * count}
-    return {"t": list(moments), "x": [moment / 2000 for moment in moments], **still}
+    columns = {
+        **{"t": list(moments), "x": [moment / 2000 for moment in moments], "y": [1.0] * count, "yaw": [0.0] * count},
+        **{"v": [1.0] * count, "steer": [0.0] * count, "lap": [1] * count, "status": ["in_progress"] * count},
+        **{"progress": [moment / 1000 for moment in moments], "on_track": [True] * count},
+    }
+    lap = {"number": 1, "start_ms": 0, "time_ms": moments[-1], "complete": False, "sector_ms": []}
+    return {"number": number, "name": f"car {number}", "look": LOOK, "laps": [lap], "columns": columns, "events": []}
 
 
 @pytest.fixture
-def page() -> Iterator[playwright.Page]:
+def page(live_server, alice, wakes) -> Iterator[playwright.Page]:
     """A duel whose first car is done after a second and whose other car drives on for another two."""
-    first = columns(0, 500, 1000) | {"v": [1.0] * 3, "steer": [0.0] * 3, "lap": [1] * 3}
+    shown = a_driven_run(a_race(timezone.now()), alice, timezone.now())
     bot = {"x": [4.0] * 3, "y": [2.0] * 3, "yaw": [90.0] * 3}
-    run = first | {"bots": [bot], "rivals": [columns(0, 1000, 2000, 3000) | {"number": 1}]}
-    with chromium() as browser:
-        opened = browser.new_page()
+    run = car(0, 0, 500, 1000) | {"bots": [bot], "boxes": [], "rivals": [car(1, 0, 1000, 2000, 3000)]}
+    with chromium() as browser, visitor(browser, live_server.url, alice) as context:
+        opened = context.new_page()
         errors: list[str] = []
         opened.on("pageerror", lambda error: errors.append(str(error)))
-        opened.route("http://replay.test/", lambda route: route.fulfill(body=PAGE, content_type="text/html"))
-        opened.route("**/run.json", lambda route: route.fulfill(body=json.dumps(run), content_type="application/json"))
-        opened.goto("http://replay.test/")
-        opened.add_script_tag(path=CHECKOUT / "static" / "runs" / "replay.js")
+        answer = {"body": json.dumps(run), "content_type": "application/json"}
+        opened.route("**/replay.json", lambda route: route.fulfill(**answer))
+        opened.goto(shown.get_absolute_url())
         opened.locator("[data-player]").wait_for()
         yield opened
     assert not errors
@@ -57,15 +56,13 @@ def test_a_duel_replay_runs_until_the_last_car_is_done(page: playwright.Page) ->
     assert page.locator("[data-seek]").get_attribute("max") == "3000"
     page.locator("[data-seek]").fill("2500")
     first, other = page.locator('[data-car="0"]'), page.locator('[data-car="1"]')
-    assert "translate(0.5 1)" in first.get_attribute("transform") and "translate(1.25 1)" in other.get_attribute(
-        "transform"
-    )
-    assert first.get_attribute("class") == "gone" and not other.get_attribute("class")
-    assert "Lap 1 · 0:01.000" in page.locator("[data-out]").text_content()
-    page.get_by_role("button").click()
-    playwright.expect(page.locator("[data-out]")).to_contain_text("Lap 1")
+    assert "translate(0.5000 1.0000)" in first.get_attribute("transform")
+    assert "translate(1.2500 1.0000)" in other.get_attribute("transform")
+    assert "gone" in first.get_attribute("class") and "gone" not in other.get_attribute("class")
+    assert "car 0 · Lap 1 · 0:01.000" in page.locator("[data-out]").text_content()
+    page.locator("[data-toggle]").click()
+    playwright.expect(page.locator("[data-seek]")).to_have_value("3000")
     playwright.expect(page.get_by_role("button", name="Play")).to_be_visible()
-    assert page.locator("[data-seek]").input_value() == "3000"
 
 
 def test_a_car_is_drawn_around_its_middle_as_bots_are(page: playwright.Page) -> None:
@@ -73,16 +70,19 @@ def test_a_car_is_drawn_around_its_middle_as_bots_are(page: playwright.Page) -> 
     page.locator("[data-seek]").fill("1000")
     for number in (0, 1):
         shape = page.locator(f'[data-car="{number}"]')
-        assert shape.get_attribute("transform").startswith("translate(0.5 1) rotate(0) translate(-0.14 0) scale")
-    assert page.locator(".replay-bot").get_attribute("transform").startswith("translate(4 2) rotate(90) scale")
-    for script in ("runs/replay.js", "live/show.js"):
+        expected = "translate(0.5000 1.0000) rotate(0.00) translate(-0.14 0) scale"
+        assert shape.get_attribute("transform").startswith(expected)
+    assert page.locator(".replay-bot").get_attribute("transform").startswith("translate(4.0000 2.0000) rotate(90.00) s")
+    for script in ("viewer/store.js", "live/show.js"):
         assert f"NOSE_M = {PADDOCK_CAR.nose_x};" in (CHECKOUT / "static" / script).read_text()
 
 
 def test_the_camera_picture_waits_for_its_answer_before_the_next_request(page: playwright.Page) -> None:
     held: list[playwright.Route] = []
     aborted: list[str] = []
-    page.route("**/seen.png*", lambda route: held.append(route))
+    page.locator("[data-seek]").fill("100")
+    page.wait_for_timeout(1000)  # the first frame of the page has been asked for
+    page.route("**/seen/*", lambda route: held.append(route))
     page.on("requestfailed", lambda request: aborted.append(request.url))
 
     def asked(count: int) -> bool:
@@ -92,7 +92,7 @@ def test_the_camera_picture_waits_for_its_answer_before_the_next_request(page: p
             page.wait_for_timeout(20)
         return len(held) == count
 
-    page.get_by_role("button").click()
+    page.locator("[data-toggle]").click()
     assert asked(1)
     page.wait_for_timeout(1500)
     assert asked(1), "the first picture has not arrived yet"

@@ -7,8 +7,7 @@ from collections.abc import Iterator
 import pytest
 
 from tests.evaluation.test_seeing import run  # noqa: F401
-from tests.pages.browsing import IN_A_BROWSER, chromium, visitor
-from tests.pages.test_compare_browser import SHOTS, shoot
+from tests.pages.browsing import IN_A_BROWSER, SHOTS, chromium, shoot, visitor
 
 playwright = pytest.importorskip("playwright.sync_api", reason="Playwright is not installed")
 

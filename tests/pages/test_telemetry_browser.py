@@ -14,8 +14,7 @@ from evaluation.running.queue.jobs import finish_evaluation
 from races.entries.services.submissions import submit_model
 from tests.factories import a_model, a_race, a_racer, outcome, start, track_row
 from tests.paddock.analysis.mistakes import SLOW, drive, track_named
-from tests.pages.browsing import IN_A_BROWSER, chromium, visitor
-from tests.pages.test_compare_browser import SHOTS, shoot
+from tests.pages.browsing import IN_A_BROWSER, SHOTS, chromium, shoot, visitor
 
 playwright = pytest.importorskip("playwright.sync_api", reason="Playwright is not installed")
 

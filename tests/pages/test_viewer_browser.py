@@ -13,8 +13,7 @@ from django.utils import timezone
 from evaluation.running.results import read_trace
 from tests.drawn_runs import a_driven_run
 from tests.factories import a_race, a_racer
-from tests.pages.browsing import IN_A_BROWSER, chromium, visitor
-from tests.pages.test_compare_browser import SHOTS, shoot
+from tests.pages.browsing import IN_A_BROWSER, SHOTS, chromium, shoot, visitor
 
 playwright = pytest.importorskip("playwright.sync_api", reason="Playwright is not installed")
 
@@ -143,7 +142,10 @@ def test_a_link_to_a_moment_opens_there(open_page, pair):
 
 def test_runs_are_added_and_removed_and_their_laps_chosen(open_page, pair):
     page = open_page(reverse("replay", args=[pair[0].public_id]))
-    page.locator("#offers").get_by_role("row").filter(has_text="bob").get_by_role("link").first.click()
+    row = page.locator("#offers").get_by_role("row").filter(has_text="bob")
+    playwright.expect(row).to_contain_text("leads")
+    row.get_by_role("link").first.focus()
+    page.keyboard.press("Enter")
     playwright.expect(page.get_by_role("heading", level=1)).to_contain_text("alice – bob")
     playwright.expect(page.get_by_text("bob is 1.000 s ahead at the line.")).to_be_visible()
     page.get_by_label("alice", exact=True).select_option(label=None, value="3")
@@ -188,3 +190,55 @@ def test_without_scripts_the_page_has_map_sentence_and_tables(browser, live_serv
         playwright.expect(page.get_by_text("bob is 1.000 s ahead at the line.")).to_be_visible()
         playwright.expect(page.get_by_role("region", name="Laps and sectors")).to_be_visible()
         playwright.expect(page.locator("[data-player]")).to_be_hidden()
+
+
+@pytest.mark.parametrize("scheme", ["light", "dark"])
+def test_a_car_has_one_colour_everywhere(browser, live_server, alice, pair, scheme):
+    with visitor(browser, live_server.url, alice, color_scheme=scheme) as context:
+        page = context.new_page()
+        page.goto(beside(*pair, "&camera=map"))
+        playwright.expect(page.locator("[data-tower] .dot")).to_have_count(2)
+        style = "(each, name) => getComputedStyle(each)[name]"
+        colours = []
+        for number in (0, 1):
+            body = page.locator(f'[data-car="{number}"] .above-body').evaluate(style, "fill")
+            assert page.locator(".viewer-runs .shell-body").nth(number).evaluate(style, "fill") == body
+            assert page.locator(".flat-line").nth(number).evaluate(style, "stroke") == body
+            assert page.locator(f'[data-run="{number}"] .dot').evaluate(style, "backgroundColor") == body
+            colours.append(body)
+        assert colours[0] != colours[1]
+
+
+def test_cameras_change_and_a_lost_context_leaves_the_map(open_page, pair):
+    page = open_page(beside(*pair))
+    camera = page.get_by_label("Camera", exact=True)
+    playwright.expect(camera).to_have_value("chase")
+    playwright.expect(page.locator("[data-scene]")).to_be_visible()
+    camera.select_option("onboard")
+    page.locator("[data-stage]").focus()
+    page.keyboard.press("c")
+    playwright.expect(camera).to_have_value("top")
+    page.wait_for_function("document.querySelector('[data-viewer]').viewer.scene")
+    lose = "document.querySelector('[data-scene]').getContext('webgl2').getExtension('WEBGL_lose_context')"
+    page.evaluate(f"window.lost = {lose}; lost.loseContext()")
+    playwright.expect(page.locator("[data-note]")).to_have_text("The 3D view stopped. The map goes on.")
+    playwright.expect(page.locator("[data-scene]")).to_be_hidden()
+    before = page.locator('[data-car="0"]').get_attribute("transform")
+    page.locator("[data-seek]").fill("4000")
+    assert page.locator('[data-car="0"]').get_attribute("transform") != before
+    page.evaluate("lost.restoreContext()")
+    playwright.expect(camera).to_have_value("top")
+    playwright.expect(page.locator("[data-scene]")).to_be_visible()
+
+
+def test_without_webgl_the_map_has_the_same_controls(browser, live_server, alice, pair):
+    with visitor(browser, live_server.url, alice, viewport={"width": 360, "height": 740}) as context:
+        page = context.new_page()
+        page.add_init_script("HTMLCanvasElement.prototype.getContext = () => null")
+        page.goto(beside(*pair))
+        playwright.expect(page.locator("[data-player]")).to_be_visible()
+        playwright.expect(page.locator("[data-cameras]")).to_be_hidden()
+        playwright.expect(page.locator("svg.flat-map")).to_be_visible()
+        page.locator("[data-seek]").fill("4000")
+        playwright.expect(page.locator("[data-tower] tbody tr")).to_have_count(2)
+        assert page.evaluate("document.documentElement.scrollWidth") <= 360
