@@ -245,7 +245,8 @@ class Telemetry {
 
   // A chart's cursor was moved by the pointer: the replay goes there unless it plays.
   point(u) {
-    if (this.player.playing || u.cursor.left < 0) return;
+    // uPlot says so too after a change of its size, of a pointer that is elsewhere
+    if (this.player.playing || u.cursor.left < 0 || !u.over.matches(":hover")) return;
     this.goTo(u.posToVal(u.cursor.left, "x"));
   }
 

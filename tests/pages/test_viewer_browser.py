@@ -211,7 +211,7 @@ def test_a_car_has_one_colour_everywhere(browser, live_server, alice, pair, sche
 
 def test_cameras_change_and_a_lost_context_leaves_the_map(open_page, pair):
     page = open_page(beside(*pair))
-    camera = page.get_by_label("Camera", exact=True)
+    camera = page.locator("[data-camera]")
     playwright.expect(camera).to_have_value("chase")
     playwright.expect(page.locator("[data-scene]")).to_be_visible()
     camera.select_option("onboard")
