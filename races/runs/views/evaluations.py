@@ -25,6 +25,7 @@ from races.replays.selectors import direction_of
 from races.replays.setup import run_setup
 from races.rules.layout import awaited_boxes, driven_boxes
 from races.runs.video_titles import race_of_marks
+from races.telemetry.largest_loss import largest_loss
 from races.test_runs.selectors import can_stop_run, own_result
 
 from ...web.names import named
@@ -142,6 +143,7 @@ def _context(request: HttpRequest, shown: Evaluation) -> dict:
             "viewer": run_setup(shown),
             "worth": _worth(request, shown, car),
             "own_worth": own_result(own, shown.result) if own else None,
+            "loss": None if car.number else largest_loss(shown),
         }
         return context | video_context(request, shown, rows)
     position = queue_position(shown)
