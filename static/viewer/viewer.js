@@ -98,7 +98,7 @@ export class Viewer {
     const { playing, rate } = this.player;
     const toggle = this.part("toggle");
     toggle.textContent = playing ? this.words.pause : this.words.play;
-    toggle.setAttribute("aria-pressed", String(playing));
+    if (toggle.getAttribute("aria-pressed") !== String(playing)) toggle.setAttribute("aria-pressed", String(playing));
     this.part("rate").value = String(rate);
     if (playing) this.result = false;
     else this.remember();
