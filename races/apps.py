@@ -62,6 +62,7 @@ class RacesConfig(AppConfig):
                 "model.runs": "races/runs/model_runs.html",
                 "track.actions": "races/pages/parts/hold_here.html",
                 "group.races": "races/pages/parts/group_races.html",
+                "track.reference": "races/replays/to_reference.html",
                 "track.races": "races/pages/parts/races_here.html",
             }
         )

@@ -66,8 +66,8 @@ def with_last_runs(models: Iterable[TrainedModel]) -> list[TrainedModel]:
     listed = list(models)
     wanted = [run for model in listed if (run := getattr(model, "last_run_id", None)) is not None]
     runs = Evaluation.objects.filter(pk__in=wanted).select_related("track", "result")
-    figures = ("public_id", "state", "reason_code", "ended_at", "track__name", "track__slug")
-    own = ("result__best_lap_ms", "result__complete_laps", "result__evaluation")
+    figures = ("public_id", "state", "reason_code", "ended_at", "spec", "track__name", "track__slug")
+    own = ("result__best_lap_ms", "result__complete_laps", "result__engine", "result__evaluation")
     found = runs.only(*figures, *own).in_bulk() if wanted else {}
     for model in listed:
         model.last_run = found.get(getattr(model, "last_run_id", None))  # type: ignore[attr-defined]

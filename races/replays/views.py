@@ -1,17 +1,12 @@
 """The page of the viewer, and the documents that it plays."""
 
-import gzip
-import hashlib
-import json
-from collections.abc import Callable, Hashable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
 from django.http import Http404, HttpRequest, HttpResponse, QueryDict
 from django.shortcuts import get_object_or_404, redirect, render
 from django.urls import reverse
-from django.utils.cache import get_conditional_response, patch_vary_headers
-from django.utils.http import quote_etag
 from django.utils.translation import gettext as _
 from django.views.decorators.http import require_safe
 
@@ -25,6 +20,8 @@ from paddock.errors import PaddockError, PlatformFault, UserFault
 from paddock.geometry.track import CCW, DIRECTIONS
 from races.replays.comparison import LapComparison, LapLine, best_lap, compare, lap_line
 from races.replays.document import document_key, look_document, run_document
+from races.replays.reference import viewed_reference
+from races.replays.responses import document_response
 from races.replays.run_maps import LAP_COLOURS, LapRow, lap_rows
 from races.replays.scene import SCENE_FORMAT, scene_document
 from races.replays.selectors import (
@@ -41,9 +38,11 @@ from races.rules.layout import driven_boxes
 from races.spoilers.selectors import spoilers_of
 from races.web.views import finished_evaluation, report_fault, shown_evaluation, visible_evaluations
 from tracks.drawing import Trajectory
-from tracks.models import Track
+from tracks.models import ReferenceLap, Track
+from tracks.reference.selectors import reference_lap
 
 MOST_RUNS = 8
+REFERENCE = "reference"  # for ghost: the reference lap
 WHOLE = 0  # for a lap: the run from its start
 _WORDS = frozenset(why.value for why in Why)
 
@@ -92,7 +91,8 @@ class RunVerdict:
 @require_safe
 def replay(request: HttpRequest, public_id: str) -> HttpResponse:
     """A run in the viewer. ``with``: up to seven others, each an id, an id and its lap (``id:2``), a link, or one of
-    :class:`Why`; ``lap``: of the run, ``all`` for its whole. Scripts read ``t`` and ``camera``."""
+    :class:`Why`; ``lap``: of the run, ``all`` for its whole; ``ghost``: :data:`REFERENCE`. Scripts read ``t`` and
+    ``camera``."""
     shown = shown_evaluation(request, public_id)
     if shown.state != State.FINISHED:
         raise Http404
@@ -107,6 +107,8 @@ def replay(request: HttpRequest, public_id: str) -> HttpResponse:
         return redirect(_address(public_id, query))
     runs = _replayed(shown, request.GET.get("lap", ""), others, beside)
     cars = car_rows(shown)
+    reference = reference_lap(shown.track, direction_of(shown), shown.result.engine)
+    with_reference = reference is not None and request.GET.get("ghost") == REFERENCE
     context = {
         "evaluation": shown,
         "race": race_of(shown),
@@ -115,7 +117,10 @@ def replay(request: HttpRequest, public_id: str) -> HttpResponse:
         "direction": direction_of(shown),
         "lines": [line for each in runs if (line := each.line)],
         "boxes": driven_boxes(shown.result.layout),
-        "viewer": _setup(shown, runs),
+        "viewer": _setup(shown, runs, reference if with_reference else None),
+        "reference": reference,
+        "reference_toggle": _address(shown, _toggled(request.GET, with_reference)),
+        "with_reference": with_reference,
         "verdicts": _verdicts(runs),
         "rows": _rows(runs) if len(runs) > 1 else [],
         "swapped": _swapped(runs) if len(runs) == 2 else "",
@@ -141,7 +146,7 @@ def evaluation_replay(request: HttpRequest, public_id: str) -> HttpResponse:
     shown = finished_evaluation(request, public_id)
     cars = car_rows(shown)
     key = document_key(shown, cars)
-    return _document(request, key, lambda: run_document(shown, cars))
+    return document_response(request, key, lambda: run_document(shown, cars))
 
 
 @require_safe
@@ -152,23 +157,7 @@ def track_scene(request: HttpRequest, slug: str) -> HttpResponse:
     if direction not in DIRECTIONS:
         raise Http404
     key = "scene document", SCENE_FORMAT, track.slug, track.name, track.geometry.fingerprint, direction
-    return _document(request, key, lambda: scene_document(track, direction))
-
-
-def _document(request: HttpRequest, key: Hashable, make: Callable[[], dict[str, Any]]) -> HttpResponse:
-    """A document as JSON, made and compressed once for all readers: it has no secret and nothing of the request."""
-    etag = quote_etag(hashlib.sha256(repr(key).encode()).hexdigest()[:32])
-    response = get_conditional_response(request, etag=etag)
-    if response is None:
-        small = lasting_value(key, lambda: gzip.compress(json.dumps(make()).encode(), compresslevel=5, mtime=0))
-        takes = "gzip" in request.headers.get("Accept-Encoding", "")
-        response = HttpResponse(small if takes else gzip.decompress(small), content_type="application/json")
-        if takes:
-            response["Content-Encoding"] = "gzip"
-    response["ETag"] = etag
-    response["Cache-Control"] = "private, max-age=0, must-revalidate"
-    patch_vary_headers(response, ("Accept-Encoding",))
-    return response
+    return document_response(request, key, lambda: scene_document(track, direction))
 
 
 def _asked(request: HttpRequest, shown: Evaluation) -> dict[str, str]:
@@ -259,7 +248,14 @@ def _swapped(runs: Sequence[ReplayedRun]) -> str:
     return _with(other.run, str(other.lap or "all"), [(first.run.public_id, str(first.lap or ""))])
 
 
-def _setup(shown: Evaluation, runs: Sequence[ReplayedRun]) -> str:
+def _toggled(query: QueryDict, is_shown: bool) -> QueryDict:
+    """The query with the reference lap, or without it where it is shown."""
+    toggled = query.copy()
+    toggled["ghost"] = "" if is_shown else REFERENCE
+    return toggled
+
+
+def _setup(shown: Evaluation, runs: Sequence[ReplayedRun], reference: ReferenceLap | None) -> str:
     viewed: Any = [
         {
             "url": document_address(each.run),
@@ -268,6 +264,8 @@ def _setup(shown: Evaluation, runs: Sequence[ReplayedRun]) -> str:
         }
         for each in runs
     ]
+    if reference is not None:
+        viewed.append(viewed_reference(reference))
     return viewer_setup(scene_address(shown), viewed, page=reverse("replay", args=[shown.public_id]))
 
 

@@ -1,7 +1,7 @@
 """Template tags on races for pages of lower rooms."""
 
 import json
-from collections.abc import Hashable, Sequence
+from collections.abc import Hashable, Iterable, Sequence
 from functools import lru_cache
 from typing import Any
 
@@ -22,6 +22,7 @@ from evaluation.models import Evaluation, TrainedModel
 from paddock.geometry.track import TrackGeometry
 from paddock.rules.race import LANES
 from races.boards import ranking
+from races.boards.medals import MedalTarget, medal_in, medal_of_run, medal_target
 from races.boards.selectors.board import BoardRow
 from races.boards.selectors.counts import driven_again
 from races.boards.track_figures import real_car_records
@@ -42,6 +43,7 @@ for texts in (
     *(descriptions.layout_facts, descriptions.layout_rules, descriptions.sensor_words, descriptions.rule_figures),
     *(descriptions.fault_words, descriptions.fault_rules, descriptions.score_words, descriptions.score_name),
     *(descriptions.worth_words, descriptions.pace, descriptions.behind, ranking.laps_needed),
+    *(medal_in, medal_of_run),
 ):
     register.filter(texts)
 register.simple_tag(driven_again, name="driving_again")
@@ -232,6 +234,12 @@ def tries_line(scores: Sequence[int]) -> SafeString:
     if len(scores) < 2:
         return mark_safe("")
     return mark_safe(sparkline(scores, " · ".join(map(clock, scores))))  # times only
+
+
+@register.simple_tag
+def target_medal(race: Race, best_lap_ms: int | None, rows: Iterable[BoardRow]) -> MedalTarget | None:
+    """The next medal for a lap, with the house cars among the rows."""
+    return medal_target(race, best_lap_ms, [row.entry for row in rows if row.is_baseline])
 
 
 @register.filter

@@ -44,6 +44,7 @@ from tests.factories import outcome as driven
 from tests.live_shows import a_live_race, a_show, an_ended_show, begun, compute, slot_of
 from tests.pages.conftest import make_world
 from tests.pages.form_world import Cast as Forms
+from tests.reference_laps import a_reference
 from videos import drawing
 
 VIEWERS = ("guest", "stranger", "member", "pupil", "teacher", "organiser", "bare", "staff")
@@ -212,6 +213,7 @@ def _made_cast() -> Cast:
     program = make_program(by=world.admin, name="ci", purpose="Results", owner="alice", now=now)
     program_token, _ = make_program_token(program=program, by=world.admin, scopes=["read"], days=7, now=now)
     sensor, sensor_token = make_sensor(race=forms.real, name="Line", by=alice, now=now)
+    a_reference(world.track, 20_000, now, world.track.direction)
     uid, key = forms.words["reset"].split("-", 1)
     words = forms.words | {
         "open": "open-race",

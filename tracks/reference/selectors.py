@@ -23,9 +23,11 @@ def demanded() -> set[Pair]:
     return {pair for demand in _demands for pair in demand()}
 
 
-def reference_lap(track: Track, direction: str) -> ReferenceLap | None:
-    """The reference of this engine with its trace; None until it is driven."""
-    found = ReferenceLap.objects.filter(track=track, direction=direction, engine=ENGINE_ID)
+def reference_lap(track: Track, direction: str, engine: str = ENGINE_ID) -> ReferenceLap | None:
+    """The reference with its trace; None until it is driven. No query for one that is known to be missing."""
+    if reference_ms(track.pk, direction, engine) is None:
+        return None
+    found = ReferenceLap.objects.filter(track=track, direction=direction, engine=engine)
     return found.filter(state=ReferenceState.FINISHED).first()
 
 
@@ -38,6 +40,14 @@ def reference_times() -> dict[tuple[int, str, str], int]:
         return {(track, direction, engine): ms for track, direction, engine, ms in rows if ms is not None}
 
     return shared_value("reference times", read)
+
+
+def references_on(track: Track) -> list[ReferenceLap]:
+    """The references of a track on this engine without their traces."""
+    if not any(key[0] == track.pk and key[2] == ENGINE_ID for key in reference_times()):
+        return []
+    found = ReferenceLap.objects.filter(track=track, engine=ENGINE_ID, state=ReferenceState.FINISHED)
+    return list(found.order_by("-direction").defer("trace"))
 
 
 def reference_ms(track_id: int, direction: str, engine: str = ENGINE_ID) -> int | None:
