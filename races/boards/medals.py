@@ -6,30 +6,30 @@ from dataclasses import dataclass
 from evaluation.models import Evaluation
 from paddock.simulator.engine import ENGINE_ID
 from tracks.reference.medals import Medal, medal_of, next_medal
-from tracks.reference.selectors import reference_ms
+from tracks.reference.selectors import Times, reference_ms
 
 from ..models import Entry, Race, RaceType
 from ..models.rules import usual
 
 
-def race_reference_ms(race: Race) -> int | None:
+def race_reference_ms(race: Race, times: Times | None = None) -> int | None:
     """The reference lap in ms whose medals a race gives: simulated time trials with at least the usual penalty."""
     if race.physical or race.imported_at is not None or not _compares(race.race_type, race.off_track_penalty_ms):
         return None
-    return reference_ms(race.track_id, race.direction, race.engine or ENGINE_ID)
+    return reference_ms(race.track_id, race.direction, race.engine or ENGINE_ID, times)
 
 
-def medal_in(race: Race, best_lap_ms: int | None) -> Medal | None:
-    """The medal of a best lap in a race."""
-    return None if best_lap_ms is None else medal_of(best_lap_ms, race_reference_ms(race))
+def medal_in(race: Race, best_lap_ms: int | None, times: Times | None = None) -> Medal | None:
+    """The medal of a best lap in a race. ``times``, here and below: of all references, for many laps."""
+    return None if best_lap_ms is None else medal_of(best_lap_ms, race_reference_ms(race, times))
 
 
-def medal_of_run(run: Evaluation) -> Medal | None:
+def medal_of_run(run: Evaluation, times: Times | None = None) -> Medal | None:
     """The medal of a finished run's best lap, by the same conditions."""
     rules = run.spec["rules"]
     if not _compares(rules["race_type"], rules["off_track_penalty_ms"]):
         return None
-    return medal_of(run.result.best_lap_ms, reference_ms(run.track_id, rules["direction"], run.result.engine))
+    return medal_of(run.result.best_lap_ms, reference_ms(run.track_id, rules["direction"], run.result.engine, times))
 
 
 def _compares(race_type: str, off_track_penalty_ms: int) -> bool:

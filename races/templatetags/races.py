@@ -37,13 +37,13 @@ from races.rules.layout import box_marks, has_boxes, layout_marks
 from races.rules.live_start import live_layout, start_m
 from tracks.drawing import BoxMark, Trajectory, draw_svg
 from tracks.models import Track
+from tracks.templatetags.medals import medal_badge, times_of
 
 register = template.Library()
 for texts in (
     *(descriptions.layout_facts, descriptions.layout_rules, descriptions.sensor_words, descriptions.rule_figures),
     *(descriptions.fault_words, descriptions.fault_rules, descriptions.score_words, descriptions.score_name),
     *(descriptions.worth_words, descriptions.pace, descriptions.behind, ranking.laps_needed),
-    *(medal_in, medal_of_run),
 ):
     register.filter(texts)
 register.simple_tag(driven_again, name="driving_again")
@@ -234,6 +234,18 @@ def tries_line(scores: Sequence[int]) -> SafeString:
     if len(scores) < 2:
         return mark_safe("")
     return mark_safe(sparkline(scores, " · ".join(map(clock, scores))))  # times only
+
+
+@register.simple_tag(takes_context=True)
+def race_medal(context: Context, race: Race, best_lap_ms: int | None) -> SafeString | str:
+    """The medal of a best lap in a race."""
+    return medal_badge(None if best_lap_ms is None else medal_in(race, best_lap_ms, times_of(context)))
+
+
+@register.simple_tag(takes_context=True)
+def run_medal(context: Context, run: Evaluation) -> SafeString | str:
+    """The medal of a finished run."""
+    return medal_badge(medal_of_run(run, times_of(context)))
 
 
 @register.simple_tag

@@ -75,7 +75,7 @@ def test_a_profile_with_medals_needs_no_query_a_race(race, now):
         with CaptureQueriesContext(connection) as queries:
             html = page("/racers/alice/")
         of_references = sum("tracks_referencelap" in query["sql"] for query in queries)
-        assert of_references <= 1, "shared by all readers for a second"
+        assert of_references <= 1, "one for all rows"
         counts.append(len(queries) - of_references)
     assert html.count('class="medal gold"') == 3
     assert counts[1] == counts[2]

@@ -8,6 +8,7 @@ from paddock.simulator.engine import ENGINE_ID
 from ..models import ReferenceLap, ReferenceState, Track
 
 Pair = tuple[int, str]
+Times = dict[tuple[int, str, str], int]  # ms by track id, direction and engine
 Demand = Callable[[], Iterable[Pair]]
 _demands: list[Demand] = []
 
@@ -31,10 +32,10 @@ def reference_lap(track: Track, direction: str, engine: str = ENGINE_ID) -> Refe
     return found.filter(state=ReferenceState.FINISHED).first()
 
 
-def reference_times() -> dict[tuple[int, str, str], int]:
+def reference_times() -> Times:
     """The best lap in ms of each reference by track id, direction and engine: one query, shared by all readers."""
 
-    def read() -> dict[tuple[int, str, str], int]:
+    def read() -> Times:
         done = ReferenceLap.objects.filter(state=ReferenceState.FINISHED)
         rows = done.values_list("track_id", "direction", "engine", "time_ms").order_by()
         return {(track, direction, engine): ms for track, direction, engine, ms in rows if ms is not None}
@@ -50,6 +51,6 @@ def references_on(track: Track) -> list[ReferenceLap]:
     return list(found.order_by("-direction").defer("trace"))
 
 
-def reference_ms(track_id: int, direction: str, engine: str = ENGINE_ID) -> int | None:
-    """The best lap of one reference in ms; None until it is driven."""
-    return reference_times().get((track_id, direction, engine))
+def reference_ms(track_id: int, direction: str, engine: str = ENGINE_ID, times: Times | None = None) -> int | None:
+    """The best lap of one reference in ms; None until it is driven. ``times``: :func:`reference_times`, for many."""
+    return (reference_times() if times is None else times).get((track_id, direction, engine))

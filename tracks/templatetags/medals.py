@@ -1,15 +1,17 @@
 """Medals on pages."""
 
 from django import template
+from django.template import Context
 from django.utils.html import format_html
 from django.utils.safestring import SafeString
 from django.utils.translation import gettext as _
 
 from tracks.models import ReferenceLap, Track
 from tracks.reference.medals import Medal, medal_times
-from tracks.reference.selectors import references_on
+from tracks.reference.selectors import Times, reference_times, references_on
 
 register = template.Library()
+_KEPT = "_reference_times"
 
 
 @register.filter
@@ -21,6 +23,16 @@ def medal_badge(medal: Medal | None) -> SafeString | str:
     return format_html(
         '<span class="medal {}" title="{}"><span class="hidden">{}</span></span>', medal.value, name, name
     )
+
+
+def times_of(context: Context) -> Times:
+    """The times of all references, read once for a page, or without a request once for a template."""
+    request = context.get("request")
+    kept = vars(request) if request is not None else context.render_context
+    if _KEPT not in kept:
+        kept[_KEPT] = reference_times()
+    times: Times = kept[_KEPT]
+    return times
 
 
 @register.simple_tag
