@@ -196,7 +196,10 @@ def test_every_registry_of_the_code_is_listed():
 
 
 def test_every_kind_of_job_has_a_row():
-    for module in ("evaluation.running.queue.jobs", "league.webhooks.deliveries", "league.notices.services"):
+    for module in (
+        *("evaluation.running.queue.jobs", "league.webhooks.deliveries", "league.notices.services"),
+        "tracks.reference.jobs",
+    ):
         import_module(module)
     told = [
         [kind.name, kind.model.__name__, f"{type(kind).__module__.replace('.', '/')}.py", kind.task, kind.queue]
