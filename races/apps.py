@@ -66,5 +66,6 @@ class RacesConfig(AppConfig):
                 "track.races": "races/pages/parts/races_here.html",
             }
         )
+        register_slots({"track.actions": "races/driving/drive_here.html"})
         post_migrate.connect(installed_after_migrate, sender=self, dispatch_uid="races.boards.triggers")
         evaluation_ended.connect(take_ended_evaluation, dispatch_uid="races.take_ended_evaluation")

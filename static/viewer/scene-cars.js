@@ -10,13 +10,14 @@ const BOT = { shell: "paddock", colour: "#4f7ea8" };
 const BOX = [0.3, 0.4, 0.25]; // paddock/simulator/solids.py
 const RAD = Math.PI / 180;
 
-// Metres driven until each step, for the turning of wheels.
-function driven({ x, y }) {
-  let sum = 0;
-  return x.map((at, i) => {
-    const step = i ? Math.hypot(at - x[i - 1], y[i] - y[i - 1]) : 0;
-    return (sum += step > JUMP_M ? 0 : step);
-  });
+// Metres driven until step i, for the turning of wheels; `known` grows with a run that is being driven.
+function drivenAt({ x, y }, known, i) {
+  if (known.length > x.length) known.length = 0;
+  for (let k = known.length; k <= i; k += 1) {
+    const step = k ? Math.hypot(x[k] - x[k - 1], y[k] - y[k - 1]) : 0;
+    known.push((known[k - 1] ?? 0) + (step > JUMP_M ? 0 : step));
+  }
+  return known[i];
 }
 
 function label(name, colour) {
@@ -42,7 +43,7 @@ class Car {
     const { look, ghost } = run;
     this.run = run;
     this.ghost = ghost;
-    this.driven = driven(run.columns);
+    this.driven = [];
     const { geometry, wheels, height } = shellOf(look.shell);
     this.wheels = wheels;
     this.material = new THREE.MeshPhongMaterial({ map: paintOf(look.shell, look.colour), shininess: 70, specular: "#666d75" });
@@ -73,7 +74,7 @@ class Car {
     // it leans a little out of a bend, and back when it speeds up
     this.body.rotation.x = glides ? Math.max(-0.07, Math.min(0.07, turned * RAD * now.v * 0.09)) : 0;
     this.body.rotation.y = glides ? Math.max(-0.025, Math.min(0.025, (before.v - after.v) * 0.03)) : 0;
-    this.roll = (this.driven[now.i] + Math.min(JUMP_M, Math.hypot(now.x - columns.x[now.i], now.y - columns.y[now.i])));
+    this.roll = drivenAt(columns, this.driven, now.i) + Math.min(JUMP_M, Math.hypot(now.x - columns.x[now.i], now.y - columns.y[now.i]));
     this.steer = (before.steer + now.steer + after.steer) / 3; // the commanded angle jumps; a wheel does not
     if (!this.ghost && this.faded !== now.done) this.fade(now.done);
   }

@@ -185,7 +185,7 @@ function roadMesh(line, look) {
   line.centre.forEach((_, i) => {
     const [lx, ly] = line.left[i], [rx, ry] = line.right[i];
     const wide = Math.hypot(rx - lx, ry - ly) || 1, share = Math.min(0.3, LINE_M / wide);
-    wave += 0.25 * (0.1 * (next() - 0.5) - wave);
+    wave += 0.12 * (0.12 * (next() - 0.5) - wave);
     tone.copy(asphalt).multiplyScalar(1 + wave);
     // asphalt a little darker where tyres run
     for (const [s, colour] of [[0, white], [share, white], [share, tone], [0.5, tone], [1 - share, tone], [1 - share, white], [1, white]]) {

@@ -200,9 +200,9 @@ function addTurns(solid, pictures, line, turns) {
     const metres = turn.from_m ?? 0, wide = line.width(metres), side = line.bend(turn.apex_m ?? metres, 0.3) > 0 ? 1 : 0, away = 0.42;
     const [x, y] = line.place(metres, side ? 1 + away / wide : -away / wide), yaw = line.heading(metres);
     if (!free(line, x, y, 0.25)) continue;
-    solid.add(new THREE.BoxGeometry(0.025, 0.025, 0.34), at(x, y, 0.16, yaw), new THREE.Color("#6b727b"), LIGHT);
+    solid.add(new THREE.BoxGeometry(0.018, 0.018, 0.24), at(x, y, 0.11, yaw), new THREE.Color("#6b727b"), LIGHT);
     const k = turn.number - 1;
-    pictures.push({ x: x - 0.02 * Math.cos(yaw), y: y - 0.02 * Math.sin(yaw), z: 0.26, yaw: yaw - Math.PI / 2, wide: 0.2, high: 0.2, cell: cell(102 * (k % 10), 262 + 64 * Math.floor(k / 10), 62, 62) });
+    pictures.push({ x: x - 0.02 * Math.cos(yaw), y: y - 0.02 * Math.sin(yaw), z: 0.2, yaw: yaw - Math.PI / 2, wide: 0.13, high: 0.13, cell: cell(102 * (k % 10), 262 + 64 * Math.floor(k / 10), 62, 62) });
   }
 }
 

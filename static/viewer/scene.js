@@ -92,7 +92,7 @@ export class SceneView {
     this.world.add(this.cars.group);
     if (this.band) { this.world.remove(this.band); this.band.geometry.dispose(); }
     const soft = new THREE.MeshBasicMaterial({ vertexColors: true, transparent: true, depthWrite: false, side: THREE.DoubleSide, polygonOffset: true, polygonOffsetFactor: -2, polygonOffsetUnits: -8 });
-    this.band = Object.assign(rubber(this.runs[0], this.look).mesh(soft), { renderOrder: 6, frustumCulled: false });
+    this.band = Object.assign(rubber(replay.line ?? this.runs[0], this.look).mesh(soft), { renderOrder: 6, frustumCulled: false });
     this.world.add(this.band);
   }
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import math
 from typing import Any
 
@@ -78,8 +77,8 @@ def scene_document(track: TrackGeometry, direction: str) -> dict[str, Any]:
     return {"name": track.name, "direction": direction, "closed": not track.is_open, "turns": turns, **lines}
 
 
-def open_scene(page: Any, scene: dict[str, Any], documents: list[dict[str, Any]], **options: Any) -> None:
-    """A page of its own with the scene of a replay: ``view`` and ``replay`` are in its window."""
+def open_scripts(page: Any) -> None:
+    """A page of its own with an empty canvas and the site's static files."""
     static = CHECKOUT / "static"
 
     def answer(route: Any) -> None:
@@ -90,4 +89,9 @@ def open_scene(page: Any, scene: dict[str, Any], documents: list[dict[str, Any]]
     page.route(f"{SITE}/", lambda route: route.fulfill(body=PAGE, content_type="text/html"))
     page.route(f"{SITE}/static/**", answer)
     page.goto(f"{SITE}/")
-    page.evaluate(OPEN, {"scene": json.loads(json.dumps(scene)), "documents": documents, "options": options})
+
+
+def open_scene(page: Any, scene: dict[str, Any], documents: list[dict[str, Any]], **options: Any) -> None:
+    """A page with the scene of a replay: ``view`` and ``replay`` are in its window."""
+    open_scripts(page)
+    page.evaluate(OPEN, {"scene": scene, "documents": documents, "options": options})

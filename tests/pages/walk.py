@@ -270,7 +270,7 @@ def _paths(world, season, trained, training, pair, vehicle, token) -> dict[str, 
                 "/learn/real-car/",
                 *(f"/learn/{each.slug}/" for each in LESSONS),
             ),
-            *("/tracks/", "/tracks/oval/", "/tracks/oval/print/", "/tracks/import/"),
+            *("/tracks/", "/tracks/oval/", "/tracks/oval/print/", "/tracks/oval/drive/", "/tracks/import/"),
             *("/seasons/", at, f"{at}standings/", f"{at}finales/", f"{at}rules/", f"{at}calendar/"),
             *(
                 f"{at}racers/alice/",

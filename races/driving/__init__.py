@@ -1,0 +1,1 @@
+"""A visitor drives a car on a track in the browser, for fun: no time of it is kept."""

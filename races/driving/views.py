@@ -1,0 +1,65 @@
+"""The page on which a visitor drives."""
+
+import json
+from dataclasses import asdict
+from typing import Any
+
+from django.http import Http404, HttpRequest, HttpResponse
+from django.shortcuts import get_object_or_404, render
+from django.urls import reverse
+from django.utils.translation import gettext as _
+from django.views.decorators.http import require_safe
+
+from evaluation.appearance.looks import Shell, VehicleLook
+from evaluation.models import TrainedModel
+from paddock.geometry.track import CCW, CW
+from paddock.rules.race import RaceRules
+from paddock.simulator.physics import PADDOCK_CAR
+from races.replays.document import look_document
+from races.spoilers.selectors import spoilers_of
+from tracks.models import Track
+
+from .selectors import ghosts_on
+
+
+@require_safe
+def drive(request: HttpRequest, slug: str) -> HttpResponse:
+    """The track to drive on. ``direction``: ``ccw`` or ``cw``; ``ghost``: the id of a run to drive against."""
+    track = get_object_or_404(Track, slug=slug, length_m__isnull=False)
+    direction = request.GET.get("direction", track.direction)
+    if direction not in (CCW, CW):
+        raise Http404
+    ghosts = ghosts_on(track, direction, request.user, spoilers_of(request).hidden)
+    asked = request.GET.get("ghost", "")
+    chosen = next((ghost.run.public_id for ghost in ghosts if ghost.run.public_id == asked), None)
+    context = {
+        "track": track,
+        "direction": direction,
+        "other_direction": CW if direction == CCW else CCW,
+        "ghosts": ghosts,
+        "chosen": chosen or (ghosts[0].run.public_id if ghosts and asked != "none" else ""),
+        "setup": json.dumps(_setup(request, track, direction)),
+    }
+    return render(request, "races/driving/drive.html", context)
+
+
+def _setup(request: HttpRequest, track: Track, direction: str) -> dict[str, Any]:
+    return {
+        "scene": f"{reverse('track_scene', args=[track.slug])}?direction={direction}",
+        "physics": asdict(PADDOCK_CAR),
+        "penalty_ms": RaceRules().off_track_penalty_ms,
+        "look": look_document(_look(request)),
+        "words": {
+            "you": _("You"),
+            "lap": _("Lap"),
+            "ready": _("Press the up arrow or the pedal to start."),
+            "off_track": _("Off track. Wait for the reset."),
+            "failed": _("The page could not load the track or the ghost."),
+        },
+    }
+
+
+def _look(request: HttpRequest) -> VehicleLook:
+    """That of the visitor's newest model, else one that no ghost has by default."""
+    model = TrainedModel.objects.filter(owner=request.user.pk).order_by("-pk").first()
+    return model.look if model is not None else VehicleLook(Shell.WEDGE.value, "#ff3b55")

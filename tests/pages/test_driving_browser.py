@@ -1,0 +1,199 @@
+"""A visitor drives in a real Chromium: the car against the simulator's, the referee, keys, ghosts, phones."""
+
+from __future__ import annotations
+
+import csv
+import math
+import random
+import re
+from collections.abc import Iterator
+from dataclasses import asdict
+from datetime import timedelta
+
+import pytest
+from django.utils import timezone
+
+from paddock.simulator.physics import PADDOCK_CAR
+from paddock.simulator.world import World
+from tests.drawn_runs import a_driven_run
+from tests.factories import a_race, a_racer
+from tests.pages.browsing import IN_A_BROWSER, chromium, visitor
+from tests.pages.viewer_documents import open_scripts, scene_document, track_of
+from tests.shared import SHARED, needs_shared
+
+playwright = pytest.importorskip("playwright.sync_api", reason="Playwright is not installed")
+
+pytestmark = [*IN_A_BROWSER, pytest.mark.django_db(transaction=True)]
+
+STEPS = 75  # 5 s
+NEAR_M = 0.02
+TRACES = ("a-to-z-2023-evaluation", "spain-2026-training-0", "spain-2026-training-1")
+Commands = list[tuple[float, float]]
+
+DRIVEN = """async ({physics, drives}) => {
+  const { DrivenCar } = await import("/static/viewer/car.js");
+  return drives.map((commands) => {
+    const car = new DrivenCar(physics, { x: 0, y: 0, yaw: 0 });
+    for (const [steering, speed] of commands) car.step(steering, speed);
+    return [car.x, car.y, car.yaw];
+  });
+}"""
+JUDGED = """async ({scene, physics, steering, speed, steps}) => {
+  const [{ DrivenCar }, { DrivingReferee, Road }] = await Promise.all(
+    ["car.js", "driving-referee.js"].map((name) => import(`/static/viewer/${name}`)));
+  const road = new Road(scene), referee = new DrivingReferee(road, physics, 2000);
+  const car = new DrivenCar(physics, referee.start);
+  referee.put(car);
+  const seen = [];
+  for (let n = 0; n < steps; n += 1) {
+    if (referee.pause > 0) { referee.wait(); continue; }
+    // straight on, or along the centre line
+    let angle = steering;
+    if (angle === null) {
+      const at = road.project(car.x, car.y, referee.place.index), aim = road.pose(at.metres + 0.55, 0);
+      const turn = Math.atan2(aim.y - car.y, aim.x - car.x) - car.yaw;
+      angle = Math.atan2(Math.sin(turn), Math.cos(turn)) * 100;
+    }
+    car.step(angle, speed);
+    const found = referee.judge(car);
+    if (!found) continue;
+    const wheels = referee.wheels(car).filter(([x, y]) => road.contains(x, y)).length;
+    const { metres, lastMs: lapMs, pause } = referee;
+    seen.push({ step: n, kind: found.kind, wheels, metres, lapMs, pause, back: found.back });
+    if (found.back) car.place(found.back);
+  }
+  return { seen, length: road.length };
+}"""
+
+
+@pytest.fixture
+def browser() -> Iterator:
+    with chromium() as opened:
+        yield opened
+
+
+@pytest.fixture
+def scripts(browser) -> Iterator:
+    page = browser.new_page()
+    open_scripts(page)
+    yield page
+    page.close()
+
+
+def simulated(commands: Commands) -> tuple[float, float]:
+    with World() as world:
+        car = world.add_car()
+        for steering, speed in commands:
+            car.command(steering, speed)
+            world.step()
+        return car.pose.x, car.pose.y
+
+
+def misses(page, drives: list[Commands]) -> list[float]:
+    """Metres between the script's car and the simulator's after 5 s, the least first."""
+    found = page.evaluate(DRIVEN, {"physics": asdict(PADDOCK_CAR), "drives": drives})
+    return sorted(math.dist(place[:2], simulated(drive)) for place, drive in zip(found, drives, strict=True))
+
+
+def test_a_smoothly_driven_car_ends_within_two_centimetres_of_the_simulators(scripts):
+    """Of 12 drives of 5 s at up to 2.5 m/s, nine in ten."""
+    draw, drives = random.Random(5), []
+    for _ in range(12):
+        steering, speed, drive = 0.0, 1.5, []
+        for _ in range(STEPS):
+            steering = max(-30.0, min(30.0, steering + draw.uniform(-8, 8)))
+            speed = max(0.1, min(2.5, speed + draw.uniform(-0.3, 0.3)))
+            drive.append((steering, speed))
+        drives.append(drive)
+    found = misses(scripts, drives)
+    assert found[10] < NEAR_M
+    assert found[-1] < 2 * NEAR_M
+
+
+@needs_shared
+@pytest.mark.parametrize("name", TRACES)
+def test_recorded_commands_end_within_two_centimetres(scripts, name):
+    """Of 20 drives of 5 s, nine in ten; the commands of the training jump in each step, and none is far off."""
+    with (SHARED / "traces" / f"{name}.csv").open(newline="") as file:
+        rows = [(float(row["steer"]), float(row["throttle"])) for row in csv.DictReader(file)]
+    starts = range(0, len(rows) - STEPS, (len(rows) - STEPS) // 20)
+    found = misses(scripts, [rows[start : start + STEPS] for start in starts][:20])
+    assert found[17] < NEAR_M
+    assert found[-1] < 2 * NEAR_M
+
+
+def judged(page, **options: object) -> dict:
+    track = track_of("reinvent-2018")
+    scene = scene_document(track, "ccw")
+    return page.evaluate(JUDGED, {"scene": scene, "physics": asdict(PADDOCK_CAR), "steering": None, **options})
+
+
+def test_a_lap_along_the_centre_line_is_timed_without_a_fault(scripts):
+    found = judged(scripts, speed=1.2, steps=500)
+    assert [each["kind"] for each in found["seen"]] == ["lap", "lap"]
+    first, second = (each["lapMs"] for each in found["seen"])
+    pace = found["length"] / (1.2 * PADDOCK_CAR.speed_gain) * 1000
+    assert first == pytest.approx(pace, rel=0.06) and second == pytest.approx(pace, rel=0.04)
+
+
+def test_a_car_off_the_track_waits_and_is_put_back_where_it_left(scripts):
+    found = judged(scripts, steering=0, speed=2.0, steps=200)["seen"]
+    assert found and all(each["kind"] == "off_track" and each["wheels"] == 0 for each in found)
+    assert found[0]["pause"] == 30  # 2 s
+    geometry = track_of("reinvent-2018").in_direction("ccw")
+    for each in found:
+        place = geometry.project(each["back"]["x"], each["back"]["y"])
+        left, right = geometry.half_widths_at(place.distance)
+        assert min(abs(place.offset - left / 2), abs(place.offset + right / 2)) < 0.03
+        assert abs(math.remainder(place.heading - each["back"]["yaw"], 2 * math.pi)) < 0.2
+    assert found[1]["step"] - found[0]["step"] > 30
+
+
+@pytest.mark.parametrize(("width", "theme"), [(360, "dark"), (1280, "light")])
+def test_a_visitor_drives_against_a_ghost(browser, live_server, width, theme):
+    from playwright.sync_api import expect
+
+    race = a_race(timezone.now())
+    run = a_driven_run(race, a_racer("alice"), timezone.now() - timedelta(minutes=5), lap_ms=12_000)
+    wrong: list[str] = []
+    context = visitor(browser, live_server.url, viewport={"width": width, "height": 740}, has_touch=width < 500)
+    context.add_cookies([{"name": "theme", "value": theme, "url": live_server.url}])
+    page = context.new_page()
+    page.on("pageerror", lambda error: wrong.append(str(error)))
+    page.on("console", lambda line: wrong.append(line.text) if line.type == "error" else None)
+
+    page.goto(f"/tracks/{race.track.slug}/")
+    page.get_by_role("link", name="Drive it yourself").click()
+    page.wait_for_selector("[data-drive][data-ready]", timeout=60_000)
+    expect(page.get_by_role("status")).to_contain_text("up arrow")
+    assert page.get_by_label("Ghost").input_value().endswith(f"{run.public_id}/replay.json")
+    assert page.evaluate("document.documentElement.scrollWidth") <= width
+    assert page.locator("[data-time]").text_content() == "0:00.000"
+
+    page.keyboard.down("ArrowUp")
+    expect(page.locator("[data-speed]")).to_have_text(re.compile(r"^[1-4]\."), timeout=60_000)
+    expect(page.locator("[data-gap]")).to_contain_text(".")
+    moved = page.evaluate("document.querySelector('[data-drive]').drive.referee.metres")
+    assert moved > 0.5
+    # straight on it leaves the road, waits and is put back
+    expect(page.get_by_role("status")).to_contain_text("Off track", timeout=60_000)
+    page.keyboard.up("ArrowUp")
+    page.get_by_role("button", name="Back to the start").click()
+    expect(page.locator("[data-time]")).to_have_text("0:00.000")
+    page.get_by_label("Ghost").select_option("")
+    expect(page.locator("[data-gap]")).to_have_text("")
+    assert not wrong
+
+
+def test_a_page_without_webgl_is_driven_on_the_map(browser, live_server):
+    from playwright.sync_api import expect
+
+    race = a_race(timezone.now())
+    page = visitor(browser, live_server.url).new_page()
+    page.add_init_script("HTMLCanvasElement.prototype.getContext = () => null")
+    page.goto(f"/tracks/{race.track.slug}/drive/?ghost=none")
+    page.wait_for_selector("[data-drive][data-ready]")
+    assert page.locator("[data-scene]").is_hidden()
+    before = page.locator('[data-car="0"]').get_attribute("transform")
+    page.keyboard.down("w")
+    expect(page.locator('[data-car="0"]')).not_to_have_attribute("transform", before)
