@@ -119,7 +119,7 @@ def replay(request: HttpRequest, public_id: str) -> HttpResponse:
         "boxes": driven_boxes(shown.result.layout),
         "viewer": _setup(shown, runs, reference if with_reference else None),
         "reference": reference,
-        "reference_toggle": _address(shown, _toggled(request.GET, with_reference)),
+        "reference_toggle": _address(public_id, _toggled(request.GET, with_reference)),
         "with_reference": with_reference,
         "verdicts": _verdicts(runs),
         "rows": _rows(runs) if len(runs) > 1 else [],
