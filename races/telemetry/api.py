@@ -22,7 +22,7 @@ class TelemetryView(APIView):
         ),
         parameters=[
             OpenApiParameter("lap", int, description="Of the run; its best one unless it is given."),
-            OpenApiParameter("with", str, description="Up to seven other runs: `id,id:2`, where 2 is the lap."),
+            OpenApiParameter("with", str, description="Up to seven others: `id`, `id:2` with a lap, `reference`."),
         ],
         responses=serializer_of(TelemetryDocument),
         tags=["evaluations"],

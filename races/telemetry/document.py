@@ -1,14 +1,13 @@
 """The telemetry document: a lap of each of several runs on one grid of distance, mini-sectors and losses."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Annotated, Any, TypedDict
 
 import numpy as np
 
 from core.streams.shared_pieces import lasting_value
-from evaluation.models import Evaluation
-from evaluation.running.results import read_trace
+from evaluation.running.messages import DrivenLapDocument
 from paddock.analysis.losses import Loss, losses_of
 from paddock.analysis.mini_sectors import MINI_SECTORS, RunPace, mini_sector_times, pace_of, sector_colours
 from paddock.analysis.telemetry import (
@@ -24,11 +23,11 @@ from paddock.analysis.telemetry import (
 from paddock.analysis.turns import TrackTurn, turns_of
 from paddock.errors import UserFault
 from paddock.geometry.track import TrackGeometry
-from races.replays.selectors import direction_of
+from tracks.models import Track
 
 from .sentences import loss_sentence
 
-TELEMETRY_FORMAT = 1
+TELEMETRY_FORMAT = 2
 DIGITS = {"speed": 2, "driven_speed": 2, "steer": 1, "driven_steer": 1, "offset": 3, "curvature": 3, "reward": 4}
 
 
@@ -57,7 +56,7 @@ class RunTelemetryDocument(TypedDict):
     """A lap of a run, and the run's laps together. Each list has a value for each of ``metres``, null where the lap did
     not come."""
 
-    run: Annotated[str, "Its public id."]
+    run: Annotated[str, "Its public id; `reference` for the reference lap of the track."]
     name: str
     lap: int
     start_ms: Annotated[int, "Of the lap, since the run's start."]
@@ -137,11 +136,16 @@ class TelemetryDocument(TypedDict):
 
 @dataclass(frozen=True)
 class AskedLap:
-    """A lap of a run, and the run's name in the document."""
+    """Lap ``number`` of a run with its ``laps``, and the run's id and name in the document; ``read``: its sim-trace."""
 
-    run: Evaluation
-    number: int
+    run: str
     name: str
+    number: int
+    track: Track
+    direction: str
+    laps: Sequence[DrivenLapDocument]
+    trace_sha256: str
+    read: Callable[[], bytes]
 
 
 @dataclass(frozen=True)
@@ -165,19 +169,18 @@ def telemetry_document(laps: Sequence[AskedLap]) -> TelemetryDocument:
 
 def document_key(laps: Sequence[AskedLap]) -> tuple[Any, ...]:
     """Everything that a document is made of, but for the language."""
-    first = laps[0].run
-    runs = ((lap.run.public_id, lap.run.result.trace_sha256, lap.number, lap.name) for lap in laps)
-    return "telemetry", TELEMETRY_FORMAT, first.track.slug, direction_of(first), *runs
+    runs = ((lap.run, lap.trace_sha256, lap.number, lap.name) for lap in laps)
+    return "telemetry", TELEMETRY_FORMAT, laps[0].track.slug, laps[0].direction, *runs
 
 
 def _document(laps: Sequence[AskedLap]) -> TelemetryDocument:
-    first = laps[0].run
-    track = first.track.geometry.in_direction(direction_of(first))
+    first = laps[0]
+    track = first.track.geometry.in_direction(first.direction)
     runs = [_driven(lap, track) for lap in laps]
     turns = turns_of(track, track.direction)
     one = runs[0]
     other = runs[1].lap if len(runs) > 1 else _own_best(one, track)
-    against = runs[1].asked.run.public_id if len(runs) > 1 else first.public_id
+    against = runs[1].asked.run if len(runs) > 1 else first.run
     losses = losses_of(one.lap, other, turns, one.start_m, is_open=track.is_open) if other else []
     return {
         "track": first.track.slug,
@@ -193,13 +196,12 @@ def _document(laps: Sequence[AskedLap]) -> TelemetryDocument:
 
 
 def _driven(asked: AskedLap, track: TrackGeometry) -> _Laps:
-    result = asked.run.result
-    trace = DrivenTrace.of(read_trace(result))
+    trace = DrivenTrace.of(asked.read())
     lines = {
-        lap["number"]: line for lap in result.laps if (line := lap_line(trace, result.laps, lap["number"])) is not None
+        lap["number"]: line for lap in asked.laps if (line := lap_line(trace, asked.laps, lap["number"])) is not None
     }
     if asked.number not in lines:
-        raise UserFault("compare_lap", lap=asked.number, laps=len(result.laps))
+        raise UserFault("compare_lap", lap=asked.number, laps=len(asked.laps))
     lap = lap_telemetry(trace, lines[asked.number], track)
     off_road = excursions(trace, track.length)
     return _Laps(asked, start_of(trace, track), lines, trace, lap, pace_of(list(lines.values())), off_road)
@@ -224,7 +226,7 @@ def _run(run: _Laps, first: _Laps, turns: Sequence[TrackTurn], length_m: float) 
         for name, digits in DIGITS.items()
     }
     return {
-        "run": run.asked.run.public_id,
+        "run": run.asked.run,
         "name": run.asked.name,
         "lap": lap.number,
         "start_ms": lap.start_ms,

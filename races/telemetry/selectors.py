@@ -1,21 +1,29 @@
 """The laps that a request asks telemetry of."""
 
+import gzip
+
 from django.http import HttpRequest
+from django.utils.translation import gettext as _
 from rest_framework.request import Request
 
 from evaluation.models import Evaluation, State
+from evaluation.running.results import read_trace
 from paddock.errors import UserFault
 from races.replays.comparison import best_lap
-from races.replays.selectors import refuse_incomparable
+from races.replays.selectors import direction_of, refuse_incomparable
 from races.web.views import visible_evaluations
+from tracks.models import ReferenceLap
+from tracks.reference.selectors import reference_ms
 
 from .document import AskedLap
 
 MOST_RUNS = 8
+REFERENCE = "reference"
 
 
 def asked_laps(request: HttpRequest | Request, shown: Evaluation) -> list[AskedLap]:
-    """The lap ``lap`` of a finished run and those of ``with``, each an id, or an id and its lap (``id:2``); the best
+    """The lap ``lap`` of a finished run and those of ``with``, each an id, an id and its lap (``id:2``), or
+    ``reference``; the best
     lap of each unless the address has its number. Raises UserFault ``compare_unknown``, ``compare_lap`` and those of
     :func:`refuse_incomparable`."""
     if shown.state != State.FINISHED:
@@ -25,19 +33,52 @@ def asked_laps(request: HttpRequest | Request, shown: Evaluation) -> list[AskedL
         public_id, _colon, lap = text.strip().partition(":")
         if public_id:
             wanted.setdefault(public_id[:64], lap)
-    known = visible_evaluations(request, list(wanted)[: MOST_RUNS - 1])
-    runs = [(shown, request.GET.get("lap", ""))]
+    known = visible_evaluations(request, [each for each in wanted if each != REFERENCE][: MOST_RUNS - 1])
+    laps = [asked_lap(shown, _number(shown, request.GET.get("lap", "")))]
     for public_id, lap in list(wanted.items())[: MOST_RUNS - 1]:
+        if public_id == REFERENCE and (reference := asked_reference(shown)):
+            laps.append(reference)
+            continue
         if public_id not in known:
             raise UserFault("compare_unknown")
         refuse_incomparable(shown, known[public_id])
-        runs.append((known[public_id], lap))
-    return [asked_lap(run, _number(run, lap)) for run, lap in runs]
+        laps.append(asked_lap(known[public_id], _number(known[public_id], lap)))
+    return laps
 
 
 def asked_lap(run: Evaluation, number: int = 0) -> AskedLap:
     """A lap of a run, its best one for 0."""
-    return AskedLap(run, number or best_lap(run.result.laps), f"{run.owner.shown_name} · {run.model.name}")
+    result = run.result
+    return AskedLap(
+        run=run.public_id,
+        name=f"{run.owner.shown_name} · {run.model.name}",
+        number=number or best_lap(result.laps),
+        track=run.track,
+        direction=direction_of(run),
+        laps=result.laps,
+        trace_sha256=result.trace_sha256,
+        read=lambda: read_trace(result),
+    )
+
+
+def asked_reference(run: Evaluation) -> AskedLap | None:
+    """The reference lap of a run's track, direction and engine; None until it is driven."""
+    direction, engine = direction_of(run), run.result.engine
+    if reference_ms(run.track_id, direction, engine) is None:
+        return None
+    found = ReferenceLap.objects.filter(track=run.track_id, direction=direction, engine=engine).defer("trace").first()
+    if found is None or not found.laps:
+        return None
+    return AskedLap(
+        run=REFERENCE,
+        name=_("Reference lap"),
+        number=best_lap(found.laps),
+        track=run.track,
+        direction=direction,
+        laps=found.laps,
+        trace_sha256=found.trace_sha256,
+        read=lambda: gzip.decompress(found.trace),
+    )
 
 
 def _number(run: Evaluation, asked: str) -> int:

@@ -12,7 +12,7 @@ from django.utils.translation import gettext as _
 from paddock.errors import PaddockError
 from races.replays.views import ReplayedRun
 from races.telemetry.document import AskedLap, LossDocument, MiniSectorDocument, TelemetryDocument, telemetry_document
-from races.telemetry.selectors import asked_lap
+from races.telemetry.selectors import REFERENCE, asked_lap, asked_reference
 
 register = template.Library()
 
@@ -24,25 +24,28 @@ def telemetry_panel(runs: Sequence[ReplayedRun]) -> dict[str, Any]:
     if not all(each.run.result.laps for each in runs):
         return {}
     laps = [asked_lap(each.run, each.lap) for each in runs]
+    names = [each.name for each in runs]
+    if len(runs) == 1 and (reference := asked_reference(runs[0].run)):
+        laps.append(reference)
+        names.append(reference.name)
     try:
         document = telemetry_document(laps)
     except PaddockError:
         return {}
     query = _query(laps)
-    first = laps[0].run.public_id
+    first = laps[0].run
     setup = {"url": f"{reverse('telemetry', args=[first])}?{query}", "words": _words()}
-    names = {each.run.public_id: each.name for each in runs}
     against = document["against"]
     return {
         "setup": json.dumps(setup),
         "csv": f"{reverse('telemetry_csv', args=[first])}?{query}",
         "document": document,
         "runs": [
-            {"number": number, "of": run, "telemetry": shown, "sectors": _row(document["sectors"], number)}
-            for number, (run, shown) in enumerate(zip(runs, document["runs"], strict=True))
+            {"number": number, "name": name, "telemetry": shown, "sectors": _row(document["sectors"], number)}
+            for number, (name, shown) in enumerate(zip(names, document["runs"], strict=True))
         ],
         "losses": [(loss, _moment(laps, loss)) for loss in document["losses"]],
-        "against": against and {"name": names.get(against["run"], ""), "lap": against["lap"]},
+        "against": against and {"name": names[1] if len(names) > 1 else names[0], "lap": against["lap"]},
         "places": _places(document),
     }
 
@@ -51,14 +54,14 @@ def _query(laps: Sequence[AskedLap]) -> str:
     query = QueryDict(mutable=True)
     query["lap"] = str(laps[0].number)
     if len(laps) > 1:
-        query["with"] = ",".join(f"{lap.run.public_id}:{lap.number}" for lap in laps[1:])
+        query["with"] = ",".join(lap.run if lap.run == REFERENCE else f"{lap.run}:{lap.number}" for lap in laps[1:])
     return query.urlencode(safe=":,")
 
 
 def _moment(laps: Sequence[AskedLap], loss: LossDocument) -> str:
     """The replay of these laps where a loss begins."""
-    address = reverse("replay", args=[laps[0].run.public_id])
-    return f"{address}?{_query(laps)}&t={loss['t_ms'] / 1000:.2f}"
+    address = reverse("replay", args=[laps[0].run])
+    return f"{address}?{_query([lap for lap in laps if lap.run != REFERENCE])}&t={loss['t_ms'] / 1000:.2f}"
 
 
 def _row(sectors: Sequence[MiniSectorDocument], number: int) -> list[tuple[MiniSectorDocument, int | None, str]]:

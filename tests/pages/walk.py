@@ -54,6 +54,8 @@ NO_PAGES = {
         "evaluation_trace",
         "tracks_to_choose",
         "track_scene",
+        "telemetry",
+        "telemetry_csv",
     ),
     *("evaluation_video", "favicon", "health_live", "health_ready", "model_export"),
     *("model_package", "model_sensors", "model_share", "model_uploaded"),

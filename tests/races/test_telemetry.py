@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import csv
+import gzip
 import io
 import json
 from html import unescape
@@ -16,11 +17,14 @@ from django.utils.translation import override
 from evaluation.models import Evaluation
 from paddock.analysis.losses import Loss, Mistake, Stretch
 from paddock.analysis.turns import turns_of
+from paddock.simulator.engine import ENGINE_ID
 from races.entries.services.entries import accept_invitation
 from races.models import Visibility
 from races.telemetry.sentences import REASONS, loss_sentence
 from tests.drawn_runs import a_driven_run
 from tests.factories import a_race, a_racer
+from tests.paddock.analysis.mistakes import drive
+from tracks.models import ReferenceLap
 
 pytestmark = pytest.mark.django_db
 
@@ -104,6 +108,40 @@ def test_a_run_alone_is_measured_against_its_own_best_lap(runs, client):
     assert read(client, run, lap=1)["against"] == {"run": run.public_id, "lap": 2}
     assert read(client, run, lap=2)["against"] is None
     assert read(client, run, lap=1)["losses"] == []  # of a lap that is 1 ms slower
+
+
+@pytest.fixture
+def reference(runs):
+    """The reference lap of the oval: here a car at 2 m/s on the centre line."""
+    run = drive("oval")
+    return ReferenceLap.objects.create(
+        track=runs["alice"].track,
+        direction="ccw",
+        engine=ENGINE_ID,
+        state="finished",
+        ended_at=timezone.now(),
+        time_ms=min(lap.time_ms for lap in run.laps),
+        laps=[lap.to_dict() for lap in run.laps],
+        trace=gzip.compress(run.trace.to_csv()),
+        trace_sha256="a" * 64,
+    )
+
+
+def test_a_lap_is_measured_against_the_reference_lap(runs, reference, client):
+    found = read(client, runs["alice"], **{"with": "reference"})
+    assert [run["run"] for run in found["runs"]] == [runs["alice"].public_id, "reference"]
+    assert found["runs"][1]["time_ms"] == reference.time_ms
+    assert found["against"]["run"] == "reference" and found["losses"]
+    page = client.get(reverse("replay", args=[runs["alice"].public_id])).content.decode()
+    assert all(loss["sentence"] in page for loss in found["losses"])
+    assert "with=reference" in page and page.count('class="sector-time ') == 40
+
+
+def test_a_reference_lap_of_another_engine_or_direction_is_none(runs, reference, client):
+    ReferenceLap.objects.update(engine="another")
+    assert client.get(address(runs["alice"]), {"with": "reference"}).status_code == 404
+    ReferenceLap.objects.update(engine=ENGINE_ID, direction="cw")
+    assert client.get(address(runs["alice"]), {"with": "reference"}).status_code == 404
 
 
 def test_the_document_is_made_once_for_all_readers(runs, client):
