@@ -6,7 +6,7 @@ from typing import Any
 
 from django.conf import settings
 from django.db import models
-from django.db.models import Q
+from django.db.models import F, Q
 from django.urls import reverse
 from django.utils import timezone
 from django.utils.translation import gettext_lazy as _
@@ -17,6 +17,7 @@ from evaluation.models import SHA256
 from paddock.rules.race import MAX_CARS
 
 WHOLE = 0  # the part of the whole run
+CLIPS = 20_000  # the first part that is a clip; more than any run has laps
 REEL = 32_000  # the part of a reel; more than any run has laps
 
 
@@ -29,6 +30,20 @@ class VideoState(models.TextChoices):
     FAILED = "failed", _("failed")
 
 
+class VideoCamera(models.TextChoices):
+    """From where a video shows the run."""
+
+    FOLLOW = "follow", _("Around the car")
+    CHASE = "chase", _("Behind the car")
+    TOP = "top", _("Whole track")
+
+
+class VideoFormat(models.TextChoices):
+    MP4 = "mp4", "MP4"
+    WEBP = "webp", "WebP"
+
+
+CONTENT_TYPES = {VideoFormat.MP4: "video/mp4", VideoFormat.WEBP: "image/webp"}
 UNDER_WAY = (VideoState.WAITING, VideoState.DRAWING)
 
 
@@ -36,8 +51,9 @@ class Video(Job):
     """One video of a finished run: of the whole run or one lap, following one car, with words in one language.
 
     ``car``: the number of the car that is followed, 0 for the evaluation's own. ``part``: 0 for the whole run, a lap of
-    that car, or :data:`REEL`: the moments in ``segments`` (:class:`.scenes.Segment`), whose first run is
-    ``evaluation``. ``fingerprint``: :meth:`.scenes.VideoRun.fingerprint` of the file. ``asks``: requests by
+    that car, from :data:`CLIPS` on a clip of the run between ``from_ms`` and ``to_ms``, or :data:`REEL`: the moments in
+    ``segments`` (:class:`.scenes.Segment`), whose first run is ``evaluation``. ``fingerprint``:
+    :meth:`.scenes.VideoRun.fingerprint` of the file. ``asks``: requests by
     ``asked_by`` on the day of ``asked_at``.
     """
 
@@ -49,6 +65,12 @@ class Video(Job):
     part = models.PositiveSmallIntegerField(_("part"), default=WHOLE, help_text=_("0: the whole run, else a lap."))
     language = models.CharField(_("language"), max_length=8)
     segments: models.JSONField[Any, Any] = models.JSONField(_("moments"), null=True, blank=True)
+    from_ms = models.PositiveIntegerField(_("from"), default=0, db_default=0, help_text=_("Simulated milliseconds."))
+    to_ms = models.PositiveIntegerField(_("to"), default=0, db_default=0, help_text=_("0: no clip."))
+    camera = models.CharField(
+        _("camera"), max_length=8, choices=VideoCamera.choices, default="follow", db_default="follow"
+    )
+    format = models.CharField(_("format"), max_length=4, choices=VideoFormat.choices, default="mp4", db_default="mp4")
 
     state = models.CharField(_("state"), max_length=8, choices=VideoState.choices, default=VideoState.WAITING)
     progress = models.PositiveSmallIntegerField(_("progress"), default=0, help_text=_("Per cent."))
@@ -86,6 +108,13 @@ class Video(Job):
         constraints = [
             *lease_constraints("video", waiting="waiting", working="drawing", final=["ready", "failed"]),
             models.UniqueConstraint(fields=["evaluation", "car", "part", "language"], name="video_made_once"),
+            models.CheckConstraint(
+                condition=Q(from_ms=0, to_ms=0) & ~Q(part__gte=CLIPS, part__lt=REEL)
+                | Q(part__gte=CLIPS, part__lt=REEL, to_ms__gt=F("from_ms")),
+                name="video_clip_has_a_moment",
+            ),
+            models.CheckConstraint(condition=Q(camera__in=VideoCamera.values), name="video_camera_known"),
+            models.CheckConstraint(condition=Q(format__in=VideoFormat.values), name="video_format_known"),
             models.CheckConstraint(condition=Q(car__lt=MAX_CARS), name="video_car_in_range"),
             models.CheckConstraint(condition=Q(progress__lte=100), name="video_progress_in_range"),
             models.CheckConstraint(condition=~Q(language=""), name="video_has_language"),

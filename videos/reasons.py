@@ -17,6 +17,13 @@ register(
             "“%(part)s” is not a part of a run. Choose “whole”, “best” (the car's fastest lap) or the number of a lap."
         ),
         "video_language": _("Videos have their words in one of the languages %(known)s, not in “%(language)s”."),
+        "video_moment": _(
+            "A clip begins and ends within the run of %(seconds)s seconds, and lasts at least %(least)s s. Choose "
+            "other times."
+        ),
+        "video_camera": _("There is no camera “%(camera)s”. Choose one of these: %(known)s."),
+        "video_format": _("There is no format “%(format)s”. Choose one of these: %(known)s."),
+        "video_animation_too_long": _("A WebP lasts %(limit)s seconds at most. Choose a shorter moment, or MP4."),
         "video_stopped": _("The video was stopped before it was done. Ask for it again to have it."),
     },
     conflict={

@@ -15,7 +15,7 @@ from core.files.storage_faults import storage_at_work
 from evaluation.garage.downloads import as_download
 
 from .hooks import runs
-from .models import REEL, WHOLE, Video, VideoState
+from .models import CONTENT_TYPES, REEL, WHOLE, Video, VideoFormat, VideoState
 from .selectors import shown_video, videos_visible_to
 from .services import forget_lost_file, note_watched
 
@@ -51,7 +51,7 @@ def video_response(
     Raises Http404 where the file is lost (the video can then be requested again) and PlatformFault("storage_failed").
     """
     now = timezone.now()
-    file, kind = (video.poster, "image/jpeg") if still else (video.file, "video/mp4")
+    file, kind = (video.poster, "image/jpeg") if still else (video.file, CONTENT_TYPES[VideoFormat(video.format)])
     most = None if download else PIECE
     with storage_at_work():
         try:
@@ -72,7 +72,9 @@ def file_name(video: Video) -> str:
     """The name of the downloaded file: the run, another car's number, the part."""
     part = {WHOLE: "run", REEL: "highlights"}.get(video.part, f"lap{video.part}")
     car = f"-car{video.car}" if video.car else ""
-    return f"{video.evaluation.public_id}{car}-{part}.mp4"
+    if video.to_ms:
+        part = f"clip-{video.from_ms}-{video.to_ms}"
+    return f"{video.evaluation.public_id}{car}-{part}.{video.format}"
 
 
 def page_language() -> str:

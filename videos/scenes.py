@@ -18,14 +18,53 @@ from paddock.errors import UserFault
 from paddock.simulator.results import LapDocument
 
 from .hooks import runs
-from .models import REEL, WHOLE, Video
+from .models import CLIPS, REEL, WHOLE, Video, VideoCamera, VideoFormat
 
 if TYPE_CHECKING:
     from videos.drawing import VideoScene
 
 # Raise FORMAT whenever the picture changes, REEL_FORMAT when that of a reel alone does: such videos are made anew.
 FORMAT, REEL_FORMAT = 2, 1
+LEAST_MOMENT_MS, LONGEST_ANIMATION_MS = 500, 20_000
 RELATED = ("result", "track", "owner", "model", "submission__entry__race", "duel__race")
+
+
+@dataclass(frozen=True)
+class ClipForm:
+    """How a part of a run is shown. ``to_ms``: 0 for the whole part, else that of a clip from ``from_ms`` on (simulated
+    milliseconds of the run); ``camera``, ``format``: see :class:`.models.VideoCamera`, :class:`.models.VideoFormat`."""
+
+    from_ms: int = 0
+    to_ms: int = 0
+    camera: str = VideoCamera.FOLLOW.value
+    format: str = VideoFormat.MP4.value
+
+    @classmethod
+    def of(cls, video: Video) -> ClipForm:
+        return cls(video.from_ms, video.to_ms, video.camera, video.format)
+
+    def checked(self, run: VideoRun, car: int, part: int) -> ClipForm:
+        """The form with the moment of ``part`` if it has none and is no plain video. Raises UserFault ``video_camera``,
+        ``video_format``, ``video_moment``, ``video_animation_too_long``."""
+        if self.camera not in VideoCamera.values:
+            raise UserFault("video_camera", camera=self.camera[:20], known=", ".join(VideoCamera.values))
+        if self.format not in VideoFormat.values:
+            raise UserFault("video_format", format=self.format[:20], known=", ".join(VideoFormat.values))
+        if self == PLAIN:
+            return self
+        form, simulated_ms = self, run.evaluation.result.simulated_ms
+        if not (self.from_ms or self.to_ms):
+            start_ms = run.start_ms(car, part)
+            form = replace(self, from_ms=start_ms, to_ms=start_ms + run.length_ms(car, part))
+        length_ms = form.to_ms - form.from_ms
+        if form.from_ms < 0 or length_ms < LEAST_MOMENT_MS or form.to_ms > simulated_ms:
+            raise UserFault("video_moment", least=LEAST_MOMENT_MS / 1000, seconds=f"{simulated_ms / 1000:g}")
+        if form.format == VideoFormat.WEBP and length_ms > LONGEST_ANIMATION_MS:
+            raise UserFault("video_animation_too_long", limit=LONGEST_ANIMATION_MS // 1000)
+        return form
+
+
+PLAIN = ClipForm()
 
 
 @dataclass(frozen=True)
@@ -72,6 +111,11 @@ class VideoRun:
             raise UserFault("video_lap_unknown", lap=number, laps=len(laps))
         return number
 
+    def start_ms(self, car: int, part: int) -> int:
+        """Where the part begins in the run, in simulated milliseconds."""
+        laps = self.car(car).result.laps
+        return next((lap["start_ms"] for lap in laps if lap["number"] == part), 0)
+
     def length_ms(self, car: int, part: int) -> int:
         """The length of the part in simulated milliseconds."""
         if part == WHOLE:
@@ -90,12 +134,13 @@ class VideoRun:
             *([row.number, row.place, row.label, *row.look, row.result.trace_sha256] for row in self._by_number),
         ]
 
-    def fingerprint(self, car: int, part: int, language: str) -> str:
+    def fingerprint(self, car: int, part: int, language: str, form: ClipForm = PLAIN) -> str:
         """sha-256 (hex) of everything that the video shows, but for the purple of sectors."""
-        shown = json.dumps([car, part, language, *self.shown])
+        clip = [] if form == PLAIN else [asdict(form)]
+        shown = json.dumps([car, part, language, *self.shown, *clip])
         return hashlib.sha256(shown.encode()).hexdigest()
 
-    def scene(self, car: int, part: int, language: str) -> VideoScene:
+    def scene(self, car: int, part: int, language: str, form: ClipForm = PLAIN) -> VideoScene:
         """The scene to draw, with the stored traces. Raises PlatformFault("storage_failed"), UserFault."""
         from videos.drawing import VideoCar, VideoScene, Words
 
@@ -119,7 +164,9 @@ class VideoRun:
             followed=car,
             layout=read_layout(evaluation.result),
             order=list(evaluation.result.order),
-            lap=part or None,
+            lap=part if WHOLE < part < CLIPS else None,
+            window=(form.from_ms, form.to_ms) if form.to_ms else None,
+            camera=form.camera,
             fastest_sectors_ms=runs().fastest_sectors_ms(evaluation),
             words=Words.translated(language),
         )
@@ -207,4 +254,4 @@ def is_current(video: Video, run: VideoRun) -> bool:
     """Whether a ready video shows the present state of ``run``, the first one of a reel."""
     if video.part == REEL:
         return video.fingerprint == Reel.of(video).fingerprint()
-    return video.fingerprint == run.fingerprint(video.car, video.part, video.language)
+    return video.fingerprint == run.fingerprint(video.car, video.part, video.language, ClipForm.of(video))

@@ -1,4 +1,4 @@
-"""Encodes pictures as MP4 with H.264: the same bytes for the same pictures."""
+"""Encodes pictures as MP4 with H.264 or as an animated WebP: the same bytes for the same pictures."""
 
 from __future__ import annotations
 
@@ -30,8 +30,11 @@ _BT601, _BT709_CURVE, _LIMITED = 6, 1, 1
 class Encoder:
     """Writes one file; a context manager that completes the file unless an exception leaves it."""
 
-    def __init__(self, path: Path, form: Form) -> None:
+    def __init__(self, path: Path, form: Form, quality: int | None = None) -> None:
         self._form = form
+        if quality is not None:
+            self._begin_animation(path, quality)
+            return
         options = {"movflags": "+faststart", "fflags": "+bitexact", "use_editlist": "0"}
         self._file = av.open(str(path), "w", format="mp4", options=options)
         with ExitStack() as undo:
@@ -48,6 +51,17 @@ class Encoder:
             undo.pop_all()
         self._stream = stream
         self._number = 0
+
+    def _begin_animation(self, path: Path, quality: int) -> None:
+        self._file = av.open(str(path), "w", format="webp", options={"loop": "0", "fflags": "+bitexact"})
+        with ExitStack() as undo:
+            undo.callback(self._file.close)
+            options = {"quality": str(quality), "compression_level": "2", "flags": "+bitexact"}
+            stream = self._file.add_stream("libwebp_anim", rate=self._form.fps, options=options)
+            stream.width, stream.height, stream.pix_fmt = self._form.width, self._form.height, "yuv420p"
+            stream.time_base = Fraction(1, self._form.fps)
+            undo.pop_all()
+        self._stream, self._number = stream, 0
 
     def add(self, picture: np.ndarray) -> None:
         """Add a picture, BGR (height, width, 3)."""

@@ -11,6 +11,7 @@ import numpy as np
 from scipy.interpolate import Akima1DInterpolator
 from scipy.ndimage import gaussian_filter1d
 
+from paddock.geometry.track import TrackGeometry
 from paddock.simulator.physics import PADDOCK_CAR
 from paddock.simulator.trace import CRASHED, IMMOBILIZED, OFF_TRACK, PAUSE, REVERSED
 from tracks.drawing import JUMP_M, TOP_SPEED_MPS
@@ -25,6 +26,8 @@ _AHEAD_S = 0.35  # the picture's middle is the car's place so much later,
 _SMOOTH_S = 0.42  # smoothed by so many seconds of standard deviation
 _BESIDE = (0.27, 0.2)  # greatest distance of the car from the middle, as a share of the picture's width and height
 _GLIDE_M = 1.6  # the longest reset over which the picture glides
+_AROUND_M = 0.6  # of a picture of the whole track
+_TURN_S, _CHASE_ZOOM = 0.2, 0.9
 
 
 @dataclass(frozen=True)
@@ -188,11 +191,29 @@ def poses_at(steps: Steps, times: np.ndarray, places: Sequence[Sequence[float]])
 
 @dataclass(frozen=True)
 class Eye:
-    """The middle of the picture in every frame (m), and its zoom (1: usual)."""
+    """The middle of the picture in every frame (m), and its zoom (1: usual). ``heading``: which way is up (rad), None
+    for the map's own."""
 
     x: np.ndarray
     y: np.ndarray
     zoom: np.ndarray
+    heading: np.ndarray | None = None
+
+
+def eye_of(
+    camera: str, steps: Steps, times: np.ndarray, fps: float, view_m: tuple[float, float], track: TrackGeometry
+) -> Eye:
+    """The picture's way by a camera. ``view_m``: width and height of the visible ground."""
+    if camera == "top":
+        x_min, y_min, x_max, y_max = track.bounds
+        zoom = min(view_m[0] / (x_max - x_min + _AROUND_M), view_m[1] / (y_max - y_min + _AROUND_M))
+        still = np.ones(len(times))
+        return Eye(still * (x_min + x_max) / 2, still * (y_min + y_max) / 2, still * zoom)
+    if camera == "chase":
+        drive = drive_of(steps, times)
+        heading = gaussian_filter1d(np.unwrap(drive.yaw), _TURN_S * fps, mode="nearest")
+        return Eye(drive.x, drive.y, np.full(len(times), _CHASE_ZOOM), heading)
+    return follow(steps, times, fps, view_m)
 
 
 def follow(steps: Steps, times: np.ndarray, fps: float, view_m: tuple[float, float]) -> Eye:

@@ -78,7 +78,8 @@ class VideoScene:
     one to four; ``followed``: the ``number`` of the one that the picture follows. ``layout``: see
     :func:`evaluation.running.results.read_layout`. ``order``: the numbers of the cars, winner first (empty: as in
     ``cars``). ``lap``: show this lap of the followed car only (from 1). ``window``: show the run between these ms only,
-    without the card at the end, with ``caption`` below. ``fastest_sectors_ms``: of the race, for the purple sectors.
+    without the card at the end, with ``caption`` below. ``camera``: "follow" (around the followed car), "chase" (behind
+    it: it drives upwards) or "top" (the whole track). ``fastest_sectors_ms``: of the race, for the purple sectors.
 
     Raises UserFault ``video_no_car`` for no car, more than four, or two with one number; ``video_lap_unknown``.
     """
@@ -92,6 +93,7 @@ class VideoScene:
     order: Sequence[int] = ()
     lap: int | None = None
     window: tuple[int, int] | None = None
+    camera: str = "follow"
     caption: str = ""
     fastest_sectors_ms: Sequence[int | None] = ()
     words: Words = field(default_factory=Words)
@@ -117,6 +119,7 @@ class Form(NamedTuple):
 
 
 FULL = Form()
+ANIMATED = Form(640, 360, 15)
 
 
 @dataclass(frozen=True)

@@ -7,7 +7,7 @@ import numpy as np
 from core.cards.lettering import is_drawable
 from paddock.errors import UserFault
 
-from .motion import Eye, Motion, Steps, drive_of, follow, poses_at, read_steps
+from .motion import Eye, Motion, Steps, drive_of, eye_of, poses_at, read_steps
 from .palette import Colour, bgr
 from .scene import BAR, CARD_MS, MAX_SECONDS, PX_PER_M, Form, VideoCar, VideoScene, Words
 from .timing import Timing, laps_of
@@ -95,7 +95,7 @@ def prepare(scene: VideoScene, form: Form) -> FrameTimeline:
         next(actor for actor in actors if actor.car.number == scene.followed),
         [bot for bot in bots if len(bot)],
         [(float(box["x"]), float(box["y"]), float(box["yaw"])) for box in scene.layout.get("boxes") or ()],
-        follow(hero_steps, times, form.fps, view_m),
+        eye_of(scene.camera, hero_steps, times, form.fps, view_m, scene.track),
         round(CARD_MS * form.fps / 1000.0) if scene.window is None else 0,
         scene.words if is_drawable("".join(vars(scene.words).values())) else Words(),
     )

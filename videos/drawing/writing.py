@@ -9,7 +9,7 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from .scene import FULL, DrawingStopped, Form, VideoFacts, VideoScene
+from .scene import ANIMATED, FULL, DrawingStopped, Form, VideoFacts, VideoScene
 
 if TYPE_CHECKING:
     import numpy as np
@@ -20,6 +20,8 @@ _REPORT_EVERY_S = 0.2
 _DIM = 0.42  # of the last picture under the card
 _CARD_IN_S = 0.3
 _JPEG_QUALITY = 88
+MOST_ANIMATED_BYTES = 6_000_000
+_QUALITIES = (75, 45, 20, 5)
 
 
 def write_video(
@@ -34,6 +36,23 @@ def write_video(
     return write_reel([scene], path, on_progress=on_progress, is_stopped=is_stopped, form=form)
 
 
+def write_animation(
+    scene: VideoScene,
+    path: Path,
+    *,
+    on_progress: Callable[[float], None] = lambda share: None,
+    is_stopped: Callable[[], bool] = lambda: False,
+    most_bytes: int = MOST_ANIMATED_BYTES,
+) -> VideoFacts:
+    """Draw one scene into a small animated WebP of at most ``most_bytes``, with less quality where it is needed."""
+    for quality in _QUALITIES:
+        tell, stop = on_progress, is_stopped
+        facts = write_reel([scene], path, on_progress=tell, is_stopped=stop, form=ANIMATED, quality=quality)
+        if facts.size <= most_bytes:
+            break
+    return facts
+
+
 def write_reel(
     scenes: Sequence[VideoScene],
     path: Path,
@@ -41,9 +60,10 @@ def write_reel(
     on_progress: Callable[[float], None] = lambda share: None,
     is_stopped: Callable[[], bool] = lambda: False,
     form: Form = FULL,
+    quality: int | None = None,
 ) -> VideoFacts:
     """Draw scenes into one file, one after the other: MP4 with H.264 (yuv420p, no sound, the index first), a key frame
-    each two seconds.
+    each two seconds. With a ``quality`` (1 to 100) an animated WebP that repeats.
 
     The file is written beside ``path`` and then put in place whole. ``on_progress`` gets a share from 0 to 1 about five
     times a second; ``is_stopped`` is called before each frame. The same scenes make the same bytes on the same library
@@ -55,10 +75,10 @@ def write_reel(
     from .timeline import prepare
 
     takes = [prepare(scene, form) for scene in scenes]
-    unfinished = path.with_name(f".{secrets.token_hex(8)}.mp4")
+    unfinished = path.with_name(f".{secrets.token_hex(8)}{path.suffix}")
     try:
         unfinished.touch(exist_ok=False)
-        facts = _write_frames(takes, unfinished, on_progress, is_stopped)
+        facts = _write_frames(takes, unfinished, on_progress, is_stopped, quality)
         unfinished.replace(path)
     finally:
         unfinished.unlink(missing_ok=True)
@@ -146,14 +166,18 @@ class Painter:
 
 
 def _write_frames(
-    takes: Sequence[FrameTimeline], path: Path, on_progress: Callable[[float], None], is_stopped: Callable[[], bool]
+    takes: Sequence[FrameTimeline],
+    path: Path,
+    on_progress: Callable[[float], None],
+    is_stopped: Callable[[], bool],
+    quality: int | None,
 ) -> VideoFacts:
     from .encode import Encoder
 
     drawing = encoding = 0.0
     reported = time.monotonic()
     written, frames = 0, sum(take.frames for take in takes)
-    with _one_thread(), Encoder(path, takes[0].form) as encoder:
+    with _one_thread(), Encoder(path, takes[0].form, quality) as encoder:
         for take in takes:
             painter = Painter(take)
             for number in range(take.frames):

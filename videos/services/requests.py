@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 
 from django.conf import settings
 from django.db import IntegrityError, transaction
+from django.db.models import Max
 from django.utils.translation import gettext_lazy as _
 
 from accounts.quotas import limit_of, used_by
@@ -18,9 +19,9 @@ from evaluation.garage.quotas import STORAGE
 from evaluation.models import Evaluation
 from paddock.errors import UserFault
 
-from ..models import REEL, Video, VideoState
+from ..models import CLIPS, REEL, Video, VideoState
 from ..quotas import A_DAY, VIDEOS_A_DAY, VIDEOS_AT_ONCE
-from ..scenes import Segment, VideoRun, check_language, is_current
+from ..scenes import PLAIN, ClipForm, Segment, VideoRun, check_language, is_current
 from .queue import VIDEOS
 from .stored_files import NO_FILE, delete_files_on_commit
 
@@ -37,24 +38,35 @@ class VideoRequest:
 
 
 def request_video(
-    *, evaluation: Evaluation, by: Racer, car: int = 0, part: str = "best", language: str, now: datetime
+    *,
+    evaluation: Evaluation,
+    by: Racer,
+    car: int = 0,
+    part: str = "best",
+    language: str,
+    now: datetime,
+    form: ClipForm = PLAIN,
 ) -> VideoRequest:
     """Queue a video of a finished run, unless it is queued, being drawn or ready.
 
     ``car``: the number of the car that is followed; ``part``: "whole", "best" or the number of a lap of that car. A
+    ``form``: its camera and format, and the moment of a clip. A
     failed or stale video is made anew under the same id. The caller checks that ``by`` may see the run.
 
     Raises UserFault ``video_run_not_finished``, ``car_number``, ``video_part``, ``video_no_best_lap``,
     ``video_lap_unknown``, ``video_language``, ``video_too_long``, ``videos_off``, ``storage_full``, ``videos_at_once``,
-    ``videos_a_day``.
+    ``videos_a_day``, and those of :meth:`.scenes.ClipForm.checked`.
     """
     run = VideoRun.of(evaluation)
     number = run.part(car, part)
-    of = {"evaluation": evaluation, "car": car, "part": number, "language": check_language(language)}
+    form = form.checked(run, car, number)
+    of = {"evaluation": evaluation, "car": car, "language": check_language(language)}
+    if form == PLAIN:
+        of["part"] = number
     while True:
         try:
-            return _request(run, of, by, now)
-        except IntegrityError:  # a concurrent request for the same video
+            return _request(run, of if form == PLAIN else of | _clip(of, form), by, now)
+        except IntegrityError:  # a concurrent request for the same video, or for another clip
             if not Video.objects.filter(**of).exists():
                 raise
 
@@ -75,6 +87,14 @@ def request_reel(
     return _request(run, of, by, now, segments)
 
 
+def _clip(of: dict, form: ClipForm) -> dict:
+    """The clip of this form, or the next one of the run."""
+    clips = Video.objects.filter(**of, part__gte=CLIPS, part__lt=REEL)
+    made = clips.filter(**asdict(form)).values_list("part", flat=True).first()
+    last = clips.aggregate(last=Max("part"))["last"] or CLIPS - 1
+    return asdict(form) | {"part": last + 1 if made is None else made}
+
+
 @transaction.atomic
 def _request(
     run: VideoRun, of: dict, by: Racer, now: datetime, moments: Sequence[Segment] | None = None
@@ -87,7 +107,10 @@ def _request(
         stands = video.state == VideoState.READY and video.segments == segments and is_current(video, run)
         if video.is_under_way or stands:
             return VideoRequest(video, queued=False)
-    length_ms = run.length_ms(of["car"], of["part"]) if moments is None else sum(one.length_ms for one in moments)
+    if moments is not None:
+        length_ms = sum(one.length_ms for one in moments)
+    else:
+        length_ms = of["to_ms"] - of["from_ms"] if "to_ms" in of else run.length_ms(of["car"], of["part"])
     _check_limits(length_ms, by, now)
     if video is None:
         video = Video.objects.create(**of, segments=segments, asked_by_id=by.pk, asked_at=now)

@@ -37,7 +37,7 @@ def storage() -> Storage:
 def names_of(video: Video) -> tuple[str, str]:
     """The names of the video's file and its still, unique to the current lease."""
     stem = f"{FOLDER}/{video.public_id}-{video.attempt}-{video.lease}"
-    return f"{stem}.mp4", f"{stem}.jpg"
+    return f"{stem}.{video.format}", f"{stem}.jpg"
 
 
 def store(video: Video, drawn: Path, still: bytes) -> tuple[str, str]:

@@ -16,8 +16,8 @@ from core.jobs.work import never, run_next
 from evaluation.models import Evaluation
 from paddock.errors import PlatformFault
 
-from ..models import REEL, Video
-from ..scenes import RELATED, Reel, VideoRun
+from ..models import REEL, Video, VideoFormat
+from ..scenes import RELATED, ClipForm, Reel, VideoRun
 from .queue import VIDEOS, DrawnVideo, finish_video
 
 logger = logging.getLogger(__name__)
@@ -77,7 +77,8 @@ def _draw(video: Video, path: Path, tell: Callable[[int], None], should_stop: Ca
         facts = drawing.write_reel(scenes, path, on_progress=on_progress, is_stopped=should_stop)
         return DrawnVideo(path, drawing.poster(scenes[-1]), facts, fingerprint)
     run = VideoRun.of(Evaluation.objects.select_related(*RELATED).get(pk=video.evaluation_id))
-    what = (video.car, video.part, video.language)
+    what = (video.car, video.part, video.language, ClipForm.of(video))
     scene, fingerprint = run.scene(*what), run.fingerprint(*what)
-    facts = drawing.write_video(scene, path, on_progress=on_progress, is_stopped=should_stop)
+    write = drawing.write_animation if video.format == VideoFormat.WEBP else drawing.write_video
+    facts = write(scene, path, on_progress=on_progress, is_stopped=should_stop)
     return DrawnVideo(path, drawing.poster(scene), facts, fingerprint)

@@ -22,14 +22,15 @@ from core.api.finding import finds
 from core.api.operations import operation
 from core.api.views import APIView, FileView
 from evaluation.models import Evaluation, State
-from videos.models import REEL, WHOLE, Video
+from videos.models import CLIPS, WHOLE, Video, VideoCamera, VideoFormat
 from videos.responses import page_language, ready_video, video_response, visible_video
-from videos.scenes import VideoRun
+from videos.scenes import ClipForm, VideoRun
 from videos.selectors import ShownVideo, can_stop_video, shown_video, videos_of
 from videos.services import request_video, stop_video
 
 from ...web.api import visible_evaluation
 
+LONGEST_MS = 2**31 - 1
 STATES = [
     ("waiting", "in the queue"),
     ("drawing", "rendering"),
@@ -54,9 +55,13 @@ class VideoSerializer(serializers.Serializer):
     car = serializers.IntegerField(source="video.car", help_text="The car that is followed; 0 is the evaluation's own.")
     lap = ComputedField(
         serializers.IntegerField(allow_null=True),
-        lambda shown: shown.video.part if shown.video.part not in (WHOLE, REEL) else None,
-        help_text="The lap that it shows; null for the whole run, and for highlights.",
+        lambda shown: shown.video.part if WHOLE < shown.video.part < CLIPS else None,
+        help_text="The lap that it shows; null for the whole run, a clip, and highlights.",
     )
+    from_ms = serializers.IntegerField(source="video.from_ms", help_text="Where a clip begins in the run.")
+    to_ms = serializers.IntegerField(source="video.to_ms", help_text="Where it ends; 0 unless it is a clip.")
+    camera = serializers.ChoiceField(VideoCamera.choices, source="video.camera")
+    format = serializers.ChoiceField(VideoFormat.choices, source="video.format")
     language = serializers.CharField(source="video.language", help_text="Of the words in the picture.")
     state = serializers.ChoiceField(STATES)
     position = serializers.IntegerField(allow_null=True, help_text="In the queue, 1 is the next; null unless waiting.")
@@ -91,6 +96,16 @@ class AskSerializer(Body):
     car = serializers.IntegerField(
         default=0, min_value=0, max_value=99, help_text="The car to follow: 0 is the evaluation's own, rivals from 1."
     )
+    from_ms = serializers.IntegerField(
+        default=0, min_value=0, max_value=LONGEST_MS, help_text="Where a clip begins, in simulated ms of the run."
+    )
+    to_ms = serializers.IntegerField(
+        default=0, min_value=0, max_value=LONGEST_MS, help_text="Where it ends; 0 shows the whole part."
+    )
+    camera = serializers.ChoiceField(VideoCamera.choices, default="follow")
+    format = serializers.ChoiceField(
+        VideoFormat.choices, default="mp4", help_text="`webp` is a small picture that moves, of 20 s at most."
+    )
     language = serializers.ChoiceField(
         settings.LANGUAGES, required=False, help_text="Of the words in the picture; that of the request if not given."
     )
@@ -122,7 +137,8 @@ class VideosView(APIView):
     @finds(visible_evaluation)
     def post(self, request: Request, evaluation: Evaluation) -> Response:
         wanted = {"language": page_language()} | read_as(AskSerializer, request.data)
-        asked = request_video(evaluation=evaluation, by=racer_of(request), now=timezone.now(), **wanted)
+        form = ClipForm(*(wanted.pop(name) for name in ("from_ms", "to_ms", "camera", "format")))
+        asked = request_video(evaluation=evaluation, by=racer_of(request), now=timezone.now(), form=form, **wanted)
         asked.video.evaluation = evaluation
         answer = VideoSerializer(shown_video(asked.video)).data
         return Response(answer, status=status.HTTP_202_ACCEPTED if asked.queued else status.HTTP_200_OK)

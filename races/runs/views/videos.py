@@ -13,9 +13,9 @@ from core.pages.live_parts import live_part
 from evaluation.models import Evaluation
 from evaluation.running.competitors import CompetitorRow
 from paddock.errors import PaddockError
-from videos.models import WHOLE, Video, VideoState
+from videos.models import WHOLE, Video, VideoCamera, VideoFormat, VideoState
 from videos.responses import page_language, ready_video, video_response, visible_video
-from videos.scenes import VideoRun, best_lap
+from videos.scenes import ClipForm, VideoRun, best_lap
 from videos.selectors import ShownVideo, best_shown, can_request_video, can_stop_video, shown_video, videos_of
 from videos.services import request_video, stop_video
 
@@ -46,6 +46,7 @@ def evaluation_video(request: HtmxRequest, public_id: str) -> HttpResponse:
             part=part or "best",
             language=page_language(),
             now=timezone.now(),
+            form=_form(request),
         )
     except PaddockError as fault:
         if request.htmx:
@@ -53,6 +54,20 @@ def evaluation_video(request: HtmxRequest, public_id: str) -> HttpResponse:
         report_fault(request, fault)
         return redirect(f"{evaluation.get_absolute_url()}#video")
     return _card(request, evaluation, asked.video) if request.htmx else redirect(asked.video)
+
+
+def _form(request: HttpRequest) -> ClipForm:
+    """The camera, the format and the moment (seconds from ``from`` to ``to``) that a form asks for."""
+    start, end = (_milliseconds(request.POST.get(name, "")) for name in ("from", "to"))
+    return ClipForm(start, end, request.POST.get("camera", "follow"), request.POST.get("format", "mp4"))
+
+
+def _milliseconds(text: str) -> int:
+    """Seconds as typed, with a point or a comma; 0 for none, and beyond every run for what is no number."""
+    try:
+        return round(float(text.replace(",", ".") or 0) * 1000)
+    except (ValueError, OverflowError):
+        return -1
 
 
 @require_safe
@@ -127,6 +142,8 @@ def _of_card(request: HttpRequest, run: VideoRun, videos: list[ShownVideo], show
         "can_ask": settings.VIDEOS and request.user.is_authenticated,  # the page has checked that the run is visible
         "video_cars": [(row, best_lap(row.result.laps)) for row in run.cars],
         "preselected": _preselected(request, run, videos, shown),
+        "video_cameras": VideoCamera.choices,
+        "video_formats": VideoFormat.choices,
         "video_limit_ms": settings.VIDEO_SECONDS * 1000,
     }
 
@@ -143,7 +160,7 @@ def _preselected(
     made = {
         (each.video.car, each.video.part)
         for each in videos
-        if each.video.language == page_language() and each.state not in ("failed", "stale")
+        if each.video.language == page_language() and not each.video.to_ms and each.state not in ("failed", "stale")
     }
     parts = [*([best] if best else []), WHOLE, *(lap["number"] for lap in row.result.laps)]
     return next(((row.number, part) for part in parts if (row.number, part) not in made), (row.number, parts[0]))
