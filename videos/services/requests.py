@@ -55,7 +55,7 @@ def request_video(
 
     Raises UserFault ``video_run_not_finished``, ``car_number``, ``video_part``, ``video_no_best_lap``,
     ``video_lap_unknown``, ``video_language``, ``video_too_long``, ``videos_off``, ``storage_full``, ``videos_at_once``,
-    ``videos_a_day``, and those of :meth:`.scenes.ClipForm.checked`.
+    ``videos_a_day``, and those of :meth:`videos.scenes.ClipForm.checked`.
     """
     run = VideoRun.of(evaluation)
     number = run.part(car, part)
