@@ -74,6 +74,7 @@
       x += share * (drive[next][0] - x);
       y += share * (drive[next][1] - y);
     }
+    document.dispatchEvent(new CustomEvent("training:drive", { detail: { drive, ms: all * STEP_MS } }));
     const box = stage.viewBox.baseVal;
     const size = 0.022 * Math.max(box.width, box.height);
     car.removeAttribute("hidden");

@@ -1,7 +1,9 @@
 """The list of a racer's trainings, the page of one, and its actions."""
 
 import json
+import math
 import zlib
+from collections.abc import Sequence
 from typing import Any, Literal
 
 from django.contrib import messages
@@ -9,6 +11,7 @@ from django.contrib.auth.decorators import login_required
 from django.db.models import Q, QuerySet, Subquery
 from django.http import Http404, HttpRequest, HttpResponse, HttpResponseBase
 from django.shortcuts import get_object_or_404, redirect, render
+from django.urls import reverse
 from django.utils import timezone
 from django.utils.translation import gettext as _
 from django.views.decorators.http import require_http_methods, require_POST, require_safe
@@ -78,7 +81,8 @@ def training(request: HttpRequest, public_id: str) -> HttpResponse:
         "is_mine": mine,
         "sweep": job.trial.sweep if hasattr(job, "trial") else None,
         "map_size": map_size(job.track),
-        "layout_boxes": _boxes(job),
+        "layout_boxes": (boxes := _boxes(job)),
+        "drive_scene": json.dumps(_scene(job, boxes)),
         "ending": how_it_ended(job, request.user),
         "model": job.best_model if mine else None,
     }
@@ -251,6 +255,16 @@ def _graph(request: HttpRequest, job: TrainingJob, last: TrainingIteration | Non
 def _drive(job: TrainingJob) -> list[list[float]]:
     """The newest drive on the map: x, y, heading in radians (clockwise there), speed in m/s."""
     return [[*map_point(job.track, x, y), round(-yaw, 3), round(speed, 2)] for x, y, yaw, speed in (job.driving or [])]
+
+
+def _scene(job: TrainingJob, boxes: Sequence[BoxMark]) -> dict[str, Any]:
+    """What the viewer needs beside the newest drive: the scene document, the car's look, the boxes."""
+    return {
+        "scene": f"{reverse('track_scene', args=[job.track.slug])}?direction={job.direction}",
+        "look": {"shell": job.shell, "colour": job.colour},
+        "name": job.name,
+        "boxes": [{"x": box.x, "y": box.y, "yaw": round(math.degrees(box.yaw), 1)} for box in boxes],
+    }
 
 
 def _boxes(job: TrainingJob) -> tuple[BoxMark, ...]:
