@@ -216,11 +216,15 @@ export class Replay {
   }
 }
 
-async function fetchDocument(url) {
-  const answer = await fetch(url, { headers: { Accept: "application/json" } });
+// A document; asked for twice if the server or the line fails.
+async function fetchDocument(url, tries = 2) {
+  const answer = await fetch(url, { headers: { Accept: "application/json" } }).catch((error) => error);
   if (answer.ok) return answer.json();
-  const said = await answer.json().catch(() => ({}));
-  throw Object.assign(new Error(said.detail ?? said.message ?? String(answer.status)), { status: answer.status });
+  if (tries > 1 && !(answer.status < 500)) {
+    await new Promise((done) => setTimeout(done, 500));
+    return fetchDocument(url, tries - 1);
+  }
+  throw Object.assign(new Error(String(answer.status ?? answer.message)), { status: answer.status ?? 0 });
 }
 
 // The replay of {scene, runs: [{url, lap, name, look}]}. `lost`: the runs whose document could not be loaded, with their
