@@ -49,10 +49,12 @@ class MedalTarget:
     by_ms: int | None
 
 
-def medal_target(race: Race, best_lap_ms: int | None, house: Sequence[Entry] = ()) -> MedalTarget | None:
+def medal_target(
+    race: Race, best_lap_ms: int | None, house: Sequence[Entry] = (), times: Times | None = None
+) -> MedalTarget | None:
     """The next medal for a best lap (None: no lap yet), with the help of ``house`` cars' entries. None where a race
     gives no medals, and for the best medal."""
-    reference = race_reference_ms(race)
+    reference = race_reference_ms(race, times)
     coming = None if reference is None else next_medal(best_lap_ms, reference)
     if coming is None:
         return None

@@ -30,7 +30,7 @@ from races.entries.engines import hidden_runs
 from races.entries.selectors.lists import races_on
 from races.entries.selectors.offers import Learned, Offer, offers_for
 from races.entries.selectors.visibility import evaluations_visible_to
-from races.models import LiveEvent, Race, RaceState
+from races.models import Entry, LiveEvent, Race, RaceState
 from races.replays.run_maps import LAP_COLOURS, map_place
 from races.rules import descriptions
 from races.rules.layout import box_marks, has_boxes, layout_marks
@@ -248,10 +248,13 @@ def run_medal(context: Context, run: Evaluation) -> SafeString | str:
     return medal_badge(medal_of_run(run, times_of(context)))
 
 
-@register.simple_tag
-def target_medal(race: Race, best_lap_ms: int | None, rows: Iterable[BoardRow]) -> MedalTarget | None:
-    """The next medal for a lap, with the house cars among the rows."""
-    return medal_target(race, best_lap_ms, [row.entry for row in rows if row.is_baseline])
+@register.simple_tag(takes_context=True)
+def target_medal(
+    context: Context, race: Race, best_lap_ms: int | None, cars: Iterable[BoardRow | Entry]
+) -> MedalTarget | None:
+    """The next medal for a lap (None: no lap yet), with the house cars among the rows or entries."""
+    house = [car.entry if isinstance(car, BoardRow) else car for car in cars if car.is_baseline]
+    return medal_target(race, best_lap_ms, house, times_of(context))
 
 
 @register.filter

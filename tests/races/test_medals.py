@@ -9,6 +9,7 @@ import pytest
 from django.db import connection
 from django.test import Client
 from django.test.utils import CaptureQueriesContext
+from django.utils import timezone
 
 from accounts.models import Racer
 from races.boards.medals import house_entries, medal_in, medal_of_run, medal_target, race_reference_ms
@@ -157,3 +158,12 @@ def test_a_run_by_other_rules_has_no_medal(race, now):
     assert medal_of_run(run) == Medal.AUTHOR
     run.spec["rules"]["race_type"] = "object_avoidance"
     assert medal_of_run(run) is None
+
+
+def test_the_home_page_says_which_house_car_to_beat_for_a_medal(wakes):
+    now = timezone.now()
+    race = a_race(now)
+    entry = drive(race, a_racer("steady"), laps(13_560, 13_560, 13_560), now).entry
+    Entry.objects.filter(pk=entry.pk).update(is_baseline=True)
+    a_reference(race.track, REFERENCE_MS, now)
+    assert "Beat steady by 0.560 s for bronze" in page("/")

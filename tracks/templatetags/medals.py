@@ -26,9 +26,9 @@ def medal_badge(medal: Medal | None) -> SafeString | str:
 
 
 def times_of(context: Context) -> Times:
-    """The times of all references, read once for a page, or without a request once for a template."""
+    """The times of all references, read once for a page, or for a context without a request."""
     request = context.get("request")
-    kept = vars(request) if request is not None else context.render_context
+    kept = vars(request) if request is not None else context.dicts[0]
     if _KEPT not in kept:
         kept[_KEPT] = reference_times()
     times: Times = kept[_KEPT]
