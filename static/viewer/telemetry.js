@@ -235,12 +235,17 @@ class Telemetry {
     this.showCursor();
   }
 
+  // uPlot takes new scales and sizes over in a microtask, before this one.
   showCursor() {
+    queueMicrotask(() => this.placeCursors());
+    this.showValues();
+  }
+
+  placeCursors() {
     for (const { plot } of this.plots) {
       const left = this.place === null ? -10 : plot.valToPos(this.place, "x");
       plot.setCursor({ left, top: left < 0 ? -10 : 0 }, false); // without an event
     }
-    this.showValues();
   }
 
   // A chart's cursor was moved by the pointer: the replay goes there unless it plays.

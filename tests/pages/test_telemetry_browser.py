@@ -112,6 +112,11 @@ def test_keys_move_the_cursor_and_zoom(open_page):
     assert state(page, "range[0]") > first
     page.keyboard.press("0")
     assert state(page, "range") == state(page, "whole")
+    page.emulate_media(color_scheme="light")
+    for script in ("x", f"{CURSOR}.build()", f"{CURSOR}.zoom('in')"):  # the cursor stays at its place
+        page.evaluate(f"(async () => {{ const x = 0; {script}; {CURSOR}.showCursor(); }})()")
+        ends = page.evaluate(f"{CURSOR}.plots.map(({{ plot }}) => plot.posToVal(plot.cursor.left, 'x'))")
+        assert ends == pytest.approx([state(page, "place")] * len(ends), abs=0.05)
 
 
 def test_a_part_is_zoomed_by_the_pointer_and_is_what_the_file_has(open_page):
