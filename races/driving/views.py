@@ -16,20 +16,24 @@ from paddock.geometry.track import CCW, CW
 from paddock.rules.race import RaceRules
 from paddock.simulator.physics import PADDOCK_CAR
 from races.replays.document import look_document
+from races.replays.reference import viewed_reference
 from races.spoilers.selectors import spoilers_of
 from tracks.models import Track
+from tracks.reference.selectors import reference_lap
 
 from .selectors import ghosts_on
 
 
 @require_safe
 def drive(request: HttpRequest, slug: str) -> HttpResponse:
-    """The track to drive on. ``direction``: ``ccw`` or ``cw``; ``ghost``: the id of a run to drive against."""
+    """The track to drive on. ``direction``: ``ccw`` or ``cw``; ``ghost``: the id of a run to drive against, or
+    ``none``."""
     track = get_object_or_404(Track, slug=slug, length_m__isnull=False)
     direction = request.GET.get("direction", track.direction)
     if direction not in (CCW, CW):
         raise Http404
     ghosts = ghosts_on(track, direction, request.user, spoilers_of(request).hidden)
+    reference = reference_lap(track, direction)
     asked = request.GET.get("ghost", "")
     chosen = next((ghost.run.public_id for ghost in ghosts if ghost.run.public_id == asked), None)
     context = {
@@ -37,6 +41,8 @@ def drive(request: HttpRequest, slug: str) -> HttpResponse:
         "direction": direction,
         "other_direction": CW if direction == CCW else CCW,
         "ghosts": ghosts,
+        "reference": reference,
+        "reference_run": viewed_reference(reference) if reference is not None else None,
         "chosen": chosen or (ghosts[0].run.public_id if ghosts and asked != "none" else ""),
         "setup": json.dumps(_setup(request, track, direction)),
     }

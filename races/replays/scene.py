@@ -7,7 +7,7 @@ from paddock.analysis.turns import turns_of
 from paddock.geometry.checks import Points
 from tracks.models import Track
 
-SCENE_FORMAT = 1
+SCENE_FORMAT = 2
 
 
 def scene_document(track: Track, direction: str) -> dict[str, Any]:
@@ -15,6 +15,8 @@ def scene_document(track: Track, direction: str) -> dict[str, Any]:
     ``start`` and ``finish``: the middle of their line, its heading and the road's width there."""
     geometry = track.geometry.in_direction(direction)
     centre, inner, outer = geometry.lines
+    if geometry.is_open:
+        outer = outer[::-1]  # the line around an open road comes back along it
     return {
         "track": track.slug,
         "name": track.name,

@@ -30,7 +30,7 @@ function rounded(line, closed) {
 
 // The road by distance: `place(metres, share)` lies `share` of the way from the left border (0) to the right one (1).
 export class RoadLine {
-  constructor({ centre, inner, outer, direction, closed }) {
+  constructor({ centre, inner, outer, direction, closed, start, finish }) {
     this.closed = closed;
     const [left, right] = direction === "ccw" ? [inner, outer] : [outer, inner];
     const fine = centre.length > 1500 ? (line) => line : (line) => rounded(line, closed);
@@ -42,6 +42,8 @@ export class RoadLine {
       this.metres.push(this.metres[i - 1] + Math.hypot(b[0] - a[0], b[1] - a[1]));
     }
     this.length = this.metres.at(-1);
+    // where lines cross the road: an open one goes on before its start and beyond its finish
+    this.lines = closed ? [0] : [start, finish].map(({ x, y }) => this.nearest(x, y).metres);
     const every = [...this.left, ...this.right];
     const [xs, ys] = [0, 1].map((j) => every.map((p) => p[j]));
     const least = (v) => v.reduce((a, b) => Math.min(a, b)), most = (v) => v.reduce((a, b) => Math.max(a, b));
@@ -210,7 +212,7 @@ function marks(line, look) {
     }
   }
   const [dark, light] = [new THREE.Color("#14171b"), new THREE.Color(look.line)];
-  for (const finish of line.closed ? [0] : [CHECK_M, line.length]) {
+  for (const finish of line.lines) {
     const columns = Math.max(4, Math.round(line.width(finish) / CHECK_M));
     for (let row = -2; row < 1; row += 1) {
       for (let k = 0; k < columns; k += 1) {

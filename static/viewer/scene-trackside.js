@@ -167,7 +167,7 @@ function atlas(name, look) {
 const cell = (x, y, w, h) => [x / 1024, 1 - (y + h) / 512, (x + w) / 1024, 1 - y / 512];
 
 function addArch(solid, pictures, line, look) {
-  const metres = line.closed ? 0 : line.length, yaw = line.heading(metres), wide = line.width(metres) + 0.5, [x, y] = line.place(metres, 0.5);
+  const metres = line.lines.at(-1), yaw = line.heading(metres), wide = line.width(metres) + 0.5, [x, y] = line.place(metres, 0.5);
   const steel = new THREE.Color("#3a4049"), across = [-Math.sin(yaw), Math.cos(yaw)];
   for (const side of [-0.5, 0.5]) {
     const [px, py] = [x + across[0] * side * wide, y + across[1] * side * wide];
@@ -208,7 +208,8 @@ function addTurns(solid, pictures, line, turns) {
 
 // A stand with its crowd along the straightest free place near the finish line.
 function addStand(solid, pictures, shade, line) {
-  for (const d of [0, 1.4, -1.4, 2.8, -2.8, 4.2, -4.2, 6, 8, 10]) {
+  for (const along of [0, 1.4, -1.4, 2.8, -2.8, 4.2, -4.2, 6, 8, 10]) {
+    const d = line.lines.at(-1) + along;
     if (Math.abs(line.bend(d, 1)) > 0.15) continue;
     for (const side of [1, 0]) {
       const wide = line.width(d), yaw = line.heading(d, 0.8), out = side ? yaw - Math.PI / 2 : yaw + Math.PI / 2, far = [0.95, 1.9];

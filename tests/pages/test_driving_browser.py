@@ -122,9 +122,9 @@ def test_recorded_commands_end_within_two_centimetres(scripts, name):
     assert found[-1] < 2 * NEAR_M
 
 
-def judged(page, **options: object) -> dict:
-    track = track_of("reinvent-2018")
-    scene = scene_document(track, "ccw")
+def judged(page, slug: str = "reinvent-2018", **options: object) -> dict:
+    track = track_of(slug)
+    scene = scene_document(track, track.direction)
     return page.evaluate(JUDGED, {"scene": scene, "physics": asdict(PADDOCK_CAR), "steering": None, **options})
 
 
@@ -134,6 +134,16 @@ def test_a_lap_along_the_centre_line_is_timed_without_a_fault(scripts):
     first, second = (each["lapMs"] for each in found["seen"])
     pace = found["length"] / (1.2 * PADDOCK_CAR.speed_gain) * 1000
     assert first == pytest.approx(pace, rel=0.06) and second == pytest.approx(pace, rel=0.04)
+
+
+def test_a_lap_of_an_open_track_ends_at_its_finish_and_begins_at_its_start(scripts):
+    found = judged(scripts, "straight-track", speed=1.2, steps=170)
+    geometry = track_of("straight-track")
+    assert found["length"] == pytest.approx(geometry.length, abs=0.01)
+    assert [each["kind"] for each in found["seen"]] == ["lap", "lap"]
+    assert all(
+        math.dist((each["back"]["x"], each["back"]["y"]), geometry.point_at(0.0)[:2]) < 0.01 for each in found["seen"]
+    )
 
 
 def test_a_car_off_the_track_waits_and_is_put_back_where_it_left(scripts):
@@ -174,7 +184,7 @@ def test_a_visitor_drives_against_a_ghost(browser, live_server, width, theme):
     expect(page.locator("[data-speed]")).to_have_text(re.compile(r"^[1-4]\."), timeout=60_000)
     expect(page.locator("[data-gap]")).to_contain_text(".")
     moved = page.evaluate("document.querySelector('[data-drive]').drive.referee.metres")
-    assert moved > 0.5
+    assert moved > 0.2  # it stood with its nose at 0.14
     # straight on it leaves the road, waits and is put back
     expect(page.get_by_role("status")).to_contain_text("Off track", timeout=60_000)
     page.keyboard.up("ArrowUp")

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from typing import Any
+from typing import Any, NamedTuple
 
 from paddock.geometry.catalogue import CATALOGUE
 from paddock.geometry.track import TrackGeometry
@@ -12,6 +12,7 @@ from paddock.simulator.layout import lay_out
 from paddock.simulator.policies import CentreLinePilot
 from paddock.simulator.race import Entrant, RaceSettings, run_race
 from paddock.simulator.results import RaceResult
+from races.replays.scene import scene_document as the_sites_document
 from tests.shared import CHECKOUT
 
 SITE = "http://viewer.test"
@@ -71,10 +72,15 @@ _AXES = {"x": 1.0, "y": 1.0, "yaw": 180 / math.pi}
 
 
 def scene_document(track: TrackGeometry, direction: str) -> dict[str, Any]:
-    geometry = track.in_direction(direction)
-    lines = {name: getattr(geometry, name).round(4).tolist() for name in ("centre", "inner", "outer")}
-    turns = [{"number": 1, "from_m": 3.0, "apex_m": 3.5, "to_m": 4.0, "x": 0.0, "y": 0.0}]
-    return {"name": track.name, "direction": direction, "closed": not track.is_open, "turns": turns, **lines}
+    return the_sites_document(_Row(track), direction)  # type: ignore[arg-type]
+
+
+class _Row(NamedTuple):
+    """What a scene document reads of a track's row."""
+
+    geometry: TrackGeometry
+    slug: str = "track"
+    name: str = "Track"
 
 
 def open_scripts(page: Any) -> None:

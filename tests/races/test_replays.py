@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import math
 from datetime import timedelta
 
 import numpy as np
@@ -170,6 +171,8 @@ def test_an_open_track_has_its_run_off_and_its_finish():
     geometry = TrackGeometry.from_arrays("Arc", *lines, is_open=True)
     scene = scene_document(_Row(geometry), "ccw")
     assert scene["closed"] is False and len(scene["centre"]) == len(scene["inner"]) == len(scene["outer"]) == 62
+    pairs = zip(scene["inner"], scene["outer"], strict=True)
+    assert all(math.dist(inner, outer) == pytest.approx(0.8, abs=0.01) for inner, outer in pairs)
     assert scene["start"]["x"] == pytest.approx(3.0, abs=0.01) and scene["finish"]["x"] == pytest.approx(-3.0, abs=0.01)
 
 
