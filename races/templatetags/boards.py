@@ -29,6 +29,17 @@ def race_piece(context: Context, template: str, **values: str | int | None) -> S
 
 
 @register.simple_tag(takes_context=True)
+def run_piece(context: Context, template: str) -> SafeString:
+    """A part of a finished run's page about the shown car: drawn once for all readers. The key has all that the parts
+    are made of."""
+    values = {name: context[name] for name in ("evaluation", "car", "result", "laps", "may_crash")}
+    car, result = values["car"], values["result"]
+    of_car = (car.number, car.result.trace_sha256, result.engine)
+    key = (values["evaluation"].public_id, *of_car, bool(values["may_crash"]), repr(values["laps"]))
+    return shared_piece(template, lambda: values, key=key)
+
+
+@register.simple_tag(takes_context=True)
 def track_now(context: Context, races: Iterable[Race] | None = None, follows: str = RACES) -> SafeString:
     """The cars on track now and next: in the page's race, in ``races``, or in all visible races. ``follows``: the topic
     that updates the part."""

@@ -48,7 +48,7 @@ def asked(monkeypatch) -> list:
 
 def test_the_largest_loss_of_the_slowest_lap_leads_to_its_moment(run, asked):
     html = page(run)
-    assert [(lap.run.pk, lap.number) for lap in asked] == [(run.pk, 3)]
+    assert [(lap.run, lap.number) for lap in asked] == [(run.public_id, 3)]
     assert SENTENCE in html and "less" not in html.partition(SENTENCE)[0].rpartition("What next")[2]
     assert f"/evaluations/{run.public_id}/replay/?lap=3&amp;t=8" in html
     assert "Largest loss, lap 3 against the best lap" in html
