@@ -59,8 +59,8 @@ export class Cameras {
     if (this.name === "onboard") {
       const yaw = root.rotation.z, lean = this.calm ? 0 : car.body.rotation.x * 0.5;
       eye.up.set(Math.sin(yaw) * lean, -Math.cos(yaw) * lean, 1);
-      eye.position.copy(ahead(yaw, -0.05, 0.165));
-      aim.copy(ahead(yaw, 1.4, -0.02));
+      eye.position.copy(ahead(yaw, 0.04, 0.15)); // before masts and cages
+      aim.copy(ahead(yaw, 1.4, -0.08));
       fov = tall ? 82 : 70;
     } else if (this.name === "top") {
       const away = tall ? 5.4 : 4.2;

@@ -111,7 +111,7 @@ export class SceneView {
     }
     // nothing stands between the camera and its car
     const { position } = this.cameras.eye;
-    for (const car of this.cars.cars) car.root.visible = !close || car === followed || car.root.position.distanceTo(position) > 0.62;
+    for (const car of this.cars.cars) car.root.visible = !close || car === followed || car.root.position.distanceTo(position) > 0.72;
     this.sky.position.copy(this.cameras.eye.position).setZ(0);
     this.renderer.render(this.world, this.cameras.eye);
   }
