@@ -92,7 +92,7 @@ def make_site(now: datetime, *, big: bool = False, racers: int = RACERS, races: 
         "model": "/models/{model}/",
         "own runs": "/runs/",
         "new run": "/runs/new/",
-        "comparison": f"{run.get_absolute_url()}compare/{other_run.public_id}/",
+        "comparison": f"{run.get_absolute_url()}replay/?with={other_run.public_id}",
         "following": "/following/",
         "usage": "/settings/usage/",
         "usage of all": "/usage/",

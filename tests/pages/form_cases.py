@@ -350,14 +350,14 @@ CASES = [
     Case("alice", "/evaluations/{own}/", "Run again", "css=#live"),
     Case(
         "alice",
-        "/evaluations/{driven}/compare/",
-        "Compare",
-        "css=[name=other_lap]",
+        "/evaluations/{driven}/replay/",
+        "Add",
+        "css=select[name=with]",
         {"Any other, by its link": "/evaluations/{chased}/"},
     ),
     Case(
         "alice",
-        "/evaluations/{driven}/compare/{chased}/?lap=1",
+        "/evaluations/{driven}/replay/?with={chased}&lap=1",
         "Compare",
         "css=[name=lap] option[value='2'][selected]",
         {"css=[name=lap]": "2"},

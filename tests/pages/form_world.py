@@ -258,7 +258,8 @@ class Cast:
             "races/<slug:slug>/racers/<": [{"slug": "open-race", "alias": "bob"}],
             "evaluations/<str:public_id>/$": runs,
             "evaluations/<str:public_id>/": [*runs[1:2], {"public_id": said["own"]}],
-            "evaluations/<str:public_id>/compare/<": [{"public_id": said["driven"], "other_id": said["chased"]}],
+            "evaluations/<str:public_id>/compare/": [],  # leads to the next
+            "evaluations/<str:public_id>/replay/": [{"public_id": said["driven"]}],
             "reports/<str:public_id>/live/": [],  # a part of the page, which has the same forms
             "reports/<str:public_id>/": [{"public_id": said[name]} for name in ("report", "report_waits")],
             "videos/<str:public_id>/": [{"public_id": said["waits"]}],

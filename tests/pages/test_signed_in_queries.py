@@ -63,7 +63,7 @@ PATHS = (
     "/evaluations/{failed}/",
     "/evaluations/{finished}/",
     "/evaluations/{other}/",
-    "/evaluations/{finished}/compare/",
+    "/evaluations/{finished}/replay/",
     "/races/show/event/",
     "/races/show/event/state.json",
     "/following/",

@@ -186,7 +186,7 @@ def test_without_scripts_the_page_has_map_sentence_and_tables(browser, live_serv
         page = context.new_page()
         page.goto(reverse("replay", args=[pair[0].public_id]))
         page.get_by_label("Any other, by its link").fill(live_server.url + pair[1].get_absolute_url())
-        page.get_by_role("button", name="Compare").first.click()
+        page.get_by_role("button", name="Add").click()
         playwright.expect(page.get_by_text("bob is 1.000 s ahead at the line.")).to_be_visible()
         playwright.expect(page.get_by_role("region", name="Laps and sectors")).to_be_visible()
         playwright.expect(page.locator("[data-player]")).to_be_hidden()

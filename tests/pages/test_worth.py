@@ -178,11 +178,11 @@ def test_after_a_result_the_next_steps_are_to_compare_and_to_train_on(now, monke
     mine = drive(race, alice, laps(12_000, 12_000, 12_000), now)
     page = page_of(mine, alice)
     assert "Compare with the car ahead" in page and "Train one for this race" in page
-    compare = f"/evaluations/{mine.evaluation.public_id}/compare/?with=ahead"
+    compare = f"/evaluations/{mine.evaluation.public_id}/replay/?with=ahead"
     assert compare in page and f"track={race.track.slug}" in page
     client = Client()
     client.force_login(alice, backend="django.contrib.auth.backends.ModelBackend")
-    where = f"/evaluations/{mine.evaluation.public_id}/compare/{ahead.evaluation.public_id}/"
+    where = f"/evaluations/{mine.evaluation.public_id}/replay/?with={ahead.evaluation.public_id}"
     assert client.get(compare).headers["Location"] == where
     assert "Compare with the car ahead" in client.get(race.get_absolute_url()).content.decode()
     assert "Train on" not in page_of(mine, bob) and "Compare with the car ahead" in page_of(mine, bob)
@@ -201,8 +201,8 @@ def test_a_car_without_a_rank_is_compared_with_the_leader(now):
     leader = drive(race, a_racer("bob"), laps(11_000, 11_000, 11_000), now)
     mine = drive(race, alice, [lap(1), lap(2, complete=False, percentage=40)], now)
     assert "Compare with the leader" in page_of(mine, alice)
-    answer = Client().get(f"/evaluations/{leader.evaluation.public_id}/compare/?with=ahead")
-    assert answer.status_code == 200  # nobody is ahead: the list of runs
+    answer = Client().get(f"/evaluations/{leader.evaluation.public_id}/replay/?with=ahead", follow=True)
+    assert len(answer.context["runs"]) == 1, "nobody is ahead: the run alone, with the list of others"
 
 
 def test_the_leader_is_compared_with_the_next_faster_house_car(now):
@@ -211,7 +211,7 @@ def test_the_leader_is_compared_with_the_next_faster_house_car(now):
     drive(race, a_racer("flyer", is_house=True), laps(10_000, 10_000, 10_000), now)
     brisk = drive(race, a_racer("brisk", is_house=True), laps(11_000, 11_000, 11_000), now)
     drive(race, a_racer("steady", is_house=True), laps(13_000, 13_000, 13_000), now)
-    answer = Client().get(f"/evaluations/{mine.evaluation.public_id}/compare/?with=ahead")
+    answer = Client().get(f"/evaluations/{mine.evaluation.public_id}/replay/?with=ahead")
     assert brisk.evaluation.public_id in answer.headers["Location"]
 
 
