@@ -108,11 +108,11 @@ def test_elsewhere_the_link_is_copied(browser, live_server, run):
         playwright.expect(page.get_by_role("button", name="Share", exact=True)).to_be_focused()
 
 
-def test_a_link_to_a_moment_keeps_it(browser, live_server, run):
-    moment = f"{reverse('replay', args=[run.public_id])}?t=2.5&camera=chase"
+def test_a_link_to_a_moment_keeps_what_the_page_is_made_of(browser, live_server, run):
+    """Its time and camera are for the script alone, and change no tag."""
+    address = f"{settings.SITE_URL}{reverse('replay', args=[run.public_id])}"
     with visitor(browser, live_server.url) as context:
         page = context.new_page()
-        page.goto(moment)
-        assert page.locator('meta[property="og:url"]').get_attribute("content") == f"{settings.SITE_URL}{moment}"
-        canonical = page.locator('link[rel="canonical"]').get_attribute("href")
-        assert canonical == f"{settings.SITE_URL}{reverse('replay', args=[run.public_id])}"
+        page.goto(f"{reverse('replay', args=[run.public_id])}?lap=2&t=2.5&camera=chase")
+        assert page.locator('meta[property="og:url"]').get_attribute("content") == f"{address}?lap=2"
+        assert page.locator('link[rel="canonical"]').get_attribute("href") == address
