@@ -218,7 +218,7 @@ def test_cameras_change_and_a_lost_context_leaves_the_map(open_page, pair):
     page.locator("[data-stage]").focus()
     page.keyboard.press("c")
     playwright.expect(camera).to_have_value("top")
-    page.wait_for_function("document.querySelector('[data-viewer]').viewer.scene")
+    page.evaluate("document.querySelector('[data-viewer]').viewer.mounting.then(() => true)")
     lose = "document.querySelector('[data-scene]').getContext('webgl2').getExtension('WEBGL_lose_context')"
     page.evaluate(f"window.lost = {lose}; lost.loseContext()")
     playwright.expect(page.locator("[data-note]")).to_have_text("The 3D view stopped. The map goes on.")
