@@ -32,13 +32,13 @@ FRAME = (
 
 
 @require_safe
-def card(request: HttpRequest, language: str, kind: str, key: str) -> HttpResponse:
+def card(request: HttpRequest, language: str, kind: str, shared: str) -> HttpResponse:
     """The card of a page as a PNG image in a language; without results where the reader hides them."""
     if language not in dict(settings.LANGUAGES):
         raise Http404
     # the zone of the site, as readers of a shared picture have none
     with translation.override(language), timezone.override(None):
-        shown = _card(request, _kind(kind), key)
+        shown = _card(request, _kind(kind), shared)
     from core.cards.drawing import drawn_cards, fingerprint  # loads Pillow
 
     etag = quote_etag(fingerprint(shown))
@@ -55,15 +55,15 @@ def card(request: HttpRequest, language: str, kind: str, key: str) -> HttpRespon
 @xframe_options_exempt
 @csp_replace({"frame-ancestors": ["*"]})  # type: ignore[arg-type]  # views with arguments are taken too
 @require_safe
-def embed(request: HttpRequest, kind: str, key: str) -> HttpResponse:
+def embed(request: HttpRequest, kind: str, shared: str) -> HttpResponse:
     """A page that other sites may frame: a board, a run."""
     found = _kind(kind)
     if found.embedded is None:
         raise Http404
-    part = found.embedded(key, _hides(request, found, key))
+    part = found.embedded(shared, _hides(request, found, shared))
     if part is None:
         raise Http404
-    response = render(request, part.template, {**part.context, "address": _absolute(found.address(key))})
+    response = render(request, part.template, {**part.context, "address": _absolute(found.address(shared))})
     response["Cross-Origin-Resource-Policy"] = "cross-origin"
     return response
 
