@@ -1,4 +1,4 @@
-"""Two laps against each other: where one gained on the other, from the traces of both. Pure."""
+"""Two laps against each other: where one gained on the other, from the traces of both."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -6,7 +6,10 @@ from typing import Annotated
 
 import numpy as np
 
+from core.streams.shared_pieces import lasting_value
+from evaluation.models import Result
 from evaluation.running.messages import DrivenLapDocument
+from evaluation.running.results import read_trace
 from paddock.analysis import telemetry
 from paddock.analysis.telemetry import DrivenTrace, LapLine
 from paddock.errors import UserFault
@@ -46,9 +49,15 @@ class LapComparison:
         return float(metres[at]), float(ends[at]), max(0, round(float(change[at] if gained else -change[at])))
 
 
-def lap_line(trace_csv: bytes, laps: Sequence[DrivenLapDocument], number: int) -> LapLine:
-    """Lap ``number`` (from 1) from a sim-trace. Raises UserFault("compare_lap")."""
-    line = telemetry.lap_line(DrivenTrace.of(trace_csv), laps, number)
+def driven_trace(result: Result) -> DrivenTrace:
+    """The steps of a run, read once for all that look at them: nobody may change them. Raises PlatformFault
+    ``storage_failed``, ``file_damaged``."""
+    return lasting_value(("driven trace", result.trace_sha256), lambda: DrivenTrace.of(read_trace(result)))
+
+
+def lap_line(trace: DrivenTrace, laps: Sequence[DrivenLapDocument], number: int) -> LapLine:
+    """Lap ``number`` (from 1). Raises UserFault("compare_lap")."""
+    line = telemetry.lap_line(trace, laps, number)
     if line is None:
         raise UserFault("compare_lap", lap=number, laps=len(laps))
     return line

@@ -3,9 +3,12 @@
 from collections.abc import Collection
 from dataclasses import dataclass
 from enum import StrEnum
+from functools import reduce
+from operator import or_
+from typing import Any
 
 from django.contrib.auth.models import AnonymousUser
-from django.db.models import F, Q, QuerySet
+from django.db.models import Exists, F, OuterRef, Q, QuerySet
 
 from accounts.models import Follow, Racer
 from evaluation.models import Evaluation, State
@@ -17,6 +20,7 @@ from ..entries.selectors.visibility import evaluations_visible_to
 from ..models import Duel, Entry, Race, Submission
 
 OFFERED = 10  # of each kind but the leader
+_BOARD = ("rank_score", "rank_lap", "resets", "achieved_at")
 _CCW = "ccw"
 
 
@@ -108,27 +112,59 @@ def offers_to_compare(
             if (value := evaluation.spec["rules"].get(name)) is not None
         }
     )
-    kinds: list[tuple[Why, QuerySet[Evaluation]]] = []
+    wanted, ahead = [alike.filter(owner__is_house=True)[:OFFERED], alike[:OFFERED]], ""
+    reader_pk = reader.pk if reader is not None and reader.is_authenticated else None
+    follows = Follow.objects.filter(follower=reader_pk, followed=OuterRef("owner"))
     if race is not None:
         counted = runs.filter(submission__entry__race=race, submission__entry__best=F("submission__pk"))
-        board = ("submission__entry__rank_score", "submission__entry__rank_lap", "submission__entry__resets")
-        kinds.append((Why.LEADER, counted.order_by(*board, "submission__entry__achieved_at")[:1]))
-        if ahead := run_ahead(evaluation):
-            kinds.append((Why.AHEAD, runs.filter(public_id=ahead)))
-    if reader is not None and reader.is_authenticated:
-        kinds.append((Why.MINE, ranked.filter(owner=reader.pk)[:OFFERED]))
-        followed = Follow.objects.filter(follower=reader.pk).values("followed")
-        kinds.append((Why.FOLLOWED, alike.filter(owner__in=followed)[:OFFERED]))
-    kinds.append((Why.HOUSE, alike.filter(owner__is_house=True)[:OFFERED]))
-    kinds.append((Why.FAST, alike[:OFFERED]))
-    found: dict[int, RunOffer] = {}
+        wanted.append(counted.order_by(*(f"submission__entry__{name}" for name in _BOARD))[:1])
+        ahead = run_ahead(evaluation)
+    if reader_pk is not None:
+        wanted += [ranked.filter(owner=reader_pk)[:OFFERED], alike.filter(Exists(follows))[:OFFERED]]
+    # each part has a limit of its own: one query with a subquery for each
+    chosen = reduce(or_, (Q(pk__in=part.values("pk")) for part in wanted), Q(public_id=ahead))
+    offered = list(runs.filter(chosen).annotate(is_followed=Exists(follows)))
+    leader = min((run for run in offered if _counts_in(run, race)), key=_place, default=None)
     mine = evaluation.result.best_lap_ms
-    for why, some in kinds:
-        for each in some:
-            theirs = each.result.best_lap_ms
-            gap = None if mine is None or theirs is None or not same_rules(evaluation, each) else theirs - mine
-            found.setdefault(each.pk, RunOffer(why, each, gap, race_of(each)))
-    return list(found.values())
+
+    def offer(run: Evaluation) -> RunOffer:
+        theirs = run.result.best_lap_ms
+        gap = None if mine is None or theirs is None or not same_rules(evaluation, run) else theirs - mine
+        if run == leader:
+            why = Why.LEADER
+        elif run.public_id == ahead:
+            why = Why.AHEAD
+        elif run.owner_id == reader_pk:
+            why = Why.MINE
+        elif run.is_followed:  # type: ignore[attr-defined]  # annotated
+            why = Why.FOLLOWED
+        else:
+            why = Why.HOUSE if run.owner.is_house else Why.FAST
+        return RunOffer(why, run, gap, race_of(run))
+
+    order = [*Why]
+    never = float("inf")
+
+    def rank(found: RunOffer) -> tuple[int, float, int]:
+        best = found.evaluation.result.best_lap_ms
+        return order.index(found.why), never if best is None else best, found.evaluation.pk
+
+    return sorted(map(offer, offered), key=rank)
+
+
+def _counts_in(run: Evaluation, race: Race | None) -> bool:
+    """Whether a run is the counted one of an entry in a race."""
+    submission = getattr(run, "submission", None)
+    return race is not None and submission is not None and submission.entry.race_id == race.pk and _is_best(submission)
+
+
+def _is_best(submission: Submission) -> bool:
+    return submission.entry.best_id == submission.pk
+
+
+def _place(run: Evaluation) -> list[Any]:
+    """The place of a counted run on its board."""
+    return [getattr(run.submission.entry, name) for name in _BOARD]
 
 
 def run_ahead(evaluation: Evaluation) -> str:
@@ -144,9 +180,9 @@ def run_ahead(evaluation: Evaluation) -> str:
 
 def _house_car_ahead(entry: Entry) -> Submission | None:
     house = Entry.objects.filter(race=entry.race_id, is_baseline=True, best__isnull=False).exclude(pk=entry.pk)
-    house = house.select_related("best__evaluation").order_by("rank_score", "rank_lap", "pk")
-    found = house.filter(rank_score__lt=entry.rank_score).last() or house.first()
-    return found.best if found else None
+    cars = list(house.select_related("best__evaluation").order_by("rank_score", "rank_lap", "pk"))
+    faster = [car for car in cars if car.rank_score < entry.rank_score]
+    return (faster[-1] if faster else cars[0]).best if cars else None
 
 
 def named_run(

@@ -11,14 +11,12 @@ from django.utils.translation import gettext as _
 from django.views.decorators.http import require_safe
 
 from core import times
-from core.streams.shared_pieces import lasting_value
 from evaluation.appearance.looks import VehicleLook, distinguish_looks
 from evaluation.models import Evaluation, State
 from evaluation.running.competitors import car_rows
-from evaluation.running.results import read_trace
 from paddock.errors import PaddockError, PlatformFault, UserFault
 from paddock.geometry.track import CCW, DIRECTIONS
-from races.replays.comparison import LapComparison, LapLine, best_lap, compare, lap_line
+from races.replays.comparison import LapComparison, LapLine, best_lap, compare, driven_trace, lap_line
 from races.replays.document import document_key, look_document, run_document
 from races.replays.reference import viewed_reference
 from races.replays.responses import document_response
@@ -289,9 +287,7 @@ def _verdicts(runs: Sequence[ReplayedRun]) -> list[RunVerdict]:
 def _line_of(run: Evaluation, lap: int) -> LapLine:
     """A lap of a run by distance. Raises UserFault ``compare_lap``, PlatformFault ``storage_failed``,
     ``file_damaged``."""
-    result = run.result
-    key = "lap by distance", result.trace_sha256, lap
-    return lasting_value(key, lambda: lap_line(read_trace(result), result.laps, lap))
+    return lap_line(driven_trace(run.result), run.result.laps, lap)
 
 
 def _sentence(compared: LapComparison, name: str, other: str) -> str:

@@ -136,7 +136,7 @@ class TelemetryDocument(TypedDict):
 
 @dataclass(frozen=True)
 class AskedLap:
-    """Lap ``number`` of a run with its ``laps``, and the run's id and name in the document; ``read``: its sim-trace."""
+    """Lap ``number`` of a run with its ``laps``, and the run's id and name in the document; ``read``: its steps."""
 
     run: str
     name: str
@@ -145,7 +145,7 @@ class AskedLap:
     direction: str
     laps: Sequence[DrivenLapDocument]
     trace_sha256: str
-    read: Callable[[], bytes]
+    read: Callable[[], DrivenTrace]
 
 
 @dataclass(frozen=True)
@@ -196,7 +196,7 @@ def _document(laps: Sequence[AskedLap]) -> TelemetryDocument:
 
 
 def _driven(asked: AskedLap, track: TrackGeometry) -> _Laps:
-    trace = DrivenTrace.of(asked.read())
+    trace = asked.read()
     lines = {
         lap["number"]: line for lap in asked.laps if (line := lap_line(trace, asked.laps, lap["number"])) is not None
     }

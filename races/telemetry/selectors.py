@@ -7,9 +7,9 @@ from django.utils.translation import gettext as _
 from rest_framework.request import Request
 
 from evaluation.models import Evaluation, State
-from evaluation.running.results import read_trace
+from paddock.analysis.telemetry import DrivenTrace
 from paddock.errors import UserFault
-from races.replays.comparison import best_lap
+from races.replays.comparison import best_lap, driven_trace
 from races.replays.selectors import direction_of, refuse_incomparable
 from races.web.views import visible_evaluations
 from tracks.models import ReferenceLap
@@ -23,9 +23,8 @@ REFERENCE = "reference"
 
 def asked_laps(request: HttpRequest | Request, shown: Evaluation) -> list[AskedLap]:
     """The lap ``lap`` of a finished run and those of ``with``, each an id, an id and its lap (``id:2``), or
-    ``reference``; the best
-    lap of each unless the address has its number. Raises UserFault ``compare_unknown``, ``compare_lap`` and those of
-    :func:`refuse_incomparable`."""
+    ``reference``; the best lap of each unless the address has its number. Raises UserFault ``compare_unknown``,
+    ``compare_lap`` and those of :func:`refuse_incomparable`."""
     if shown.state != State.FINISHED:
         raise UserFault("compare_no_result")
     wanted: dict[str, str] = {}
@@ -57,7 +56,7 @@ def asked_lap(run: Evaluation, number: int = 0) -> AskedLap:
         direction=direction_of(run),
         laps=result.laps,
         trace_sha256=result.trace_sha256,
-        read=lambda: read_trace(result),
+        read=lambda: driven_trace(result),
     )
 
 
@@ -77,7 +76,7 @@ def asked_reference(run: Evaluation) -> AskedLap | None:
         direction=direction,
         laps=found.laps,
         trace_sha256=found.trace_sha256,
-        read=lambda: gzip.decompress(found.trace),
+        read=lambda: DrivenTrace.of(gzip.decompress(found.trace)),
     )
 
 

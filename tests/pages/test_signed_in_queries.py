@@ -123,7 +123,7 @@ def test_a_run_of_a_private_race_is_shared_with_nobody(world: World, shared: Non
         client.force_login(racer, backend="django.contrib.auth.backends.ModelBackend")
         answer = client.get(run.get_absolute_url())
         assert answer.status_code == status
-        assert status == 404 or (b'class="overlay"' in answer.content and b"Ours" in answer.content)
+        assert status == 404 or (b"data-viewer" in answer.content and b"Ours" in answer.content)
     assert Client().get(run.get_absolute_url()).status_code == 404
 
 

@@ -7,10 +7,9 @@ from rest_framework.response import Response
 from core.api.documents import serializer_of
 from core.api.views import APIView
 from evaluation.models import Evaluation
-from evaluation.running.results import read_trace
 from paddock.errors import UserFault
 
-from ...replays.comparison import LapComparison, LapLine, best_lap, compare, lap_line
+from ...replays.comparison import LapComparison, LapLine, best_lap, compare, driven_trace, lap_line
 from ...replays.selectors import refuse_incomparable
 from ...web.api import visible_evaluation
 
@@ -37,7 +36,7 @@ def _line(request: Request, name: str, run: Evaluation) -> LapLine:
     laps = run.result.laps
     asked = request.query_params.get(name, "")
     if not asked:
-        return lap_line(read_trace(run.result), laps, best_lap(laps))
+        return lap_line(driven_trace(run.result), laps, best_lap(laps))
     if not (asked.isascii() and asked.isdecimal() and len(asked) < 4):
         raise UserFault("compare_lap", lap=asked[:20], laps=len(laps))
-    return lap_line(read_trace(run.result), laps, int(asked))
+    return lap_line(driven_trace(run.result), laps, int(asked))
