@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 
 from paddock.geometry.track import TrackGeometry
-from paddock.rules.race import RaceRules
+from paddock.rules.race import UNTIL_THE_FIRST_FAULT, RaceRules
 from paddock.simulator.action import ActionSpace
 from paddock.simulator.physics import PADDOCK_CAR, CarPhysics
 from paddock.simulator.race import Entrant, RaceSettings, run_race
@@ -26,7 +26,7 @@ from paddock.simulator.stage import PreparedTrack
 from .racing_line import RacingLine, best_line
 
 LAPS = 3
-RULES = RaceRules(laps=LAPS, max_resets=0, max_simulated_ms=1_200_000)
+RULES = RaceRules(laps=LAPS, max_simulated_ms=1_200_000, **UNTIL_THE_FIRST_FAULT)
 CAR_SPACE = ActionSpace.continuous(
     (-PADDOCK_CAR.max_steering_deg, PADDOCK_CAR.max_steering_deg), (PADDOCK_CAR.min_speed, PADDOCK_CAR.max_speed)
 )
