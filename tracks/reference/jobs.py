@@ -26,7 +26,7 @@ from ..models import ReferenceLap, ReferenceState, Track
 from .selectors import demanded
 
 _LOOK_S = 0.5  # how long a car that was submitted meanwhile waits at most
-_MODULE = "paddock.analysis.reference_process"
+_MODULE = "tracks.reference.process"
 
 
 class ReferenceLaps(RetriedKind[ReferenceLap]):

@@ -8,9 +8,8 @@ import os
 import resource
 import sys
 
+from paddock.analysis.reference_lap import drive_reference
 from paddock.geometry.track import TrackGeometry
-
-from .reference_lap import drive_reference
 
 CPU_LIMIT_S = 600
 
