@@ -7,11 +7,11 @@ from urllib.parse import urlsplit
 
 from csp.decorators import csp_replace
 from django.conf import settings
-from django.http import Http404, HttpRequest, HttpResponse, JsonResponse
+from django.http import Http404, HttpRequest, HttpResponse, JsonResponse, QueryDict
 from django.shortcuts import render
 from django.urls import Resolver404, resolve, reverse
 from django.utils import timezone, translation
-from django.utils.cache import get_conditional_response
+from django.utils.cache import get_conditional_response, patch_vary_headers
 from django.utils.html import format_html
 from django.utils.http import quote_etag
 from django.views.decorators.clickjacking import xframe_options_exempt
@@ -20,9 +20,12 @@ from django.views.decorators.http import require_safe
 from core.addresses import origin_of
 from core.cards.registry import CardKind, ShareCard, card_kinds
 from core.streams.shared_pieces import shared_value
+from races.entries.selectors.visibility import races_visible_to
 from races.spoilers.hidden_addresses import SCOPES
-from races.spoilers.selectors import PARAMETER, spoilers_of
+from races.spoilers.selectors import HEADER, PARAMETER, spoilers_of
+from races.web.views import too_many
 
+RATES = {"card": "40/m"}  # of cards that have to be drawn
 CARD_S = 3600  # how long others keep a card before they ask for it again, which is answered 304 while it is the same
 WIDTH, LEAST_WIDTH, LEAST_HEIGHT = 640, 240, 200  # of an embedded page
 FRAME = (
@@ -44,11 +47,13 @@ def card(request: HttpRequest, language: str, kind: str, shared: str) -> HttpRes
     etag = quote_etag(fingerprint(shown))
     response = get_conditional_response(request, etag=etag)
     if response is None:
+        if shown not in drawn_cards and (late := too_many(request, "card", RATES)) is not None:
+            return late
         response = HttpResponse(drawn_cards.png(shown), content_type="image/png")
     response["ETag"] = etag
     response["Cache-Control"] = f"public, max-age={CARD_S}"
     response["Cross-Origin-Resource-Policy"] = "cross-origin"
-    response["Vary"] = "Cookie"
+    patch_vary_headers(response, ("Cookie", HEADER))
     return response
 
 
@@ -73,7 +78,12 @@ def oembed(request: HttpRequest) -> HttpResponse:
     """The embedded page of an address of this site as oEmbed (oembed.com): ``url``, ``maxwidth``, ``maxheight``."""
     if request.GET.get("format", "json") != "json":
         return HttpResponse("Not implemented: this site answers with JSON.\n", content_type="text/plain", status=501)
-    kind, key = _named(request, request.GET.get("url", ""))
+    address = request.GET.get("url", "")
+    kind, key = _named(request, address)
+    if QueryDict(urlsplit(address).query).get(PARAMETER) == "hide":  # shared by somebody who hides results
+        query_of_reader = request.GET.copy()
+        query_of_reader[PARAMETER] = "hide"
+        request.GET = query_of_reader  # type: ignore[assignment]
     hides = _hides(request, kind, key)
     part = None if kind.embedded is None else kind.embedded(key, hides)
     if part is None:
@@ -154,7 +164,9 @@ def _hides(request: HttpRequest, kind: CardKind, key: str) -> bool:
     spoilers = spoilers_of(request)
     if not kind.results or not spoilers.on or not spoilers.hidden:
         return False
-    return bool(spoilers.hidden & set(SCOPES[kind.results](request, {kind.argument.rpartition(".")[2]: key})))
+    hidden = spoilers.hidden & set(SCOPES[kind.results](request, {kind.argument.rpartition(".")[2]: key}))
+    # nobody learns from a shared picture that there is a race which guests may not see
+    return bool(hidden) and races_visible_to(None).filter(pk__in=hidden).exists()
 
 
 def _named(request: HttpRequest, address: str) -> tuple[CardKind, str]:

@@ -8,6 +8,7 @@ import threading
 import time
 from collections import OrderedDict, deque
 from collections.abc import Sequence
+from contextlib import suppress
 
 import numpy as np
 from PIL import Image, ImageDraw
@@ -46,10 +47,15 @@ class DrawnCards:
         self._times: deque[float] = deque()
         self._lock = threading.Lock()
 
+    def __contains__(self, card: ShareCard) -> bool:
+        return fingerprint(card) in self._drawn
+
     def png(self, card: ShareCard) -> bytes:
         """The card's image. Raises PlatformFault("cards_busy")."""
         name = fingerprint(card)
         if (found := self._drawn.get(name)) is not None:
+            with suppress(KeyError):  # another thread has dropped it
+                self._drawn.move_to_end(name)
             return found
         if not self._lock.acquire(timeout=PATIENCE_S):
             raise PlatformFault("cards_busy")

@@ -18,6 +18,7 @@ _END = 100.0  # percent
 GRID_M = 0.1
 GRID_POINTS = 600  # at most, of a lap
 FAULTS = (OFF_TRACK, CRASHED, IMMOBILIZED, REVERSED)
+_PUT_BACK = (PAUSE, *FAULTS)  # where the way to the next step is not driven
 CHANNELS = ("speed", "driven_speed", "steer", "driven_steer", "offset", "curvature", "reward")
 
 
@@ -81,7 +82,7 @@ def _driven(
     dx, dy = np.diff(x - behind * np.cos(yaw)), np.diff(y - behind * np.sin(yaw))
     metres, seconds = np.hypot(dx, dy), np.diff(ms) / 1000.0
     turned = np.remainder(np.diff(yaw) + np.pi, 2 * np.pi) - np.pi
-    drives = (metres < JUMP_M) & (seconds > 0) & (status[:-1] != PAUSE)
+    drives = (metres < JUMP_M) & (seconds > 0) & ~np.isin(status[:-1], _PUT_BACK)
     moves = drives & (metres > _CREEP_M)
     speed = np.where(drives, metres / np.where(seconds > 0, seconds, 1.0), 0.0)
     return _at_steps(speed, drives), _at_steps(turned / np.where(moves, metres, 1.0), moves)

@@ -31,8 +31,9 @@ def standard_races() -> QuerySet[Race]:
 
 
 def raced_ways() -> list[tuple[int, str]]:
-    """The id and direction of each track that simulated races are held on."""
-    held = Race.objects.filter(physical=False, imported_at=None, cancelled_at=None)
+    """The id and direction of each track that public simulated races are held on. Private ones do not count: guests see
+    which tracks have a reference lap, and must not learn from it where others race."""
+    held = Race.objects.filter(visibility=Visibility.PUBLIC, physical=False, imported_at=None, cancelled_at=None)
     return list(held.order_by().values_list("track_id", "direction").distinct())
 
 

@@ -12,7 +12,7 @@ from evaluation.running.messages import DrivenLapDocument
 from evaluation.running.results import read_trace
 from paddock.analysis import telemetry
 from paddock.analysis.telemetry import DrivenTrace, LapLine
-from paddock.errors import UserFault
+from paddock.errors import PlatformFault, UserFault
 
 POINTS = 200  # of a whole lap: each half a percent of it
 _END = 100.0  # percent
@@ -52,7 +52,14 @@ class LapComparison:
 def driven_trace(result: Result) -> DrivenTrace:
     """The steps of a run, read once for all that look at them: nobody may change them. Raises PlatformFault
     ``storage_failed``, ``file_damaged``."""
-    return lasting_value(("driven trace", result.trace_sha256), lambda: DrivenTrace.of(read_trace(result)))
+
+    def read() -> DrivenTrace:
+        try:
+            return DrivenTrace.of(read_trace(result))
+        except ValueError as error:
+            raise PlatformFault("file_damaged") from error
+
+    return lasting_value(("driven trace", result.trace_sha256), read)
 
 
 def lap_line(trace: DrivenTrace, laps: Sequence[DrivenLapDocument], number: int) -> LapLine:

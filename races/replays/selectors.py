@@ -117,6 +117,7 @@ def offers_to_compare(
     follows = Follow.objects.filter(follower=reader_pk, followed=OuterRef("owner"))
     if race is not None:
         counted = runs.filter(submission__entry__race=race, submission__entry__best=F("submission__pk"))
+        counted = counted.filter(submission__entry__is_baseline=False)
         wanted.append(counted.order_by(*(f"submission__entry__{name}" for name in _BOARD))[:1])
         ahead = run_ahead(evaluation)
     if reader_pk is not None:
@@ -124,7 +125,10 @@ def offers_to_compare(
     # each part has a limit of its own: one query with a subquery for each
     chosen = reduce(or_, (Q(pk__in=part.values("pk")) for part in wanted), Q(public_id=ahead))
     offered = list(runs.filter(chosen).annotate(is_followed=Exists(follows)))
+    mine_at = _place(evaluation) if _counts_in(evaluation, race) else None
     leader = min((run for run in offered if _counts_in(run, race)), key=_place, default=None)
+    if leader is not None and mine_at is not None and mine_at < _place(leader):
+        leader = None  # the run itself leads
     mine = evaluation.result.best_lap_ms
 
     def offer(run: Evaluation) -> RunOffer:
@@ -132,7 +136,7 @@ def offers_to_compare(
         gap = None if mine is None or theirs is None or not same_rules(evaluation, run) else theirs - mine
         if run == leader:
             why = Why.LEADER
-        elif run.public_id == ahead:
+        elif run.public_id == ahead and mine_at is not None and _place(run) < mine_at:
             why = Why.AHEAD
         elif run.owner_id == reader_pk:
             why = Why.MINE
@@ -153,13 +157,13 @@ def offers_to_compare(
 
 
 def _counts_in(run: Evaluation, race: Race | None) -> bool:
-    """Whether a run is the counted one of an entry in a race."""
+    """Whether a run is the counted one of a racer in a race."""
     submission = getattr(run, "submission", None)
-    return race is not None and submission is not None and submission.entry.race_id == race.pk and _is_best(submission)
+    return race is not None and submission is not None and _is_best(submission.entry, submission, race)
 
 
-def _is_best(submission: Submission) -> bool:
-    return submission.entry.best_id == submission.pk
+def _is_best(entry: Entry, submission: Submission, race: Race) -> bool:
+    return entry.race_id == race.pk and entry.best_id == submission.pk and not entry.is_baseline
 
 
 def _place(run: Evaluation) -> list[Any]:
@@ -185,11 +189,14 @@ def _house_car_ahead(entry: Entry) -> Submission | None:
     return (faster[-1] if faster else cars[0]).best if cars else None
 
 
-def named_run(
-    word: str, evaluation: Evaluation, reader: Racer | AnonymousUser | None, hidden: Collection[int] = ()
-) -> str:
-    """The id of the run that ``word`` names (:class:`Why`): the first of those offered; empty without any."""
-    if word == Why.AHEAD:
-        return run_ahead(evaluation)
-    offers = offers_to_compare(evaluation, reader, race_of(evaluation), hidden)
-    return next((offer.evaluation.public_id for offer in offers if offer.why == word), "")
+def named_runs(
+    words: Collection[str], evaluation: Evaluation, reader: Racer | AnonymousUser | None, hidden: Collection[int] = ()
+) -> dict[str, str]:
+    """For each of the words (:class:`Why`) the id of the run that it names: the first of those offered."""
+    named: dict[str, str] = {}
+    if Why.AHEAD in words and (ahead := run_ahead(evaluation)):
+        named[Why.AHEAD] = ahead
+    if any(word != Why.AHEAD for word in words):
+        for offer in offers_to_compare(evaluation, reader, race_of(evaluation), hidden):
+            named.setdefault(offer.why, offer.evaluation.public_id)
+    return named

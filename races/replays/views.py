@@ -26,7 +26,7 @@ from races.replays.selectors import (
     RunOffer,
     Why,
     direction_of,
-    named_run,
+    named_runs,
     offers_to_compare,
     race_of,
     refuse_incomparable,
@@ -103,10 +103,10 @@ def replay(request: HttpRequest, public_id: str) -> HttpResponse:
         query = request.GET.copy()
         query["with"] = _spelled(beside)
         return redirect(_address(public_id, query))
-    runs = _replayed(shown, request.GET.get("lap", ""), others, beside)
     cars = car_rows(shown)
     reference = reference_lap(shown.track, direction_of(shown), shown.result.engine)
     with_reference = reference is not None and request.GET.get("ghost") == REFERENCE
+    runs = _replayed(shown, request.GET.get("lap", ""), others, beside, alone=not others and not with_reference)
     context = {
         "evaluation": shown,
         "race": race_of(shown),
@@ -159,17 +159,23 @@ def track_scene(request: HttpRequest, slug: str) -> HttpResponse:
 
 
 def _asked(request: HttpRequest, shown: Evaluation) -> dict[str, str]:
-    """The ids of ``with`` with their laps, each once; words are replaced by the run that they name."""
+    """The ids of ``with`` with their laps, each once; words are replaced by the run that they name. What is beyond
+    :data:`MOST_RUNS` is left out before anything is looked up."""
+    parts = ",".join(request.GET.getlist("with")).split(",")
+    texts = list(dict.fromkeys(text for part in parts if (text := _public_id(part))))[: MOST_RUNS - 1]
+    words = {text.partition(":")[0] for text in texts} & _WORDS
+    named = named_runs(words, shown, request.user, spoilers_of(request).hidden)
     found: dict[str, str] = {}
-    for text in ",".join(request.GET.getlist("with")).split(","):
-        if "/evaluations/" in text:
-            text = text.partition("/evaluations/")[2].partition("/")[0]
-        run, _colon, lap = text.strip().partition(":")
-        if run in _WORDS:
-            run = named_run(run, shown, request.user, spoilers_of(request).hidden)
-        if run:
+    for text in texts:
+        run, _colon, lap = text.partition(":")
+        if run := named.get(run, "") if run in words else run:
             found.setdefault(run[:64], lap if lap.isdecimal() and len(lap) < 4 else "")
-    return dict(list(found.items())[: MOST_RUNS - 1])
+    return found
+
+
+def _public_id(text: str) -> str:
+    """An id, with its lap perhaps, from itself or from a link to the run."""
+    return (text.partition("/evaluations/")[2].partition("/")[0] if "/evaluations/" in text else text).strip()
 
 
 def _others(
@@ -192,11 +198,11 @@ def _others(
 
 
 def _replayed(
-    shown: Evaluation, lap: str, others: Sequence[Evaluation], beside: Sequence[tuple[str, str]]
+    shown: Evaluation, lap: str, others: Sequence[Evaluation], beside: Sequence[tuple[str, str]], *, alone: bool
 ) -> list[ReplayedRun]:
     """The runs with their laps: alone the whole run, beside others the best, unless the address names one."""
     runs = [shown, *others]
-    if lap == "all" or (not lap and not others):
+    if lap == "all" or (not lap and alone):
         laps = [WHOLE] * len(runs)
     else:
         asked = (lap, *(each for _id, each in beside))
@@ -294,10 +300,16 @@ def _sentence(compared: LapComparison, name: str, other: str) -> str:
     gap = compared.last_gap_ms
     where = _("at the line") if compared.is_whole else _("after %s m") % f"{compared.metres[-1]:.1f}"
     if not gap:
-        return _("Both are as fast %(where)s.") % {"where": where}
+        return _("%(first)s and %(second)s are equally fast %(where)s.") % {
+            "first": name,
+            "second": other,
+            "where": where,
+        }
+    first, second = (name, other) if gap > 0 else (other, name)
     by = times.gap(abs(gap)).lstrip("+")
-    return _("%(ahead)s is %(gap)s s ahead %(where)s.") % {
-        "ahead": name if gap > 0 else other,
+    return _("%(first)s is %(gap)s s ahead of %(second)s %(where)s.") % {
+        "first": first,
+        "second": second,
         "gap": by,
         "where": where,
     }

@@ -15,17 +15,20 @@ from django.views.decorators.http import require_safe
 
 from core.forms import explain
 from paddock.errors import UserFault
-from races.web.views import downloaded, finished_evaluation
+from races.web.views import downloaded, finished_evaluation, too_many
 
 from .document import DIGITS, AskedLap, TelemetryDocument, document_key, telemetry_document
 from .selectors import asked_laps
 
+RATES = {"telemetry": "120/m"}
 COLUMNS = ("run", "lap", "metres", "ms", "delta_ms", *DIGITS)
 
 
 @require_safe
 def telemetry(request: HttpRequest, public_id: str) -> HttpResponse:
     """The telemetry document (:mod:`races.telemetry.document`) of ``lap`` and of the runs ``with``."""
+    if (late := too_many(request, "telemetry", RATES)) is not None:
+        return late
     try:
         return _conditional(request, asked_laps(request, finished_evaluation(request, public_id)))
     except UserFault as fault:
@@ -35,6 +38,8 @@ def telemetry(request: HttpRequest, public_id: str) -> HttpResponse:
 @require_safe
 def telemetry_csv(request: HttpRequest, public_id: str) -> HttpResponse:
     """The channels of the same laps, a row for each place of each run; ``from``, ``to``: only these metres."""
+    if (late := too_many(request, "telemetry", RATES)) is not None:
+        return late
     bounds = _metres(request.GET.get("from"), 0.0), _metres(request.GET.get("to"), math.inf)
     try:
         document = telemetry_document(asked_laps(request, finished_evaluation(request, public_id)))

@@ -34,7 +34,7 @@ export class Controls {
     });
   }
 
-  press(act) { this.held.add(act); this.touched = true; }
+  press(act) { this.held.add(act); this.touched ||= act === "faster"; }
 
   // Asks for the sensor where the browser wants that; false without one.
   async useTilt() {

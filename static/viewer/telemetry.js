@@ -13,7 +13,11 @@ const CHARTS = [
 const GRID = "rgb(128 128 128 / .25)"; // on either ground
 const LEAST_SHARE = 1 / 60; // of a lap, the closest zoom
 const number = (value, digits) => (value === null || value === undefined ? "–" : value.toFixed(digits));
-const clock = (ms) => (ms === null || ms === undefined ? "–" : `${Math.floor(ms / 60000)}:${String(Math.floor(ms / 1000) % 60).padStart(2, "0")}.${String(Math.round(ms) % 1000).padStart(3, "0")}`);
+function clock(ms) {
+  if (ms === null || ms === undefined) return "–";
+  const whole = Math.floor(ms);
+  return `${Math.floor(whole / 60000)}:${String(Math.floor(whole / 1000) % 60).padStart(2, "0")}.${String(whole % 1000).padStart(3, "0")}`;
+}
 
 // The index with the largest value <= `value` in rising values that may end with nulls.
 function lastAt(values, value) {
@@ -131,7 +135,7 @@ class Telemetry {
       scales: { x: { time: false, range: () => this.range }, y: { range: (u, low, high) => this.span(name, low, high) } },
       axes: [
         { ...axis, size: 24, values: (u, ticks) => ticks.map((tick) => `${+tick.toFixed(2)}`) },
-        { ...axis, size: 44, space: 20, values: (u, ticks) => ticks.map((tick) => tick.toFixed(Math.max(digits, tick % 1 ? 1 : 0))) },
+        { ...axis, size: 50, space: 20, values: (u, ticks) => ticks.map((tick) => tick.toFixed(Math.abs(tick) < 10 ? Math.max(digits, tick % 1 ? 1 : 0) : Math.min(digits, 1)).replace("-", "−")) },
       ],
       cursor: { y: false, drag: { x: true, y: false, setScale: false }, points: { size: 6 } },
       hooks: {

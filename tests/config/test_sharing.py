@@ -231,6 +231,14 @@ class TestEmbedding:
             assert Client().get(path_of(frame)).status_code == 200
             assert Client().get(path_of(found["thumbnail_url"])).status_code == 200
 
+    def test_a_link_shared_without_results_is_embedded_without_them(self, led):
+        Race.objects.filter(pk=led.pk).update(opens_at=timezone.now() - timedelta(days=2))
+        tags = tags_of(f"{led.get_absolute_url()}?spoilers=hide")
+        answer = Client().get(path_of(tags.links["alternate application/json+oembed"]["href"]))
+        found = json.loads(answer.content)
+        assert found["thumbnail_url"].endswith("?spoilers=hide")
+        assert "zelda" not in Client().get(path_of(found["html"].split('src="')[1].split('"')[0])).content.decode()
+
     @pytest.mark.parametrize(
         ("query", "status"),
         [

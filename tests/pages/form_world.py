@@ -249,6 +249,7 @@ class Cast:
             "join/": [],  # leads to the form for signing up
             "programs/": [],  # tests/accounts/test_programs.py sends its forms
             "audit/": [],  # a file
+            "embed/": [{"kind": "race", "shared": "open-race"}, {"kind": "run", "shared": said["driven"]}],
             "workers/": [{"name": "evaluations"}],
             "races/join/": [{"token": said["invitation"]}],
             "races/<slug:slug>/$": [{"slug": slug} for slug in races],

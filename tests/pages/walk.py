@@ -37,6 +37,7 @@ from tests.live_shows import a_live_race, a_show, begun
 from tests.pages.conftest import World, make_world
 from tests.pages.test_training import end, run
 from tests.races.timing import a_timed_race
+from tests.reference_laps import a_reference
 from tests.training.jobs import a_sweep_row, a_training
 from training.lessons.catalogue import LESSONS
 from training.models import Sweep, TrainingJob
@@ -46,6 +47,7 @@ from videos.services import request_video, run_next_video
 # Addresses that show no page of their own: files, parts of pages, and what is only written to.
 NO_PAGES = {
     *("audit_export", "data_download", "metrics"),
+    *("card", "oembed", "robots", "sitemap", "sitemaps", "track_reference_replay"),
     *("api_token_revoke", "board_atom", "board_badge", "board_csv", "board_json", "elsewhere_file", "enter"),
     *("evaluation_live", "evaluation_logs", "evaluation_metrics", "evaluation_replay", "evaluation_stop"),
     *(
@@ -154,6 +156,7 @@ def make_site() -> Site:
     request_video(evaluation=driven, by=world.bob, part="whole", language="en", now=now)
     robin = drawn(now - timedelta(hours=2), 4, slug="robin", name="Robin")
     end_all(robin, now)
+    a_reference(world.track, 1_000, now)
     share_model(model=a_model(world.bob, name="Shared one"), now=now)
     vehicle = save_vehicle(owner=world.alice, name="My van", sensors=["STEREO_CAMERAS", "LIDAR"])
     trained = end(run(a_training(world.alice, world.track, now, name="trained")), world)
@@ -224,6 +227,7 @@ def _paths(world, season, trained, training, pair, vehicle, token) -> dict[str, 
             *("/accounts/password/reset/key/1-none/", "/accounts/confirm-email/", "/accounts/confirm-email/none/"),
             *(f"/races/join/{world.secret.invitation}/", f"/notices/stop/{token}/", "/nothing/at/all/"),
             *("/races/open-race/", "/api/docs/", "/guides/", "/guides/?q=penalty", "/guides/tracks/"),
+            *("/embed/race/open-race/", f"/embed/run/{driven.public_id}/", "/tracks/oval/reference/"),
         ],
         "alice": [
             *("/", "/races/", "/races/?show=upcoming", "/races/?show=closed", "/races/?show=mine", "/races/new/"),

@@ -21,7 +21,7 @@ from races.entries.services.entries import accept_invitation
 from races.entries.services.submissions import submit_model
 from races.models import Visibility
 from races.replays.comparison import best_lap, compare, lap_line
-from races.replays.selectors import Why, comparable_with, offers_to_compare, refuse_incomparable
+from races.replays.selectors import Why, comparable_with, offers_to_compare, race_of, refuse_incomparable
 from tests.drawn_runs import a_driven_run
 from tests.evaluation.stubs import HEADER
 from tests.factories import a_model, a_race, a_racer, lap
@@ -169,7 +169,7 @@ def test_page_and_api_show_the_same_gap(runs, client):
     for wrong in ("0", "4", "x", "-1", "1e1", "٣"):
         assert client.get(address, {"lap": wrong}).json()["code"] == "compare_lap"
     page = client.get(reverse("replay", args=[runs["alice"].public_id]), {"with": runs["bob"].public_id})
-    assert "bob is 0.200 s ahead at the line." in page.content.decode()
+    assert "bob is 0.200 s ahead of alice at the line." in page.content.decode()
     assert [each["lap"] for each in json.loads(page.context["viewer"])["runs"]] == [2, 2], "the best lap of each"
 
 
@@ -243,3 +243,25 @@ def test_more_runs_need_no_more_queries(runs, client, now):
     queries(1)
     files = 2 * 5  # a test's transaction keeps no trace for the telemetry
     assert queries(6) <= queries(1) + files
+
+
+def test_many_words_cost_no_more_than_one(runs, client):
+    at = reverse("replay", args=[runs["alice"].public_id])
+
+    def queries(words: list[str]) -> int:
+        with CaptureQueriesContext(connection) as captured:
+            client.get(at, {"with": ",".join(words)})
+        return len(captured)
+
+    queries(["fast"])
+    assert queries(["fast", "leader"] * 200) <= queries(["fast"]) + 1
+
+
+def test_only_a_faster_car_is_ahead_and_only_a_racer_leads(runs):
+    def whys(name: str) -> dict[str, Why]:
+        run = runs[name]
+        return {offer.evaluation.owner.alias: offer.why for offer in offers_to_compare(run, None, race_of(run))}
+
+    assert whys("bob").get("alice") == Why.FAST
+    assert whys("alice")["bob"] == Why.LEADER
+    assert Why.HOUSE in whys("bob").values()

@@ -103,6 +103,8 @@ def test_where_a_car_left_the_road():
 def test_a_car_that_was_put_back_has_no_speed_from_its_jump():
     driven = trace((10, 1, True, "in_progress"), (30, 1.066, True, "pause"), (31, 1.13, True, "in_progress"))
     assert driven.driven_speed[0] == 0.0
+    short = trace((10, 1, False, "off_track"), (12, 1.066, True, "pause"), (12, 4, True, "pause"))
+    assert not short.driven_speed.any(), "not even where it was put back near by"
 
 
 def test_a_lap_ends_where_the_car_stopped():
