@@ -43,7 +43,7 @@ class CameraFrame {
 
   // A new source aborts the request before it, so the next frame waits until this one has loaded or failed.
   load() {
-    const box = this.link.getBoundingClientRect();
+    const box = (this.image.hidden ? this.link : this.image).getBoundingClientRect();
     if (box.bottom < 0 || box.top > innerHeight) { this.busy = false; return; }
     this.requested = this.now;
     this.image.onload = this.image.onerror = () => { this.busy = false; this.look(this.now); };

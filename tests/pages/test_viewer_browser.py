@@ -147,7 +147,7 @@ def test_runs_are_added_and_removed_and_their_laps_chosen(open_page, pair):
     row.get_by_role("link").first.focus()
     page.keyboard.press("Enter")
     playwright.expect(page.get_by_role("heading", level=1)).to_contain_text("alice – bob")
-    playwright.expect(page.get_by_text("bob is 1.000 s ahead at the line.")).to_be_visible()
+    playwright.expect(page.get_by_text("bob is 1.000 s ahead of alice at the line.")).to_be_visible()
     page.get_by_label("alice", exact=True).select_option(label=None, value="3")
     page.get_by_role("button", name="Compare").last.click()
     playwright.expect(page.locator("[data-out]")).to_contain_text("Lap 3 ·")
@@ -187,7 +187,7 @@ def test_without_scripts_the_page_has_map_sentence_and_tables(browser, live_serv
         page.goto(reverse("replay", args=[pair[0].public_id]))
         page.get_by_label("Any other, by its link").fill(live_server.url + pair[1].get_absolute_url())
         page.get_by_role("button", name="Add").click()
-        playwright.expect(page.get_by_text("bob is 1.000 s ahead at the line.")).to_be_visible()
+        playwright.expect(page.get_by_text("bob is 1.000 s ahead of alice at the line.")).to_be_visible()
         playwright.expect(page.get_by_role("region", name="Laps and sectors")).to_be_visible()
         playwright.expect(page.locator("[data-player]")).to_be_hidden()
 

@@ -134,7 +134,7 @@ def test_hidden_results_hide_the_replay_the_ghost_and_the_offer(now):
     assert page.status_code == 200 and page.context["offers"] == []
     for ghost in (theirs.public_id, theirs.get_absolute_url(), f"{theirs.public_id}:2"):
         page = client.get(at, {"with": ghost}).content.decode()
-        assert "data-viewer" not in page and "ahead at the line" not in page
+        assert "data-viewer" not in page and "s ahead of" not in page
     assert client.get(at, {"with": "fast"}).url == at, "no word names it"
     alice.hides_results_since = None
     alice.save()
