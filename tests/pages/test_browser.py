@@ -93,6 +93,7 @@ def test_a_newcomer_uploads_a_console_model_and_finds_it_ranked(page: playwright
     row.get_by_role("link", name="Watch the run").click()
     playwright.expect(page.locator("table.laps tbody tr")).to_have_count(3)
     assert page.locator(".track-line").count() > 0
+    page.get_by_text("Files and proof").click()
     with page.expect_download() as download:
         page.get_by_role("link", name="Trace of every step").click()
     assert Path(download.value.path()).read_text().startswith("episode,steps,X,Y,")
