@@ -92,8 +92,8 @@ def _values() -> dict[str, list[Any]]:
     from evaluation.models import TrainedModel as TrainedModel
     from league.models import Cup, Season
     from races.models import Race
+    from tracks.drawing.printing import FORMS
     from tracks.models import Track
-    from tracks.printing import FORMS
     from training.lessons.catalogue import LESSONS
     from videos.models import Video
 

@@ -32,7 +32,7 @@ mkdir -p "$place"
 debootstrap --variant=minbase --include=ca-certificates,dbus,git,make,systemd-sysv bookworm "$system" >"$place/base.log" ||
     fail "$(tail -n 3 "$place/base.log")"
 cp /etc/ssl/certs/ca-certificates.crt "$system/etc/ssl/certs/" # of a proxy that this machine trusts
-git clone --quiet --bare . "$system/root/paddock.git"
+git clone --quiet --bare . "$system/srv/paddock.git"
 
 # systemd 252 forbids Landlock to what it boots
 set -- --quiet --register=no --directory="$system" --boot \
@@ -70,8 +70,8 @@ is() { root systemctl show --property "$2" "paddock-$1" | grep -qx "$2=$3"; } # 
 
 wait_for 60 booted root systemctl is-system-running --wait
 sed -n '/^## systemd$/,/^## /p' docs/operators.md | sed -n '/^```sh$/,/^```$/{/^```/!p}' |
-    sed "s|https://git.example.org/paddock.git|/root/paddock.git|; s|manage.py setup|& --no-input|; s|manage.py units|& --port ${address##*:}|" >"$system/root/steps.sh"
-root sh -eux /root/steps.sh
+    sed "s|https://git.example.org/paddock.git|/srv/paddock.git|; s|manage.py setup|& --no-input|; s|manage.py units|& --port ${address##*:}|" >"$system/srv/steps.sh"
+root sh -eux /srv/steps.sh
 until_ready $address root journalctl --no-pager --lines 30
 race $address $address
 inside python manage.py shell --verbosity 0 -c "

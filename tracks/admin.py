@@ -19,7 +19,7 @@ from core.forms import explain
 from paddock.errors import UserFault
 from paddock.geometry.files import MAX_BYTES
 
-from .drawing import draw_svg
+from .drawing.maps import draw_svg
 from .models import ReferenceLap, Track, TrackLook
 from .services import import_track
 

@@ -13,4 +13,4 @@ class TracksConfig(AppConfig):
         from .services import TRACKS
 
         register(TRACKS)
-        register_cards(["tracks.cards"])
+        register_cards(["tracks.drawing.cards"])

@@ -14,9 +14,9 @@ from core.forms import add_fault
 from core.pages.pager import LeanPaginator
 from paddock.errors import UserFault
 
+from .drawing.printing import FORMS, print_facts, print_file
 from .forms import ImportTrackForm
 from .models import Track
-from .printing import FORMS, print_facts, print_file
 from .selectors import closest_tracks, figure, figures, found_tracks, track_named, with_figures
 from .services import TRACKS, import_track
 

@@ -4,7 +4,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 from paddock.rules.report import EACH, KINDS, kind_of, percent_of
-from tracks.drawing import MARGIN_M
+from tracks.drawing.maps import MARGIN_M
 from tracks.models import Track
 
 from ..models.reports import ReportLap

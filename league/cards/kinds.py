@@ -19,7 +19,7 @@ from league.standings.selectors.tables import leaders_shown
 from races.cards.runs import car_shapes
 from races.models import Division, RaceState
 from races.web.names import named
-from tracks.cards import map_of
+from tracks.drawing.cards import map_of
 
 ROWS = 5
 

@@ -24,7 +24,7 @@ from races.entries.eligibility import read_for_checks, refusal
 from races.entries.engines import hidden_runs
 from races.models import Division, Entry, Race, RaceKind, Submission
 from races.replays.run_maps import ColourBy, trajectories
-from tracks.drawing import Trajectory
+from tracks.drawing.maps import Trajectory
 
 if TYPE_CHECKING:
     from django.contrib.auth.models import AnonymousUser

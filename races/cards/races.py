@@ -16,7 +16,7 @@ from races.models import LiveEvent, LiveState, Race, RaceState
 from races.models.live import UNDER_WAY
 from races.rules.descriptions import score_name, score_words
 from races.web.names import named, names_track
-from tracks.cards import map_of
+from tracks.drawing.cards import map_of
 
 ROWS = 5
 EMBEDDED_ROWS = 10

@@ -23,8 +23,8 @@ from races.replays.setup import run_setup
 from races.rules.layout import driven_boxes
 from races.runs.video_titles import titles_of
 from races.web.views import public_evaluation
-from tracks.cards import map_shapes
-from tracks.drawing import Trajectory
+from tracks.drawing.cards import map_shapes
+from tracks.drawing.maps import Trajectory
 
 _GREEN, _GLASS, _TYRE, _HUB = "#34d17f", "#9db7cf", "#2a313b", "#919ba8"
 

@@ -12,7 +12,7 @@ from typing import Any, Self
 from evaluation.running.messages import DrivenLapDocument
 from paddock.geometry.track import TrackGeometry
 from races.models import Race
-from tracks.drawing import MARGIN_M, TOP_SPEED_MPS, Trajectory
+from tracks.drawing.maps import MARGIN_M, TOP_SPEED_MPS, Trajectory
 from tracks.models import Track
 
 LAP_COLOURS = 6

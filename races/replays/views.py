@@ -35,7 +35,7 @@ from races.replays.setup import document_address, scene_address, viewer_setup
 from races.rules.layout import driven_boxes
 from races.spoilers.selectors import spoilers_of
 from races.web.views import finished_evaluation, report_fault, shown_evaluation, visible_evaluations
-from tracks.drawing import Trajectory
+from tracks.drawing.maps import Trajectory
 from tracks.models import ReferenceLap, Track
 from tracks.reference.selectors import reference_lap
 

@@ -12,7 +12,7 @@ from paddock.geometry.track import TrackGeometry
 from paddock.rules.race import BOX_COUNT, HEAD_TO_HEAD, RULES, RUN_RULES, BoxPlace, RaceRules
 from paddock.simulator.layout import Layout, box_faults, lay_out, place_box
 from paddock.simulator.solids import Solid, box
-from tracks.drawing import BoxMark
+from tracks.drawing.maps import BoxMark
 from tracks.models import Track
 
 from ..errors import problem

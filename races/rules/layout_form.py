@@ -10,7 +10,7 @@ from django.core.exceptions import ValidationError
 from django.utils.translation import gettext_lazy as _
 
 from paddock.rules.race import BOX_COUNT, BOX_RULES, DRAWN_BOXES, LAYOUT, MAX_BOXES, RULES
-from tracks.drawing import BoxMark
+from tracks.drawing.maps import BoxMark
 from tracks.forms import TrackChoiceField, label_directions
 from tracks.selectors import shared_track
 

@@ -35,7 +35,7 @@ from races.replays.run_maps import LAP_COLOURS, map_place
 from races.rules import descriptions
 from races.rules.layout import box_marks, has_boxes, layout_marks
 from races.rules.live_start import live_layout, start_m
-from tracks.drawing import BoxMark, Trajectory, draw_svg
+from tracks.drawing.maps import BoxMark, Trajectory, draw_svg
 from tracks.models import Track
 from tracks.templatetags.medals import medal_badge, times_of
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from races.replays.run_maps import ColourBy, speed_scale, trajectories
-from tracks.drawing import SPEED_CLASSES
+from tracks.drawing.maps import SPEED_CLASSES
 
 
 def test_the_scale_fits_the_speeds_of_the_run():

@@ -14,7 +14,7 @@ from paddock.geometry.catalogue import CATALOGUE, by_slug
 from paddock.geometry.character import character_of
 from paddock.geometry.track import TrackGeometry
 from tests.soak import examples
-from tracks.drawing import ERROR_M, SPEED_CLASSES, BoxMark, Trajectory, draw_svg, simplify, simplify_loop, svg_path
+from tracks.drawing.maps import ERROR_M, SPEED_CLASSES, BoxMark, Trajectory, draw_svg, simplify, simplify_loop, svg_path
 
 SVG = "{http://www.w3.org/2000/svg}"
 every_track = pytest.mark.parametrize("entry", CATALOGUE[:7], ids=lambda entry: entry.slug)

@@ -7,8 +7,8 @@ from django.test import Client
 from django.utils import timezone
 
 from tests.factories import a_track
+from tracks.drawing.printing import FORMS
 from tracks.models import Track
-from tracks.printing import FORMS
 from tracks.services import recorded_track
 
 pytestmark = pytest.mark.django_db

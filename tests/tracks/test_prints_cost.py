@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 from django.test import Client
 
-from tracks import printing
+from tracks.drawing import printing
 from tracks.services import load_catalogue
 
 pytestmark = pytest.mark.django_db

@@ -9,7 +9,7 @@ from django.utils.safestring import SafeString, mark_safe
 from django.utils.translation import gettext as _
 
 from paddock.geometry.track import TrackGeometry
-from tracks.drawing import Trajectory, draw_svg
+from tracks.drawing.maps import Trajectory, draw_svg
 from tracks.models import Track
 from tracks.selectors import TrackFigure
 

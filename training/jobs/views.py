@@ -28,7 +28,7 @@ from races.models import Race, RaceType
 from races.replays.run_maps import map_point, map_size
 from races.rules.layout import box_marks
 from races.web.views import report_fault
-from tracks.drawing import BoxMark
+from tracks.drawing.maps import BoxMark
 from training.jobs.exports import Download, download
 from training.jobs.progress_graph import SMOOTHINGS, draw_graph, points_of
 from training.jobs.queue_order import place_of

@@ -14,7 +14,7 @@ from scipy.ndimage import gaussian_filter1d
 from paddock.geometry.track import TrackGeometry
 from paddock.simulator.physics import PADDOCK_CAR
 from paddock.simulator.trace import CRASHED, IMMOBILIZED, OFF_TRACK, PAUSE, REVERSED
-from tracks.drawing import JUMP_M, TOP_SPEED_MPS
+from tracks.drawing.maps import JUMP_M, TOP_SPEED_MPS
 
 FAULTS = (CRASHED, OFF_TRACK, IMMOBILIZED, REVERSED)
 _NUMBERS = ("X", "Y", "yaw", "steer", "throttle", "tstamp")

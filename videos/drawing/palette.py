@@ -3,7 +3,7 @@
 import re
 
 from evaluation.appearance.looks import COLOUR, DEFAULT_COLOUR
-from tracks.drawing import SPEED_CLASSES, TOP_SPEED_MPS
+from tracks.drawing.maps import SPEED_CLASSES, TOP_SPEED_MPS
 
 Colour = tuple[int, int, int]
 

@@ -12,7 +12,7 @@ from xml.sax.saxutils import escape
 import numpy as np
 
 from paddock.geometry.track import TrackGeometry
-from tracks.drawing import JUMP_M, MARGIN_M, draw_svg, svg_path
+from tracks.drawing.maps import JUMP_M, MARGIN_M, draw_svg, svg_path
 
 from ..sandbox.function import Params
 

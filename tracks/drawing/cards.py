@@ -11,9 +11,9 @@ from django.utils.translation import gettext_lazy
 from core.cards.registry import SURFACE, CardFigure, CardKind, CardShape, Points, ShareCard
 from paddock.geometry.track import TrackGeometry
 
-from .drawing import Trajectory, simplify, simplify_loop
-from .models import Track
-from .selectors import figures, with_figures
+from ..models import Track
+from ..selectors import figures, with_figures
+from .maps import Trajectory, simplify, simplify_loop
 
 _ROAD, _BORDER, _FINISH = "#39424f", "#aab2bd", "#ff3b55"
 _SPEEDS = ("#e5484d", "#f2803a", "#f2c53d", "#9ccc3c", "#2fbf71", "#2cc9dd")

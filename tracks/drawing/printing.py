@@ -22,7 +22,7 @@ from paddock.geometry.prints.pdf import tiles_of
 from paddock.geometry.track import TrackGeometry
 from paddock.simulator.camera.theme import THEMES
 
-from .models import Track
+from ..models import Track
 
 # the content type and the writer of each format
 _WHOLE: dict[str, tuple[str, Callable[[Drawing], bytes]]] = {
