@@ -45,6 +45,7 @@ urlpatterns = [
     path("", include("league.urls")),
     path("", include("accounts.urls")),
     path("", include("training.urls")),
+    path("", include("courses.urls")),
     path("", include("races.urls")),
     path("", include("evaluation.urls")),
     path("", include("tracks.urls")),

@@ -2,21 +2,12 @@
 
 from django.urls import path
 
-from training.classes import api as classes
-
 from .jobs.api import files, trainings
 from .rewards import api as rewards
 from .sweeps import api as sweeps
 from .vehicles import api as vehicles
 
 urlpatterns = [
-    path("classes/", classes.ClassesView.as_view(), name="api-classes"),
-    path("classes/<slug:slug>/", classes.ClassView.as_view(), name="api-class"),
-    path("classes/<slug:slug>/learners/", classes.LearnersView.as_view(), name="api-learners"),
-    path("classes/<slug:slug>/learners/<slug:alias>/", classes.LearnerView.as_view(), name="api-learner"),
-    path("classes/<slug:slug>/codes/", classes.CodesView.as_view(), name="api-class-codes"),
-    path("classes/<slug:slug>/teachers/", classes.TeachersView.as_view(), name="api-teachers"),
-    path("classes/<slug:slug>/teachers/<slug:alias>/", classes.TeacherView.as_view(), name="api-teacher"),
     path("vehicles/", vehicles.VehiclesView.as_view(), name="api-vehicles"),
     path("vehicles/<slug:public_id>/", vehicles.VehicleView.as_view(), name="api-vehicle"),
     path("reward-functions/validate/", rewards.RewardValidationView.as_view(), name="api-reward-validate"),

@@ -43,8 +43,6 @@ class TrainingConfig(AppConfig):
         proof.register(_prove)
         register_slots(
             {
-                "account.log_in": "training/classes/parts/card_log_in.html",
-                "menu.account": "training/classes/parts/menu.html",
                 "ways_to_a_car": "training/starter_training/parts/ways_to_a_car.html",
                 "garage.tabs": "training/vehicles/parts/garage_tabs.html",
                 "model.crumb": "training/cloning/parts/shared_crumb.html",

@@ -138,9 +138,6 @@ register(
             "This model cannot be cloned: it is neither yours nor shared. Choose one of yours or a shared one."
         ),
     },
-    not_found={
-        "class_learner_unknown": _("An alias is no learner of this class. Nothing was changed."),
-    },
     conflict={
         "training_name_taken": _("You have a model or a training named “%(name)s” already. Choose another name."),
         "training_jobs_at_once": _(

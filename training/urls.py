@@ -2,7 +2,6 @@
 
 from django.urls import path
 
-from .classes import views as classes
 from .cloning import views as cloning
 from .jobs import views as trainings
 from .lessons import views as lessons
@@ -37,10 +36,6 @@ urlpatterns = [
     path("vehicles/new/", vehicles.vehicle_new, name="vehicle_new"),
     path("vehicles/<str:public_id>/", vehicles.vehicle_edit, name="vehicle_edit"),
     path("vehicles/<str:public_id>/delete/", vehicles.vehicle_delete, name="vehicle_delete"),
-    path("classes/", classes.classrooms, name="classrooms"),
-    path("classes/<slug:slug>/", classes.classroom, name="classroom"),
-    path("class/", classes.class_log_in, name="class_log_in"),
-    path("class/<str:code>/", classes.class_log_in, name="class_code"),
     path("learn/", lessons.learn, name="learn"),
     path("learn/laboratory/", laboratory.reward_lab, name="reward_lab"),
     path("learn/real-car/", lessons.real_car, name="real_car"),

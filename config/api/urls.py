@@ -132,6 +132,7 @@ version_1: list[URLPattern | URLResolver] = [
     path("cups/<slug:day>/", cups.CupView.as_view(), name="api-cup"),
     path("invitations/<slug:token>/", entries.InvitationView.as_view(), name="api-invitation"),
     path("", include("training.api_urls")),
+    path("", include("courses.api_urls")),
     path("evaluations/", test_runs.OwnRunsView.as_view(), name="api-evaluations"),
     path("evaluations/<slug:public_id>/again/", test_runs.AgainView.as_view(), name="api-evaluation-again"),
     path("evaluations/<slug:public_id>/", evaluations.EvaluationView.as_view(), name="api-evaluation"),

@@ -46,6 +46,7 @@ SECURE_REFERRER_POLICY = "same-origin"
 INSTALLED_APPS = [
     "config",
     "league",
+    "courses",
     "training",
     "races",
     "videos",

@@ -12,7 +12,7 @@ from core.database.columns import MultiLineField, OneLineField, TextRefused
 from core.validators import invisible_character, normalized, without_invisible
 from paddock.errors import UserFault
 
-OURS = {"accounts", "core", "evaluation", "league", "races", "tracks", "training", "videos"}
+OURS = {"accounts", "core", "courses", "evaluation", "league", "races", "tracks", "training", "videos"}
 # Why a text is not checked: the fields of each reason.
 REASONS = {
     "made by the site, from letters of its own": """

@@ -37,6 +37,7 @@ SECTIONS = (
     "Vehicles",
     "Reward functions",
     "Trainings",
+    "Courses",
     "Texts",
     "Account",
     "Programs",

@@ -29,7 +29,7 @@ OF_EVERY_COMMAND = {
 
 
 def sources() -> list[Path]:
-    rooms = ("config", "league", "races", "videos", "evaluation", "tracks", "accounts", "core", "paddock")
+    rooms = ("config", "courses", "league", "races", "videos", "evaluation", "tracks", "accounts", "core", "paddock")
     return [path for room in rooms for path in (CHECKOUT / room).rglob("*.py") if path.name != "env.py"]
 
 

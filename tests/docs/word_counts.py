@@ -14,7 +14,10 @@ from pathlib import Path
 
 from tests.shared import CHECKOUT
 
-ROOMS = ("paddock", "core", "accounts", "tracks", "evaluation", "videos", "races", "training", "league", "config")
+ROOMS = (
+    *("paddock", "core", "accounts", "tracks", "evaluation", "videos"),
+    *("races", "training", "league", "courses", "config"),
+)
 STORED = Path(__file__).with_name("word_counts.json")
 
 _SAID = re.compile(r"\b(told|said|says)\b", re.IGNORECASE)  # as ``grep -wiE`` counts

@@ -32,7 +32,7 @@ def test_every_page_of_the_admin_site_opens(boss, now):
     season = Season.objects.create(slug="s", name="S", starts_on=date(2026, 1, 1), ends_on=date(2026, 12, 31))
     Round.objects.create(season=season, number=1, race=race)
     Membership.objects.create(season=season, racer=Racer.objects.get(alias="boss"))
-    rooms = ("league", "training", "races", "videos", "tracks", "evaluation", "accounts")
+    rooms = ("courses", "league", "training", "races", "videos", "tracks", "evaluation", "accounts")
     ours = [model for model in admin.site._registry if model._meta.app_label in rooms]
     assert len(ours) >= 8
     assert boss.get(reverse("admin:index")).status_code == 200

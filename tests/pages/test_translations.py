@@ -12,6 +12,7 @@ from pathlib import Path
 
 import pytest
 
+from tests.docs.word_counts import ROOMS
 from tests.pages.conftest import World
 from tests.pages.test_pages import address
 from tests.shared import CHECKOUT
@@ -112,8 +113,7 @@ def translated_in(path: Path) -> list[str]:
 
 def test_messages_in_f_strings_are_in_the_catalogue() -> None:
     known = {msgid.replace("\\n", "\n") for _, msgid, _, _ in messages()}
-    rooms = ("config", "league", "training", "races", "videos", "evaluation", "tracks", "accounts", "core", "paddock")
-    modules = [path for room in rooms for path in (CHECKOUT / room).rglob("*.py") if path.parent.name != "migrations"]
+    modules = [path for room in ROOMS for path in (CHECKOUT / room).rglob("*.py") if path.parent.name != "migrations"]
     needed = {message for path in modules for message in translated_in(path)}
     assert len(needed) > 500
     assert not sorted(needed - known - {""})
@@ -123,8 +123,7 @@ def test_messages_in_f_strings_are_in_the_catalogue() -> None:
 @pytest.mark.skipif(not shutil.which("xgettext"), reason="gettext's tools are not installed")
 def test_the_catalogue_contains_every_message_of_the_code(tmp_path: Path) -> None:
     known = {msgid for _, msgid, _, _ in messages()}
-    rooms = ("config", "league", "training", "races", "videos", "evaluation", "tracks", "accounts", "core", "paddock")
-    for name in (*rooms, "templates"):
+    for name in (*ROOMS, "templates"):
         shutil.copytree(CHECKOUT / name, tmp_path / name, ignore=shutil.ignore_patterns("__pycache__"))
     (tmp_path / "locale").mkdir()
     program = "import django; from django.conf import settings; settings.configure(); django.setup(); " + (

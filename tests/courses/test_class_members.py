@@ -21,13 +21,13 @@ from accounts.class_accounts.services import (
 from accounts.following import can_follow
 from accounts.groups.selectors import groups_to_hold_for, may_hold_for
 from accounts.models import ClassLearner, ClassTeacher, Racer
+from courses.classes.deletion import delete_class, remove_learner
 from evaluation.models import Evaluation, TrainedModel
 from paddock.errors import UserFault
 from races.boards.selectors.board import board_entries
 from races.models import DuelCompetitor, Entry, Race
 from tests.clients import logged_in
 from tests.factories import a_model, a_race, a_racer, drive, laps
-from training.classes.deletion import delete_class, remove_learner
 
 pytestmark = pytest.mark.django_db
 

@@ -17,10 +17,9 @@ from evaluation.running.results import files_of_runs
 from paddock.errors import UserFault
 from races.entries.services.standings import recompute_race
 from races.models import Duel, DuelCompetitor, LiveSlot, OwnEvaluation, Race, Redrive, Submission
-
-from ..jobs.services.deletion import delete_stored
-from ..models import TrainingJob
-from ..quotas import files_of
+from training.jobs.services.deletion import delete_stored
+from training.models import TrainingJob
+from training.quotas import files_of
 
 
 @audited("class.deleted", _("Class deleted"), target="classroom")

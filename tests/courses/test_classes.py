@@ -26,6 +26,8 @@ from accounts.class_accounts.services import (
 )
 from accounts.groups.services import ask_to_join, delete_group, hand_over_group, remove_member
 from accounts.models import ClassLearner, Classroom, GroupMember, Racer, RacerGroup, RacerQuota
+from courses.classes.deletion import delete_class
+from courses.classes.selectors import progress_of, series_of
 from evaluation.garage.services import share_model
 from evaluation.models import Evaluation, TrainedModel
 from paddock.errors import UserFault
@@ -38,8 +40,6 @@ from tests.clients import logged_in
 from tests.factories import a_model, a_race, a_racer, a_track, drive, laps
 from tests.live_shows import a_live_race, a_show, begun, compute, show, slot_of
 from tests.training.jobs import a_training
-from training.classes.deletion import delete_class
-from training.classes.selectors import progress_of, series_of
 from training.models import TrainingJob
 
 pytestmark = pytest.mark.django_db

@@ -29,9 +29,10 @@ from core.pages import form_nonce
 from paddock.errors import UserFault
 from races.entries.selectors.visibility import races_visible_to
 from races.spoilers.selectors import spoilers_of
-from training.classes.deletion import delete_class, remove_learner
-from training.classes.selectors import progress_of, series_of
 from training.lessons.catalogue import BY_SLUG, LESSONS
+
+from .deletion import delete_class, remove_learner
+from .selectors import progress_of, series_of
 
 
 class ClassForm(forms.Form):
@@ -77,7 +78,7 @@ def classrooms(request: HttpRequest) -> HttpResponse:
             return redirect(made)
     taught = services.classes_taught_by(request.user)
     context = {"classes": taught, "form": form, "once": form_nonce.new_nonce()}
-    return render(request, "training/classes/list.html", context, status=422 if form.errors else 200)
+    return render(request, "courses/classes/list.html", context, status=422 if form.errors else 200)
 
 
 @login_required
@@ -141,7 +142,7 @@ def classroom(request: HttpRequest, slug: str) -> HttpResponse:
         "plan": ClassForm(initial={"name": shown.group.name, "plan": shown.plan}),
         "usage": usage_of(shown.group.leader or by, timezone.now(), only=[services.LEARNERS.name]),
     }
-    return render(request, "training/classes/class.html", context, status=422 if names.errors else 200)
+    return render(request, "courses/classes/class.html", context, status=422 if names.errors else 200)
 
 
 def _change_teachers(request: HttpRequest, shown: Classroom, do: str) -> HttpResponse:
@@ -164,7 +165,7 @@ def _cards(request: HttpRequest, shown: Any, cards: list[services.Card]) -> Http
         drawn = segno.make(link, error="m").svg_inline(scale=3, border=2, omitsize=True, svgclass="qr", lineclass="")
         rows.append((card.learner, services.shown_code(card.code), mark_safe(drawn)))
     context = {"classroom": shown, "cards": rows, "address": f"{origin}{reverse('class_log_in')}"}
-    return render(request, "training/classes/cards.html", context)
+    return render(request, "courses/classes/cards.html", context)
 
 
 @sensitive_post_parameters("code")
@@ -191,4 +192,4 @@ def class_log_in(request: HttpRequest, code: str = "") -> HttpResponse:
         context["plan"] = [(BY_SLUG[slug], slug in mine.lessons) for slug in mine.classroom.plan if slug in BY_SLUG]
         context["races"] = races_visible_to(request.user).filter(group=mine.classroom.group)
         context["series"] = series_of(mine.classroom, timezone.now(), spoilers_of(request).hidden)
-    return render(request, "training/classes/log_in.html", context, status=422 if problem else 200)
+    return render(request, "courses/classes/log_in.html", context, status=422 if problem else 200)

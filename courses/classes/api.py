@@ -24,8 +24,8 @@ from core.api.finding import finds
 from core.api.views import APIView, ListAPIView
 from core.validators import visible_line
 from paddock.errors import UserFault
+from training.lessons.catalogue import LESSONS
 
-from ..lessons.catalogue import LESSONS
 from .deletion import delete_class, remove_learner
 from .selectors import LearnerProgress, progress_of
 

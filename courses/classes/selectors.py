@@ -9,8 +9,7 @@ from django.db.models import Count
 from accounts.models import ClassLearner, Classroom, Racer
 from races.boards.selectors.board import CLASSIFIED, ORDER
 from races.models import Entry, Race
-
-from ..models import TrainingJob
+from training.models import TrainingJob
 
 POINTS = (25, 18, 15, 12, 10, 8, 6, 4, 2, 1)  # a season's default
 RACES = 20  # the newest

@@ -1,0 +1,3 @@
+"""Courses: classes of a teacher, assignments, marks."""
+
+from . import reasons as reasons  # registers its codes
