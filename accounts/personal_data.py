@@ -125,7 +125,7 @@ register(
         owner="racer",
         rows=True,
         section="class",
-        exported="real_name lessons",
+        exported="real_name student_id lessons",
         withheld={SECRET: "code_digest"},
     ),
     PersonalData(accounts.PastAlias, owner="racer", rows=True, section="past_aliases", exported="alias"),

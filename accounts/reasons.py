@@ -7,6 +7,10 @@ register(
     "Account",
     invalid={
         "class_names": _("Write one name a line, of at most %(limit)s characters each. Nobody was added."),
+        "class_student_id": _(
+            "Each student ID is for one learner of the class, of at most 80 characters, and follows a name: “%(id)s” "
+            "does not fit. Nothing was changed."
+        ),
         "picture_broken": _("This picture is incomplete. Save it again and retry."),
         "sso_expired": _("This log-in has expired or was started in another browser. Log in again."),
         "picture_format": _("Send a picture as PNG, JPEG or WebP."),

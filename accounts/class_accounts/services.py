@@ -1,7 +1,7 @@
 """Classes: accounts made from a list of names, log-in codes, and visibility of learners."""
 
 import secrets
-from collections.abc import Collection, Iterable
+from collections.abc import Collection, Iterable, Mapping
 from dataclasses import dataclass
 from datetime import datetime
 
@@ -102,8 +102,11 @@ def names_in(text: str) -> list[str]:
 @audited("class.learners_added", _("Learners added to a class"), target="classroom")
 @transaction.atomic
 def add_learners(*, classroom: Classroom, by: Racer, names: Iterable[str], now: datetime) -> list[Card]:
-    """Create an account with a neutral alias and a code for each name, all or none. Raises UserFault("class_not_yours"
-    | "class_too_many" | "text_character")."""
+    """Create an account with a neutral alias and a code for each name, all or none; a student ID may follow a name
+    after a semicolon.
+
+    Raises UserFault("class_not_yours" | "class_too_many" | "class_student_id" | "text_character").
+    """
     _require_teacher(classroom, by)
     leader = classroom.group.leader or by
     hold(leader)
@@ -112,14 +115,40 @@ def add_learners(*, classroom: Classroom, by: Racer, names: Iterable[str], now: 
     if used_by(leader, LEARNERS.name, now) + len(names) > limit:
         raise UserFault("class_too_many", limit=limit)
     cards = []
-    for name in names:
+    taken = set(classroom.learners.exclude(student_id="").values_list("student_id", flat=True))
+    for line in names:
+        name, student_id = (part.strip() for part in f"{line};".split(";")[:2])
+        if not name or student_id in taken:
+            raise UserFault("class_student_id", id=student_id)
+        taken |= {student_id} - {""}
         racer = Racer.objects.create_user(*_free_alias(), None)
         code = _new_code()
-        learner = ClassLearner(racer=racer, classroom=classroom, real_name=name, code_digest=digest_of(code))
+        learner = ClassLearner(racer=racer, classroom=classroom, real_name=name, student_id=student_id)
+        learner.code_digest = digest_of(code)
         learner.save(force_insert=True)
         GroupMember.objects.create(group=classroom.group, racer=racer, asked_at=now, confirmed_at=now, confirmed_by=by)
         cards.append(Card(learner, code))
     return cards
+
+
+@audited("class.student_ids_changed", _("Student IDs of a class changed"), target="classroom")
+@transaction.atomic
+def set_student_ids(*, classroom: Classroom, by: Racer, ids: Mapping[int, str]) -> None:
+    """Set the student IDs of these learners, by the ids of their racers; ``""`` removes one. Raises
+    UserFault("class_not_yours" | "class_student_id" | "text_character")."""
+    _require_teacher(classroom, by)
+    hold(classroom.group)
+    learners = {learner.racer_id: learner for learner in classroom.learners.all()}
+    wanted = {pk: " ".join(ids.get(pk, learner.student_id).split()) for pk, learner in learners.items()}
+    given = [student_id for student_id in wanted.values() if student_id]
+    for student_id in given:
+        if len(student_id) > MOST_NAME or given.count(student_id) > 1:
+            raise UserFault("class_student_id", id=student_id[:MOST_NAME])
+    changed = [learner for pk, learner in learners.items() if learner.student_id != wanted[pk]]
+    ClassLearner.objects.filter(pk__in=[learner.pk for learner in changed]).update(student_id="")  # two may swap
+    for learner in changed:
+        learner.student_id = wanted[learner.pk]
+        learner.save(update_fields=["student_id"])
 
 
 @audited("class.codes_replaced", _("Codes of learners replaced"), target="classroom")

@@ -49,13 +49,15 @@ class ClassTeacher(models.Model):
 
 
 class ClassLearner(models.Model):
-    """An account in a class. The real name is the teacher's to see; of the code that logs in only a digest is kept."""
+    """An account in a class. The real name and ``student_id``, the learner's name in a school's system, are the
+    teacher's to see; of the code that logs in only a digest is kept."""
 
     racer = models.OneToOneField(
         settings.AUTH_USER_MODEL, models.CASCADE, primary_key=True, related_name="learner", verbose_name=_("racer")
     )
     classroom = models.ForeignKey(Classroom, models.CASCADE, related_name="learners", verbose_name=_("class"))
     real_name = OneLineField(_("name"), max_length=80)
+    student_id = OneLineField(_("student ID"), max_length=80, blank=True, default="", db_default="")
     code_digest = models.CharField(max_length=64, unique=True, null=True, editable=False)
     lessons = models.JSONField(_("lessons seen"), default=dict, blank=True)
 
@@ -63,6 +65,13 @@ class ClassLearner(models.Model):
         verbose_name = _("learner")
         verbose_name_plural = _("learners")
         ordering = ["real_name", "pk"]
+        constraints = [
+            models.UniqueConstraint(
+                fields=["classroom", "student_id"],
+                condition=~models.Q(student_id=""),
+                name="class_learner_student_id_once",
+            )
+        ]
 
     def __str__(self) -> str:
         return str(self.racer_id)

@@ -115,7 +115,8 @@ class LearnersBody(Body):
         child=serializers.CharField(max_length=services.MOST_NAME, validators=[visible_line]),
         min_length=1,
         max_length=MOST_AT_ONCE,
-        help_text="Real names. Only teachers of the class see them; others see an alias chosen by the site.",
+        help_text="Real names. Only teachers of the class see them; others see an alias chosen by the site. A student "
+        "ID may follow a name after a semicolon.",
     )
 
 

@@ -54,7 +54,10 @@ class NamesForm(forms.Form):
         label=gettext_lazy("Names"),
         widget=forms.Textarea(attrs={"rows": 6, "autocomplete": "off"}),
         max_length=20_000,
-        help_text=gettext_lazy("One per line. Only you see the names; others see a random alias."),
+        help_text=gettext_lazy(
+            "One per line. Only you see the names; others see a random alias. A student ID for Moodle or Canvas may "
+            "follow a semicolon: Jo Miller; 20261234"
+        ),
     )
 
 
@@ -104,6 +107,11 @@ def classroom(request: HttpRequest, slug: str) -> HttpResponse:
         if do in ("codes", "all-codes"):
             ticked = only if do == "codes" else None
             return _cards(request, shown, services.new_codes(classroom=shown, by=by, learners=ticked))
+        if do == "ids":
+            ids = {pk: request.POST.get(f"id-{pk}", "") for pk in only}
+            services.set_student_ids(classroom=shown, by=by, ids=ids)
+            messages.success(request, _("Saved."))
+            return redirect(shown)
         if do == "plan":
             plan = [lesson.slug for lesson in LESSONS if lesson.slug in request.POST.getlist("plan")]
             services.change_plan(classroom=shown, by=by, plan=plan)

@@ -153,6 +153,7 @@ CASES = [
     Case("newcomer", "/classes/", "Create the class", "Class created.", {"Name": "6a"}),
     Case("alice", "/classes/7c/", "Make accounts and cards", "css=.class-card", {"Names": "Ben Park"}),
     Case("alice", "/classes/7c/", "css=#plan button", "Saved."),
+    Case("alice", "/classes/7c/", "css=#student-ids [value=ids]", "Saved.", {"Student ID of Ann Lee": "20261"}),
     Case("alice", "/classes/7c/", "css=#learners [value=codes]", "css=.class-card", {"Ann Lee": True}),
     Case("alice", "/classes/7c/", "css=#learners [value=all-codes]", "css=.class-card"),
     Case(
