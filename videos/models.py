@@ -10,6 +10,7 @@ from django.db.models import F, Q
 from django.urls import reverse
 from django.utils import timezone
 from django.utils.translation import gettext_lazy as _
+from django.utils.translation import pgettext_lazy
 
 from core.ids import new_public_id
 from core.jobs.models import Job, lease_constraints
@@ -31,10 +32,12 @@ class VideoState(models.TextChoices):
 
 
 class VideoCamera(models.TextChoices):
-    """From where a video shows the run."""
+    """From where a video shows the run: from above, or in perspective (``videos.drawing.lens``)."""
 
-    FOLLOW = "follow", _("Around the car")
-    CHASE = "chase", _("Behind the car")
+    FOLLOW = "follow", pgettext_lazy("camera", "From above")
+    CHASE = "chase", pgettext_lazy("camera", "Chase")
+    ONBOARD = "onboard", pgettext_lazy("camera", "Onboard")
+    TRACKSIDE = "trackside", pgettext_lazy("camera", "Trackside")
     TOP = "top", _("Whole track")
 
 
@@ -68,7 +71,7 @@ class Video(Job):
     from_ms = models.PositiveIntegerField(_("from"), default=0, db_default=0, help_text=_("Simulated milliseconds."))
     to_ms = models.PositiveIntegerField(_("to"), default=0, db_default=0, help_text=_("0: no clip."))
     camera = models.CharField(
-        _("camera"), max_length=8, choices=VideoCamera.choices, default="follow", db_default="follow"
+        _("camera"), max_length=9, choices=VideoCamera.choices, default="follow", db_default="follow"
     )
     format = models.CharField(_("format"), max_length=4, choices=VideoFormat.choices, default="mp4", db_default="mp4")
 

@@ -23,8 +23,9 @@ from .models import CLIPS, REEL, WHOLE, Video, VideoCamera, VideoFormat
 if TYPE_CHECKING:
     from videos.drawing import VideoScene
 
-# Raise FORMAT whenever the picture changes, REEL_FORMAT when that of a reel alone does: such videos are made anew.
-FORMAT, REEL_FORMAT = 2, 1
+# Raise FORMAT whenever the picture changes, REEL_FORMAT or CLIP_FORMAT when that of a reel or a clip alone does: such
+# videos are made anew.
+FORMAT, REEL_FORMAT, CLIP_FORMAT = 2, 1, 2
 LEAST_MOMENT_MS, LONGEST_ANIMATION_MS = 500, 20_000
 RELATED = ("result", "track", "owner", "model", "submission__entry__race", "duel__race")
 
@@ -136,7 +137,7 @@ class VideoRun:
 
     def fingerprint(self, car: int, part: int, language: str, form: ClipForm = PLAIN) -> str:
         """sha-256 (hex) of everything that the video shows, but for the purple of sectors."""
-        clip = [] if form == PLAIN else [asdict(form)]
+        clip = [] if form == PLAIN else [asdict(form), CLIP_FORMAT]
         shown = json.dumps([car, part, language, *self.shown, *clip])
         return hashlib.sha256(shown.encode()).hexdigest()
 

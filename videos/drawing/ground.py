@@ -18,11 +18,9 @@ from . import palette
 from .palette import Colour
 
 CELL_M = 3.0
-BORDER_M = 0.011  # half the width of a border's line
 DASH_M, GAP_M, DASH_HALF_M = 0.25, 0.25, 0.009
 CHECK_M = 0.06  # side of a square of the finish line
 KERB_M, STONE_M = 0.065, 0.12
-VERGE_M = 0.16
 _BEND = 0.45  # 1/m: where the track bends more than this, its inner side has a kerb
 _SMOOTH_M = 0.5
 _KEPT_CELLS = 64
@@ -45,23 +43,42 @@ class Patch(NamedTuple):
         return cls(np.concatenate(outlines), parts, colour)
 
 
+class GroundPaint(NamedTuple):
+    """Colours of the ground; half the width of a border's line and the width of the verge, m. ``dark``, ``light``: of
+    the finish line."""
+
+    verge: Colour = palette.VERGE
+    road: Colour = palette.ROAD
+    line: Colour = palette.ROAD_LINE
+    dash: Colour = palette.ROAD_LINE
+    kerb_red: Colour = palette.KERB_RED
+    kerb_white: Colour = palette.KERB_WHITE
+    dark: Colour = palette.SUNKEN
+    light: Colour = palette.TEXT
+    border_m: float = 0.011
+    verge_m: float = 0.16
+
+
+PLAIN_PAINT = GroundPaint()
+
+
 class Ground:
     """The patches of a track, from below to above, cut into cells that are kept."""
 
-    def __init__(self, track: TrackGeometry, reach_m: float) -> None:
+    def __init__(self, track: TrackGeometry, reach_m: float, paint: GroundPaint = PLAIN_PAINT) -> None:
         """``reach_m``: the visible distance from the picture's middle."""
-        self._reach = reach_m
+        self._reach, self._paint = reach_m, paint
         *holes, around = outlines = [rounded_off(line) for line in track.outlines]
         ring = Polygon(around, holes).buffer(0)
-        self._road, self._verge = ring, ring.buffer(VERGE_M, quad_segs=4)
+        self._road, self._verge = ring, ring.buffer(paint.verge_m, quad_segs=4)
         borders = [LineString(np.vstack((line, line[:1]))) for line in outlines]
-        self._borders = shapely.union_all([line.buffer(BORDER_M, quad_segs=3) for line in borders])
+        self._borders = shapely.union_all([line.buffer(paint.border_m, quad_segs=3) for line in borders])
         shapely.prepare(self._borders)
-        red, white = _kerbs(track)
-        self._kerbs = (_Pieces(red, palette.KERB_RED), _Pieces(white, palette.KERB_WHITE))
+        red, white = _kerbs(track, paint.border_m)
+        self._kerbs = (_Pieces(red, paint.kerb_red), _Pieces(white, paint.kerb_white))
         dark, light = _finish(track)
-        self._dashes = _Pieces(_dashes(track), palette.ROAD_LINE)
-        self._finish = (_Pieces(dark, palette.SUNKEN), _Pieces(light, palette.TEXT))
+        self._dashes = _Pieces(_dashes(track), paint.dash)
+        self._finish = (_Pieces(dark, paint.dark), _Pieces(light, paint.light))
         self._cells: OrderedDict[tuple[int, int], list[Patch]] = OrderedDict()
 
     def around(self, x: float, y: float) -> list[Patch]:
@@ -82,12 +99,12 @@ class Ground:
             (cell[1] + 1) * CELL_M + self._reach,
         )
         road = shapely.clip_by_rect(self._road, *box)
-        yield from _patch(shapely.clip_by_rect(self._verge, *box), palette.VERGE)
+        yield from _patch(shapely.clip_by_rect(self._verge, *box), self._paint.verge)
         for pieces in self._kerbs:
             yield from pieces.within(box)
-        yield from _patch(road, palette.ROAD)
+        yield from _patch(road, self._paint.road)
         yield from self._dashes.within(box)
-        yield from _patch(shapely.clip_by_rect(self._borders, *box), palette.ROAD_LINE)
+        yield from _patch(shapely.clip_by_rect(self._borders, *box), self._paint.line)
         for pieces in self._finish:
             yield from pieces.within(box)
 
@@ -165,7 +182,7 @@ def _finish(track: TrackGeometry) -> tuple[list[np.ndarray], list[np.ndarray]]:
     return squares
 
 
-def _kerbs(track: TrackGeometry) -> tuple[list[np.ndarray], list[np.ndarray]]:
+def _kerbs(track: TrackGeometry, border_m: float) -> tuple[list[np.ndarray], list[np.ndarray]]:
     """Red and white stones along the inner side of every bend; the simulator has none."""
     count = max(8, round(track.length / STONE_M))
     step = track.length / count
@@ -187,7 +204,7 @@ def _kerbs(track: TrackGeometry) -> tuple[list[np.ndarray], list[np.ndarray]]:
             continue
         for number, index in enumerate(run.tolist()):
             ends = np.array((index, index + 1)) * step
-            inner, outer = side[index] * (edges[index] - BORDER_M), side[index] * (edges[index] + KERB_M)
+            inner, outer = side[index] * (edges[index] - border_m), side[index] * (edges[index] + KERB_M)
             corners = np.concatenate((track.points_at(ends, inner), track.points_at(ends[::-1], outer)))
             stones[number % 2].append(corners)
     return stones

@@ -27,7 +27,6 @@ _SMOOTH_S = 0.42  # smoothed by so many seconds of standard deviation
 _BESIDE = (0.27, 0.2)  # greatest distance of the car from the middle, as a share of the picture's width and height
 _GLIDE_M = 1.6  # the longest reset over which the picture glides
 _AROUND_M = 0.6  # of a picture of the whole track
-_TURN_S, _CHASE_ZOOM = 0.2, 0.9
 
 
 @dataclass(frozen=True)
@@ -191,13 +190,11 @@ def poses_at(steps: Steps, times: np.ndarray, places: Sequence[Sequence[float]])
 
 @dataclass(frozen=True)
 class Eye:
-    """The middle of the picture in every frame (m), and its zoom (1: usual). ``heading``: which way is up (rad), None
-    for the map's own."""
+    """The middle of a picture from above in every frame (m), and its zoom (1: usual)."""
 
     x: np.ndarray
     y: np.ndarray
     zoom: np.ndarray
-    heading: np.ndarray | None = None
 
 
 def eye_of(
@@ -209,10 +206,6 @@ def eye_of(
         zoom = min(view_m[0] / (x_max - x_min + _AROUND_M), view_m[1] / (y_max - y_min + _AROUND_M))
         still = np.ones(len(times))
         return Eye(still * (x_min + x_max) / 2, still * (y_min + y_max) / 2, still * zoom)
-    if camera == "chase":
-        drive = drive_of(steps, times)
-        heading = gaussian_filter1d(np.unwrap(drive.yaw), _TURN_S * fps, mode="nearest")
-        return Eye(drive.x, drive.y, np.full(len(times), _CHASE_ZOOM), heading)
     return follow(steps, times, fps, view_m)
 
 

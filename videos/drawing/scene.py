@@ -78,8 +78,9 @@ class VideoScene:
     one to four; ``followed``: the ``number`` of the one that the picture follows. ``layout``: see
     :func:`evaluation.running.results.read_layout`. ``order``: the numbers of the cars, winner first (empty: as in
     ``cars``). ``lap``: show this lap of the followed car only (from 1). ``window``: show the run between these ms only,
-    without the card at the end, with ``caption`` below. ``camera``: "follow" (around the followed car), "chase" (behind
-    it: it drives upwards) or "top" (the whole track). ``fastest_sectors_ms``: of the race, for the purple sectors.
+    without the card at the end, with ``caption`` below. ``camera``: from above "follow" (around the followed car) or
+    "top" (the whole track), in perspective "chase" (behind it), "onboard" or "trackside". ``fastest_sectors_ms``: of
+    the race, for the purple sectors.
 
     Raises UserFault ``video_no_car`` for no car, more than four, or two with one number; ``video_lap_unknown``.
     """

@@ -7,6 +7,7 @@ import numpy as np
 from core.cards.lettering import is_drawable
 from paddock.errors import UserFault
 
+from .lens import PERSPECTIVE, Lens, lens_of
 from .motion import Eye, Motion, Steps, drive_of, eye_of, poses_at, read_steps
 from .palette import Colour, bgr
 from .scene import BAR, CARD_MS, MAX_SECONDS, PX_PER_M, Form, VideoCar, VideoScene, Words
@@ -32,7 +33,8 @@ class Actor:
 @dataclass(frozen=True)
 class FrameTimeline:
     """``times``: ms since the start of the run, one a frame, and the moment of the end, below the card. ``hero``: the
-    followed actor. ``bots``: (n, 3) each. ``boxes``: x, y, yaw each. ``words``: English where fonts lack letters."""
+    followed actor. ``bots``: (n, 3) each. ``boxes``: x, y, yaw each. ``eye``: of a picture from above;
+    ``lens``: of one in perspective. ``words``: English where fonts lack letters."""
 
     scene: VideoScene
     form: Form
@@ -42,6 +44,7 @@ class FrameTimeline:
     bots: list[np.ndarray]
     boxes: list[tuple[float, float, float]]
     eye: Eye
+    lens: Lens | None
     card_frames: int
     words: Words
 
@@ -96,6 +99,7 @@ def prepare(scene: VideoScene, form: Form) -> FrameTimeline:
         [bot for bot in bots if len(bot)],
         [(float(box["x"]), float(box["y"]), float(box["yaw"])) for box in scene.layout.get("boxes") or ()],
         eye_of(scene.camera, hero_steps, times, form.fps, view_m, scene.track),
+        lens_of(scene.camera, hero_steps, times, form.fps, scene.track) if scene.camera in PERSPECTIVE else None,
         round(CARD_MS * form.fps / 1000.0) if scene.window is None else 0,
         scene.words if is_drawable("".join(vars(scene.words).values())) else Words(),
     )

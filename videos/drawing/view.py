@@ -14,9 +14,9 @@ from paddock.simulator.solids import box as box_solid
 from . import palette, shapes
 from .brush import Sticker, dim, disc, fill, fixed, stroke
 from .ground import Ground
-from .motion import CRASHED, IMMOBILIZED, OFF_TRACK, REVERSED
+from .motion import CRASHED, IMMOBILIZED, OFF_TRACK, REVERSED, Motion
 from .palette import Colour, mixed
-from .scene import PX_PER_M
+from .scene import PX_PER_M, Words
 from .timeline import Actor, FrameTimeline
 
 TAIL_S = 1.6
@@ -26,7 +26,6 @@ _SHADOW = np.array((0.014, -0.018))  # m
 _RING_M = 0.27
 _GONE = 0.65  # transparency of a car whose run is over
 _GRID_M = 1.0
-_BEHIND = 0.72  # of the height: where the car is whose camera looks forward
 _CHEVRON = np.array([(0.055, 0.0), (-0.04, 0.04), (-0.018, 0.0), (-0.04, -0.04)])
 _HULL = shapes.above(Shell.COUPE)
 
@@ -40,8 +39,6 @@ class View:
         self._size = (width, height)
         self._middle = np.array((width / 2.0, height / 2.0))
         widest = PX_PER_M * self._unit * float(take.eye.zoom.min())
-        if take.eye.heading is not None:
-            self._middle[1] = _BEHIND * height  # more of the road ahead than behind
         self._reach = float(np.hypot(*self._middle)) / widest
         self._ground = Ground(take.scene.track, self._reach + 0.1)
         self._backdrop = np.empty((height, width, 3), np.uint8)
@@ -55,9 +52,6 @@ class View:
         eye = self._take.eye
         self._at = np.array((eye.x[frame], eye.y[frame]))
         self._scale = PX_PER_M * self._unit * float(eye.zoom[frame])
-        self._up = 0.0 if eye.heading is None else math.pi / 2 - float(eye.heading[frame])
-        cos, sin = math.cos(self._up), math.sin(self._up)
-        self._turn = np.array(((cos, sin), (-sin, cos)))
         self._grid(picture)
         for patch in self._ground.around(*self._at):
             points = fixed(self.place(patch.corners))
@@ -78,10 +72,7 @@ class View:
 
     def place(self, points: np.ndarray) -> np.ndarray:
         """Places (n, 2) in metres as px of the picture."""
-        away = points - self._at
-        if self._up:
-            away = away @ self._turn
-        return away * (self._scale, -self._scale) + self._middle
+        return (points - self._at) * (self._scale, -self._scale) + self._middle
 
     def _seen(self, x: float, y: float, reach_m: float = 0.6) -> bool:
         (px, py), far = self.place(np.array((x, y))), reach_m * self._scale
@@ -89,7 +80,7 @@ class View:
 
     def _grid(self, picture: np.ndarray) -> None:
         """A grid of metres on the field, which shows motion beside the road."""
-        reach = np.full(2, self._reach) if self._up else self._middle / self._scale
+        reach = self._middle / self._scale
         lines = []
         for axis in (0, 1):
             first = math.ceil((self._at[axis] - reach[axis]) / _GRID_M)
@@ -102,7 +93,7 @@ class View:
 
     def _stand(self, x: float, y: float, yaw: float) -> tuple[np.ndarray, np.ndarray]:
         """(turn, middle): ``outline @ turn + middle`` maps an outline in metres around a thing's middle to px."""
-        cos, sin = math.cos(yaw + self._up) * self._scale, math.sin(yaw + self._up) * self._scale
+        cos, sin = math.cos(yaw) * self._scale, math.sin(yaw) * self._scale
         return np.array(((cos, -sin), (-sin, -cos))), self.place(np.array((x, y)))
 
     def _turned(self, outline: np.ndarray, x: float, y: float, yaw: float) -> np.ndarray:
@@ -242,19 +233,23 @@ class View:
         if self._named:
             texts.append((actor.car.name, actor.colour, palette.TEXT))
         if drive.standing[frame]:
-            words = self._take.words
-            why = {
-                CRASHED: words.crashed,
-                OFF_TRACK: words.off_track,
-                IMMOBILIZED: words.stood_still,
-                REVERSED: words.reversed,
-            }.get(str(drive.fault[frame]), "")
-            texts.append((f"{why} {drive.wait[frame]:.1f} s".strip(), None, palette.ACCENT))
+            texts.append((fault_words(self._take.words, drive, frame), None, palette.ACCENT))
         for text, swatch, colour in texts:
             sticker = tag(text, swatch, colour, self._unit)
             high += 6 * self._unit + sticker.cover.shape[0]
             left = min(max(px - sticker.cover.shape[1] / 2, 8), self._size[0] - sticker.cover.shape[1] - 8)
             sticker.put(picture, round(left), round(max(py - high, 8)), 0.86 * (1 - _GONE * bool(drive.gone[frame])))
+
+
+def fault_words(words: Words, drive: Motion, frame: int) -> str:
+    """Why a car stands, and for how long."""
+    why = {
+        CRASHED: words.crashed,
+        OFF_TRACK: words.off_track,
+        IMMOBILIZED: words.stood_still,
+        REVERSED: words.reversed,
+    }.get(str(drive.fault[frame]), "")
+    return f"{why} {drive.wait[frame]:.1f} s".strip()
 
 
 @lru_cache(maxsize=256)

@@ -116,12 +116,14 @@ class Painter:
 
         from .card import caption, result_card
         from .panel import Panel
+        from .perspective import PerspectiveView
         from .view import View
 
         self._take = take
         self._picture = np.empty((take.form.height, take.form.width, 3), np.uint8)
         self._panel = Panel(take)
-        self._view = View(take, take.form.width, take.form.height - self._panel.height)
+        view = View if take.lens is None else PerspectiveView
+        self._view = view(take, take.form.width, take.form.height - self._panel.height)
         self._card = result_card(take, take.words)
         self._caption = caption(take) if take.scene.caption else None
         self._last: np.ndarray | None = None
