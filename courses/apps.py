@@ -7,7 +7,22 @@ class CoursesConfig(AppConfig):
     verbose_name = _("Courses")
 
     def ready(self) -> None:
+        from accounts.quotas import register
+        from core.events import register_audience
         from core.pages.registry import register_slots
+        from evaluation.signals import evaluation_ended
+        from races.entries.selectors.visibility import RunAudience, register_run_audience
+
+        from .assignments.selectors import event_audience
+        from .attempts.selectors import runs_seen, sees_run
+        from .attempts.services import take_ended_evaluation
+        from .events import ASSIGNMENT
+        from .quotas import ASSIGNMENTS
+
+        register(ASSIGNMENTS)
+        register_audience(ASSIGNMENT, can_see=event_audience.can_see, seen=event_audience.seen)
+        register_run_audience("attempts", RunAudience(sees_run, runs_seen))
+        evaluation_ended.connect(take_ended_evaluation, dispatch_uid="courses.take_ended_evaluation")
 
         register_slots(
             {

@@ -114,6 +114,7 @@ CELERY_BEAT_SCHEDULE: dict[str, dict[str, Any]] = {
     "old_trainings": {"task": "training.tasks.purge", "schedule": 6 * 3600.0, "options": {"expires": 3600}},
     "old_videos": {"task": "videos.tasks.purge", "schedule": 6 * 3600.0, "options": {"expires": 3600}},
     "clock": {"task": "league.tasks.clock", "schedule": 60.0, "options": {"expires": 59}},
+    "deadlines": {"task": "courses.tasks.deadlines", "schedule": 10.0, "options": {"expires": 9}},
     "cups": {"task": "league.tasks.cups", "schedule": 20.0, "options": {"expires": 19}},
     "notices": {"task": "league.tasks.notices", "schedule": 60.0, "options": {"expires": 59}},
     "webhooks": {"task": "league.tasks.webhooks", "schedule": 60.0, "options": {"expires": 59}},
@@ -181,6 +182,7 @@ POLICY_MEMORY_MB = env_int("PADDOCK_POLICY_MEMORY_MB", 2560, minimum=512)
 POLICY_SECONDS = env_int("PADDOCK_POLICY_SECONDS", 120, minimum=10)
 MODELS_PER_RACER = env_int("PADDOCK_MODELS_PER_RACER", 100, minimum=1)
 STORAGE_PER_RACER_MB = env_int("PADDOCK_STORAGE_PER_RACER_MB", 10240, minimum=1)
+ASSIGNMENTS_PER_TEACHER = env_int("PADDOCK_ASSIGNMENTS_PER_TEACHER", 100, minimum=1)
 RACES_PER_RACER = env_int("PADDOCK_RACES_PER_RACER", 20, minimum=1)
 # For how long an alias waits for its former owner after a change, and for nobody after the account was deleted
 ALIAS_RESERVED_DAYS = env_int("PADDOCK_ALIAS_RESERVED_DAYS", 90, minimum=0)

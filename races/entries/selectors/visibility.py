@@ -1,5 +1,7 @@
 """Permissions to see and act. Each predicate has an equivalent queryset; tests compare both."""
 
+from collections.abc import Callable
+from dataclasses import dataclass
 from typing import TypeGuard
 
 from django.db.models import Exists, F, OuterRef, Q, QuerySet
@@ -10,6 +12,22 @@ from evaluation.models import Evaluation
 
 from ...models import Duel, Entry, Race, Submission, Timekeeper, Visibility
 from ..engines import hidden_runs, is_hidden
+
+
+@dataclass(frozen=True)
+class RunAudience:
+    """Racers of a room above who see runs that belong to no race. ``can_see`` and its twin ``seen``, of evaluations."""
+
+    can_see: Callable[[Racer, Evaluation], bool]
+    seen: Callable[[Racer], Q]
+
+
+_AUDIENCES: dict[str, RunAudience] = {}
+
+
+def register_run_audience(name: str, audience: RunAudience) -> None:
+    """Let further racers see runs. Registering it again replaces it."""
+    _AUDIENCES[name] = audience
 
 
 def can_organise(racer: Viewer, race: Race) -> bool:
@@ -57,8 +75,9 @@ def race_invited_to(token: str) -> Race | None:
 def can_see_evaluation(racer: Viewer, evaluation: Evaluation) -> bool:
     """Whether the racer may see an evaluation: laps, line, trace. Twin of :func:`evaluations_visible_to`.
 
-    Its owner, admins and the organisers of its race; runs on a board, duels and runs shown live also everybody with
-    access to that race. A rerun that does not count yet is for admins alone, a sealed run for nobody.
+    Its owner, admins, the organisers of its race and registered audiences (:class:`RunAudience`); runs on a board,
+    duels and runs shown live also everybody with access to that race. A rerun that does not count yet is for admins
+    alone, a sealed run for nobody.
     """
     if evaluation.sealed:
         return False
@@ -71,7 +90,9 @@ def can_see_evaluation(racer: Viewer, evaluation: Evaluation) -> bool:
     submission = Submission.objects.filter(evaluation=evaluation).select_related("entry__race").first()
     if submission is None:
         duel = Duel.objects.filter(evaluation=evaluation).select_related("race").first()
-        return duel is not None and can_see_race(racer, duel.race)
+        if duel is not None:
+            return can_see_race(racer, duel.race)
+        return _known(racer) and any(audience.can_see(racer, evaluation) for audience in _AUDIENCES.values())
     entry = submission.entry
     if can_organise(racer, entry.race):
         return True
@@ -98,6 +119,8 @@ def evaluations_visible_to(racer: Viewer) -> QuerySet[Evaluation]:
         member = Entry.objects.filter(race=OuterRef("race"), racer_id=racer.pk, removed_at=None)
         in_group = _in_its_group(racer, "race")
         seen |= Q(Exists(duel.filter(Q(race__organiser_id=racer.pk) | Exists(member) | in_group)))
+        for audience in _AUDIENCES.values():
+            seen |= audience.seen(racer)
     return evaluations.filter(~hidden_runs(), seen)
 
 

@@ -1,0 +1,1 @@
+"""Assignments: make, change, publish, copy and delete them; extensions and submission groups."""

@@ -1,0 +1,70 @@
+"""Who sees and changes assignments. Each predicate has its queryset twin; tests compare both."""
+
+from django.db.models import Q, QuerySet
+
+from accounts.models import Racer, RacerGroup, Viewer
+from core.events import Event
+from core.events.visibility import Audience
+
+from ..grading.members import can_teach_group, is_student, students_of, taught_by, unit_of
+from ..models import Assignment, SubmissionGroup
+
+__all__ = [
+    "assignments_taught_by",
+    "assignments_visible_to",
+    "can_see_assignment",
+    "can_teach",
+    "can_teach_group",
+    "event_audience",
+    "is_student",
+    "students_of",
+    "submission_group_of",
+]
+
+
+def can_teach(viewer: Viewer, assignment: Assignment) -> bool:
+    """Whether the viewer changes an assignment and sees all attempts and marks. Twin of
+    :func:`assignments_taught_by`."""
+    return can_teach_group(viewer, assignment.group)
+
+
+def assignments_taught_by(viewer: Viewer) -> QuerySet[Assignment]:
+    """Twin of :func:`can_teach`."""
+    found = Assignment.objects.select_related("group__leader")
+    return found.filter(taught_by(viewer, "group")) if isinstance(viewer, Racer) else found.none()
+
+
+def can_see_assignment(viewer: Viewer, assignment: Assignment) -> bool:
+    """Teachers, and students once it is published. Twin of :func:`assignments_visible_to`."""
+    if can_teach(viewer, assignment):
+        return True
+    return assignment.published_at is not None and is_student(viewer, assignment.group_id)
+
+
+def assignments_visible_to(viewer: Viewer) -> QuerySet[Assignment]:
+    """Twin of :func:`can_see_assignment`."""
+    found = Assignment.objects.select_related("group__leader")
+    if not isinstance(viewer, Racer):
+        return found.none()
+    member = RacerGroup.objects.filter(members__racer=viewer.pk, members__confirmed_at__isnull=False)
+    student = Q(published_at__isnull=False, group__in=member.values("pk"))
+    # a member who teaches sees it anyway
+    return found.filter(student | taught_by(viewer, "group"))
+
+
+def submission_group_of(assignment: Assignment, racer: Racer) -> SubmissionGroup | None:
+    """The submission group of a student."""
+    group = unit_of(assignment, racer).group
+    return None if group is None else SubmissionGroup.objects.get(pk=group)
+
+
+def _sees_event(viewer: Viewer, event: Event) -> bool:
+    assignment = Assignment.objects.filter(public_id=event.subject).select_related("group").first()
+    return assignment is not None and can_see_assignment(viewer, assignment)
+
+
+def _events_seen(viewer: Viewer) -> Q:
+    return Q(subject__in=assignments_visible_to(viewer).values("public_id"))
+
+
+event_audience = Audience(can_see=_sees_event, seen=_events_seen)

@@ -1,0 +1,1 @@
+"""Attempts: hand in, give back, run ends, draws of hidden tracks."""

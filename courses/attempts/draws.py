@@ -1,0 +1,58 @@
+"""Draws hidden tracks at the deadline."""
+
+from datetime import datetime
+from hashlib import sha256
+
+from django.db import transaction
+
+from core.database.locks import hold
+from core.events import record
+
+from ..events import TRACKS_DRAWN
+from ..grading.services import complete_marks, recompute_marks
+from ..models import Assignment, AssignmentPart, PartTrack, TrackKind
+from .runs import queue_hidden_runs
+
+
+def draw_hidden_tracks(*, now: datetime) -> int:
+    """Draw for all assignments whose deadline has passed, and queue the runs of the attempts that may count. Returns
+    the number of assignments."""
+    due = Assignment.objects.filter(drawn_at=None, due_at__lt=now, published_at__isnull=False)
+    return sum(_draw(pk, now) for pk in due.order_by("due_at", "pk").values_list("pk", flat=True))
+
+
+def complete_all_marks(*, now: datetime) -> int:
+    """Complete the marks of assignments that are over. Returns how many."""
+    over = Assignment.objects.filter(final_at=None, due_at__lt=now, published_at__isnull=False)
+    return sum(complete_marks(assignment=one, now=now) for one in over.order_by("due_at", "pk"))
+
+
+@transaction.atomic
+def _draw(pk: int, now: datetime) -> bool:
+    assignment = Assignment.objects.filter(pk=pk, drawn_at=None).first()
+    if assignment is None:
+        return False
+    hold(assignment)
+    assignment.refresh_from_db()
+    if assignment.drawn_at is not None or assignment.due_at >= now:
+        return False
+    parts = list(assignment.parts.filter(hidden_tracks__gt=0))
+    for part in parts:
+        PartTrack.objects.filter(pk__in=drawn_of(assignment, part)).update(kind=TrackKind.DRAWN)
+    assignment.drawn_at = now
+    assignment.save(update_fields=["drawn_at"])
+    if parts:
+        queue_hidden_runs(assignment, now)
+        recompute_marks(assignment=assignment, now=now)
+        record(TRACKS_DRAWN, at=now, subject=assignment.public_id, once=assignment.public_id)
+    return True
+
+
+def drawn_of(assignment: Assignment, part: AssignmentPart) -> list[int]:
+    """The ids of the part's tracks that are drawn: the same whenever it is asked, by the secret seed."""
+    candidates = part.tracks.exclude(kind=TrackKind.SHOWN).select_related("track")
+
+    def lot(one: PartTrack) -> str:
+        return sha256(f"{assignment.draw_seed}:{part.number}:{one.track.slug}".encode()).hexdigest()
+
+    return [one.pk for one in sorted(candidates, key=lot)[: part.hidden_tracks]]

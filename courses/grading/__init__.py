@@ -1,0 +1,1 @@
+"""Students of assignments, and their marks as rows."""

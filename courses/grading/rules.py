@@ -1,0 +1,63 @@
+"""From rows to what marks are computed from."""
+
+from collections.abc import Mapping
+from datetime import datetime
+from decimal import Decimal
+from typing import Any
+
+from ..marking.facts import AssignmentRules, AttemptFacts, PartRules, TrackRun
+from ..models import Assignment, Attempt, TrackKind
+
+
+def stored_rules(assignment: Assignment) -> dict[str, Any]:
+    """The rules of an assignment that marks hang on, as plain JSON values."""
+    return {
+        "due_at": assignment.due_at.isoformat(),
+        "time_zone": assignment.time_zone,
+        "late_points_a_day": str(assignment.late_points_a_day),
+        "counts": assignment.counts,
+        "first_k": assignment.first_k,
+        "parts": [
+            {
+                "number": part.number,
+                "points": str(part.points),
+                "pass_rule": part.pass_rule,
+                "pass_params": part.pass_params,
+            }
+            for part in assignment.parts.all()
+        ],
+    }
+
+
+def rules_of(assignment: Assignment, stored: Mapping[str, Any] | None = None) -> AssignmentRules:
+    """``stored`` rules, by default those that marks are computed by, with the tracks as they are."""
+    stored = stored or assignment.marked_rules or stored_rules(assignment)
+    by_number = {part.number: part for part in assignment.parts.prefetch_related("tracks")}
+    parts = []
+    for one in stored["parts"]:
+        part = by_number[one["number"]]
+        tracks = tuple(each.pk for each in part.tracks.all() if each.kind != TrackKind.CANDIDATE)
+        parts.append(
+            PartRules(
+                number=one["number"],
+                points=Decimal(one["points"]),
+                pass_rule=one["pass_rule"],
+                pass_params=one["pass_params"],
+                tracks=tracks,
+                to_draw=part.hidden_tracks if assignment.drawn_at is None else 0,
+            )
+        )
+    return AssignmentRules(
+        due_at=datetime.fromisoformat(stored["due_at"]),
+        time_zone=stored["time_zone"],
+        parts=tuple(parts),
+        late_points_a_day=Decimal(stored["late_points_a_day"]),
+        counts=stored["counts"],
+        first_k=stored["first_k"],
+    )
+
+
+def facts_of(attempt: Attempt) -> AttemptFacts:
+    """An attempt with its runs, which are best prefetched."""
+    runs = {run.part_track_id: TrackRun(run.state, tuple(run.laps)) for run in attempt.runs.all()}
+    return AttemptFacts(attempt.pk, attempt.accepted_at, runs)

@@ -1,0 +1,80 @@
+"""Regrades: marks by changed rules, first beside those that stand, then in their place."""
+
+from datetime import datetime
+from typing import Any
+
+from django.db import transaction
+from django.utils.translation import gettext_lazy as _
+
+from accounts.models import Racer
+from core.audit.recording import audited
+from core.database.locks import hold
+from core.events import record
+from paddock.errors import UserFault
+
+from ..assignments.services import adopt_rules
+from ..events import MARKS_REGRADED
+from ..grading.members import can_teach_group, units_of
+from ..grading.rules import rules_of, stored_rules
+from ..grading.services import everybody_of, marks_by, recompute_marks
+from ..models import Assignment, Mark, Regrade
+
+__all__ = ["apply_regrade", "propose_regrade", "recompute_marks"]
+
+
+@transaction.atomic
+def propose_regrade(*, assignment: Assignment, by: Racer, reason: str, now: datetime) -> Regrade:
+    """Compute the marks by the present rules, beside those that stand. Changes none. Raises
+    UserFault("assignment_not_yours" | "regrade_nothing")."""
+    _require_teacher(assignment, by)
+    hold(assignment)
+    assignment.refresh_from_db()
+    if not assignment.awaits_regrade:
+        raise UserFault("regrade_nothing")
+    regrade = Regrade(
+        assignment=assignment,
+        reason=reason,
+        rules_version=assignment.rules_version,
+        asked_by=by,
+        asked_at=now,
+        rows=changed_rows(assignment),
+    )
+    regrade.full_clean()
+    regrade.save()
+    return regrade
+
+
+@audited("assignment.regraded", _("Marks changed by a regrade"), target="assignment")
+@transaction.atomic
+def apply_regrade(*, assignment: Assignment, regrade: Regrade, by: Racer, now: datetime) -> Regrade:
+    """Write the marks as they were shown. Raises UserFault("assignment_not_yours" | "regrade_outdated")."""
+    _require_teacher(assignment, by)
+    hold(assignment)
+    assignment.refresh_from_db()
+    regrade.refresh_from_db()
+    outdated = regrade.applied_at is not None or regrade.rules_version != assignment.rules_version
+    if outdated or not assignment.awaits_regrade or regrade.rows != changed_rows(assignment):
+        raise UserFault("regrade_outdated")
+    adopt_rules(assignment, now, changing=True)
+    regrade.applied_at, regrade.applied_by = now, by
+    regrade.save(update_fields=["applied_at", "applied_by"])
+    record(MARKS_REGRADED, at=now, subject=assignment.public_id)
+    return regrade
+
+
+def changed_rows(assignment: Assignment) -> list[dict[str, Any]]:
+    """``{racer, old, new}`` of each student whose mark differs by the present rules, by the id of the racer."""
+    units = units_of(assignment, everybody_of(assignment))
+    rules = rules_of(assignment, stored_rules(assignment))
+    new = marks_by(assignment, rules, units, with_places=assignment.final_at is not None)
+    old = {mark.racer_id: mark for mark in Mark.objects.filter(assignment=assignment)}
+    rows = []
+    for racer, facts in sorted(new.items()):
+        if racer in old and old[racer].points != facts.points:
+            rows.append({"racer": racer, "old": str(old[racer].points), "new": str(facts.points)})
+    return rows
+
+
+def _require_teacher(assignment: Assignment, by: Racer) -> None:
+    if not can_teach_group(by, assignment.group):
+        raise UserFault("assignment_not_yours")
