@@ -21,6 +21,7 @@ register(
             "A clip begins and ends within the run of %(seconds)s seconds, and lasts at least %(least)s s. Choose "
             "other times."
         ),
+        "video_moment_order": _("The end of the clip must come after its beginning. Choose a later end."),
         "video_camera": _("There is no camera “%(camera)s”. Choose one of these: %(known)s."),
         "video_format": _("There is no format “%(format)s”. Choose one of these: %(known)s."),
         "video_animation_too_long": _("A WebP lasts %(limit)s seconds at most. Choose a shorter moment, or MP4."),

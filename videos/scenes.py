@@ -46,7 +46,7 @@ class ClipForm:
 
     def checked(self, run: VideoRun, car: int, part: int) -> ClipForm:
         """The form with the moment of ``part`` if it has none and is no plain video. Raises UserFault ``video_camera``,
-        ``video_format``, ``video_moment``, ``video_animation_too_long``."""
+        ``video_format``, ``video_moment``, ``video_moment_order``, ``video_animation_too_long``."""
         if self.camera not in VideoCamera.values:
             raise UserFault("video_camera", camera=self.camera[:20], known=", ".join(VideoCamera.values))
         if self.format not in VideoFormat.values:
@@ -58,7 +58,10 @@ class ClipForm:
             start_ms = run.start_ms(car, part)
             form = replace(self, from_ms=start_ms, to_ms=start_ms + run.length_ms(car, part))
         length_ms = form.to_ms - form.from_ms
-        if form.from_ms < 0 or length_ms < LEAST_MOMENT_MS or form.to_ms > simulated_ms:
+        within = 0 <= form.from_ms < simulated_ms and 0 <= form.to_ms <= simulated_ms
+        if within and length_ms <= 0:
+            raise UserFault("video_moment_order")
+        if not within or length_ms < LEAST_MOMENT_MS:
             raise UserFault("video_moment", least=LEAST_MOMENT_MS / 1000, seconds=f"{simulated_ms / 1000:g}")
         if form.format == VideoFormat.WEBP and length_ms > LONGEST_ANIMATION_MS:
             raise UserFault("video_animation_too_long", limit=LONGEST_ANIMATION_MS // 1000)

@@ -1,9 +1,12 @@
 """The setup of a viewer: which runs it plays on which track, and its words in the reader's language."""
 
+from __future__ import annotations
+
 import json
 from collections.abc import Sequence
-from typing import NotRequired, TypedDict
+from typing import TYPE_CHECKING, NotRequired, TypedDict
 
+from django.conf import settings
 from django.urls import reverse
 from django.utils.translation import gettext as _
 from django.utils.translation import pgettext
@@ -11,6 +14,11 @@ from django.utils.translation import pgettext
 from evaluation.models import Evaluation
 
 from .selectors import direction_of
+
+if TYPE_CHECKING:
+    from django.contrib.auth.models import AnonymousUser
+
+    from accounts.models import Racer
 
 
 class ViewedRun(TypedDict):
@@ -23,19 +31,27 @@ class ViewedRun(TypedDict):
     look: NotRequired[dict[str, str]]
 
 
-def viewer_setup(scene: str, runs: Sequence[ViewedRun], *, page: str = "", quiet: bool = False) -> str:
+def viewer_setup(scene: str, runs: Sequence[ViewedRun], *, page: str = "", quiet: bool = False, clip: str = "") -> str:
     """The JSON for the include ``races/replays/viewer.html``. ``scene``: the address of the scene document; ``page``:
-    that of the viewer's page, for links to a moment; ``quiet``: play at once, over and over, without controls."""
-    return json.dumps({"scene": scene, "runs": list(runs), "page": page, "quiet": quiet, "words": words()})
+    that of the viewer's page, for links to a moment; ``quiet``: play at once, over and over, without controls;
+    ``clip``: the page that makes clips of the first run, for readers who may."""
+    setup = {"scene": scene, "runs": list(runs), "page": page, "quiet": quiet, "clip": clip, "words": words()}
+    return json.dumps(setup)
 
 
-def run_setup(shown: Evaluation, lap: int = 0) -> str:
-    """The viewer of one run."""
+def run_setup(shown: Evaluation, lap: int = 0, reader: Racer | AnonymousUser | None = None) -> str:
+    """The viewer of one run. ``reader``: may make clips of it if logged in."""
     return viewer_setup(
         scene_address(shown),
         [{"url": document_address(shown), "lap": lap}],
         page=reverse("replay", args=[shown.public_id]),
+        clip=clip_address(shown, reader),
     )
+
+
+def clip_address(run: Evaluation, reader: Racer | AnonymousUser | None) -> str:
+    """The page with the form of a run's clips; "" for readers without that right. The caller checks that the run is visible."""
+    return run.get_absolute_url() if settings.VIDEOS and reader is not None and reader.is_authenticated else ""
 
 
 def document_address(run: Evaluation) -> str:

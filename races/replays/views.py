@@ -31,7 +31,7 @@ from races.replays.selectors import (
     race_of,
     refuse_incomparable,
 )
-from races.replays.setup import document_address, scene_address, viewer_setup
+from races.replays.setup import clip_address, document_address, scene_address, viewer_setup
 from races.rules.layout import driven_boxes
 from races.spoilers.selectors import spoilers_of
 from races.web.views import finished_evaluation, report_fault, shown_evaluation, visible_evaluations
@@ -115,7 +115,7 @@ def replay(request: HttpRequest, public_id: str) -> HttpResponse:
         "direction": direction_of(shown),
         "lines": [line for each in runs if (line := each.line)],
         "boxes": driven_boxes(shown.result.layout),
-        "viewer": _setup(shown, runs, reference if with_reference else None),
+        "viewer": _setup(shown, runs, reference if with_reference else None, clip_address(shown, request.user)),
         "reference": reference,
         "reference_toggle": _address(public_id, _toggled(request.GET, with_reference)),
         "with_reference": with_reference,
@@ -259,7 +259,7 @@ def _toggled(query: QueryDict, is_shown: bool) -> QueryDict:
     return toggled
 
 
-def _setup(shown: Evaluation, runs: Sequence[ReplayedRun], reference: ReferenceLap | None) -> str:
+def _setup(shown: Evaluation, runs: Sequence[ReplayedRun], reference: ReferenceLap | None, clip: str) -> str:
     viewed: Any = [
         {
             "url": document_address(each.run),
@@ -270,7 +270,7 @@ def _setup(shown: Evaluation, runs: Sequence[ReplayedRun], reference: ReferenceL
     ]
     if reference is not None:
         viewed.append(viewed_reference(reference))
-    return viewer_setup(scene_address(shown), viewed, page=reverse("replay", args=[shown.public_id]))
+    return viewer_setup(scene_address(shown), viewed, page=reverse("replay", args=[shown.public_id]), clip=clip)
 
 
 def _verdicts(runs: Sequence[ReplayedRun]) -> list[RunVerdict]:

@@ -10,6 +10,8 @@ const LEAST_GAIN = 1; // s of a jump with shift
 const JUMPS = { difference: "d", off_track: "o", overtake: "v", crash: "x" };
 const CAMERAS = ["chase", "onboard", "top", "trackside", "free"];
 const MAP = "map";
+const CLIP_MS = 5000; // of a moment
+const CLIP_CAMERAS = { map: "top", top: "follow", free: "chase" }; // those of a video that come nearest
 const isStill = () => matchMedia("(prefers-reduced-motion: reduce)").matches;
 
 export function clock(ms) {
@@ -149,6 +151,9 @@ export class Viewer {
     this.part("rate").addEventListener("change", ({ target }) => { player.rate = target.value; });
     this.root.querySelectorAll("[data-step]").forEach((button) => button.addEventListener("click", () => player.step(Number(button.dataset.step))));
     this.part("share").addEventListener("click", () => this.share());
+    this.part("clip").hidden = !this.setup.clip;
+    for (const before of ["pointerenter", "focus", "click"]) this.part("clip").addEventListener(before, ({ target }) => { target.href = this.clip; });
+    this.part("clip").href = this.setup.clip;
     this.part("player").hidden = this.setup.quiet;
     const kinds = new Set(this.replay.events.map(({ kind }) => kind));
     for (const kind of Object.keys(JUMPS)) {
@@ -270,6 +275,18 @@ export class Viewer {
     if (!this.part("cameras").hidden) address.searchParams.set("camera", this.camera);
     address.hash = "";
     return decodeURIComponent(address.href);
+  }
+
+  // The form of a clip of the first car, filled in with the lap, the moment and the camera.
+  get clip() {
+    const address = new URL(this.setup.clip, location.href);
+    const [run] = this.replay.runs;
+    const middle = Math.min(Math.max(this.player.now, CLIP_MS / 2), Math.max(CLIP_MS / 2, run.duration - CLIP_MS / 2));
+    const [from, to] = [middle - CLIP_MS / 2, Math.min(middle + CLIP_MS / 2, run.duration)].map((ms) => Math.floor((run.start + ms) / 10) / 100);
+    const camera = this.part("cameras").hidden ? "follow" : CLIP_CAMERAS[this.camera] ?? this.camera;
+    address.search = new URLSearchParams({ what: `${run.number}:${run.at(this.player.now).lap}`, camera, from, to });
+    address.hash = "video";
+    return address.href;
   }
 
   // The address of the viewer's own page has the moment where it was paused.

@@ -238,3 +238,76 @@ def test_names_are_escaped_on_the_video_card(world, video_wakes):
     run = a_driven_run(a_race(world.now, name="<b>Race</b>"), world.alice, world.now)
     ask(world, run)
     assert "<b>Race" not in page_of(world, "newcomer", run)
+
+
+WRONG = {"what": "0:2", "from": "3,5", "to": "2", "camera": "onboard", "format": "webp"}
+
+
+class _Fields(HTMLParser):
+    """The fields of the form with their values, whether it is open, and the field that is wrong."""
+
+    def __init__(self, html: str) -> None:
+        super().__init__()
+        self.values: dict[str, str] = {}
+        self.open, self.wrong, self.sentence, self._select, self._in = False, "", "", "", False
+        self.feed(html.partition('id="video"')[2])
+
+    def handle_starttag(self, tag, attrs):
+        known = dict(attrs)
+        if tag == "details" and known.get("class") == "video-more":
+            self.open = "open" in known
+        if "aria-invalid" in known:
+            self.wrong = known["name"]
+        self._select = known.get("name", "") if tag == "select" else self._select
+        self._in = known.get("id") == "video-fault" or (self._in and tag != "details")
+        if tag == "option" and "selected" in known:
+            self.values[self._select] = known["value"]
+        if tag == "input" and known.get("name") in ("from", "to"):
+            self.values[known["name"]] = known.get("value", "")
+
+    def handle_data(self, data):
+        self.sentence += data.strip() if self._in else ""
+        self._in = False
+
+
+def test_a_refused_clip_keeps_what_was_typed_and_says_why_at_its_field(world, run):
+    client, address = world.client("newcomer"), f"/evaluations/{run.public_id}/video/"
+    answers = client.post(address, WRONG, **HTMX), client.post(address, WRONG, follow=True)
+    for answer in answers:
+        form = _Fields(answer.content.decode())
+        assert form.values == WRONG and form.open and form.wrong == "to"
+        assert form.sentence == "The end of the clip must come after its beginning. Choose a later end."
+    for changed, wrong in (({"from": "x"}, "from"), ({"to": "99999"}, "to"), ({"from": "0", "to": "21"}, "format")):
+        form = _Fields(client.post(address, WRONG | changed, **HTMX).content.decode())
+        assert form.wrong == wrong and form.values == WRONG | changed and form.sentence
+    assert not Video.objects.exists()
+
+
+def test_a_refusal_without_a_field_keeps_what_was_typed_and_stands_above(world, run, settings):
+    settings.VIDEOS_AT_ONCE = 1
+    ask(world, run)
+    fine = WRONG | {"to": "5"}
+    html = world.client("newcomer").post(f"/evaluations/{run.public_id}/video/", fine, **HTMX).content.decode()
+    form = _Fields(html)
+    assert form.values == fine and form.open and not form.wrong and 'data-code="videos_at_once"' in html
+
+
+def test_a_link_to_a_clip_opens_the_form_filled_in(world, run):
+    fine = WRONG | {"to": "5"}
+    query = "&".join(f"{name}={value}" for name, value in fine.items())
+    form = _Fields(page_of(world, "newcomer", run, f"?{query}"))
+    assert form.values == fine and form.open and not form.wrong and not form.sentence
+    plain = _Fields(page_of(world, "newcomer", run))
+    assert plain.values == {"what": "0:1", "from": "", "to": ""} and not plain.open
+    for nonsense in ("?what=9:9", "?what=&camera=drone", "?what=0:2&from=1e999&to=nan"):
+        assert 'id="video"' in page_of(world, "newcomer", run, nonsense)
+
+
+def test_only_readers_who_may_make_clips_are_led_to_the_form(world, run, settings):
+    viewers = (f"/evaluations/{run.public_id}/", f"/evaluations/{run.public_id}/replay/")
+    led = f"&quot;clip&quot;: &quot;/evaluations/{run.public_id}/&quot;"
+    for address in viewers:
+        assert led in world.client("newcomer").get(address).content.decode()
+        assert led not in world.client("anonymous").get(address).content.decode()
+    settings.VIDEOS = False
+    assert led not in world.client("newcomer").get(viewers[1]).content.decode()

@@ -242,3 +242,17 @@ def test_without_webgl_the_map_has_the_same_controls(browser, live_server, alice
         page.locator("[data-seek]").fill("4000")
         playwright.expect(page.locator("[data-tower] tbody tr")).to_have_count(2)
         assert page.evaluate("document.documentElement.scrollWidth") <= 360
+
+
+def test_a_clip_of_this_moment_has_lap_moment_and_camera_filled_in(open_page, pair):
+    mine, theirs = pair
+    page = open_page(beside(mine, theirs, "&lap=2&t=4.5&camera=onboard"))
+    playwright.expect(page.locator("[data-camera]")).to_have_value("onboard")
+    page.get_by_role("link", name="Clip of this moment").click()
+    form = page.locator("#video form")
+    playwright.expect(form.get_by_label("From (s)")).to_be_visible()
+    start_s = mine.result.laps[1]["start_ms"] / 1000
+    typed = [float(form.get_by_label(name).input_value()) for name in ("From (s)", "To (s)")]
+    assert typed == pytest.approx([start_s + 2.0, start_s + 7.0], abs=0.02)
+    values = [form.locator(f"[name={name}]").input_value() for name in ("what", "camera")]
+    assert values == ["0:2", "onboard"]

@@ -49,10 +49,10 @@ def test_a_lap_by_another_camera_is_the_clip_of_its_moment(run, alice, now):
 @pytest.mark.parametrize(
     ("form", "code"),
     [
-        (ClipForm(2_000, 1_000), "video_moment"),
+        (ClipForm(2_000, 1_000), "video_moment_order"),
         (ClipForm(1_000, 1_400), "video_moment"),
         (ClipForm(-1, 2_000), "video_moment"),
-        (ClipForm(1_000, 0), "video_moment"),
+        (ClipForm(1_000, 0), "video_moment_order"),
         (ClipForm(1_000, 10**9), "video_moment"),
         (ClipForm(0, 21_000, format="webp"), "video_animation_too_long"),
         (ClipForm(camera="drone"), "video_camera"),

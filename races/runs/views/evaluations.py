@@ -140,7 +140,7 @@ def _context(request: HttpRequest, shown: Evaluation) -> dict:
             "bot_count": shown.spec["rules"].get("bots", 0),
             "cars": rows,
             "may_crash": shown.spec["rules"].get("race_type", "time_trial") != "time_trial" or car.result.crashes,
-            "viewer": run_setup(shown),
+            "viewer": run_setup(shown, reader=request.user),
             "worth": _worth(request, shown, car),
             "own_worth": own_result(own, shown.result) if own else None,
             "loss": None if car.number else largest_loss(shown),

@@ -2,9 +2,10 @@
 
 from django.conf import settings
 from django.contrib.auth.decorators import login_required
-from django.http import Http404, HttpRequest, HttpResponse, HttpResponseBase
+from django.http import Http404, HttpRequest, HttpResponse, HttpResponseBase, QueryDict
 from django.shortcuts import redirect, render
 from django.utils import timezone
+from django.utils.http import urlencode
 from django.views.decorators.http import require_POST, require_safe
 from django_htmx.middleware import HtmxDetails
 
@@ -22,6 +23,13 @@ from videos.services import request_video, stop_video
 from ...web.views import fault_text, report_fault, visible_evaluation
 
 CARD = "races/runs/video.html"
+FIELDS = ("what", "camera", "format", "from", "to")  # of the form
+_AT = {
+    "video_moment_order": "to",
+    "video_animation_too_long": "format",
+    "video_camera": "camera",
+    "video_format": "format",
+}  # the field that a refusal is shown at
 
 
 class HtmxRequest(HttpRequest):
@@ -37,29 +45,57 @@ def evaluation_video(request: HtmxRequest, public_id: str) -> HttpResponse:
     evaluation = visible_evaluation(request, public_id)
     if not can_request_video(request.user, evaluation):
         raise Http404
-    car, _, part = request.POST.get("what", "").partition(":")
+    car, part = _car_and_part(request.POST)
     try:
         asked = request_video(
             evaluation=evaluation,
             by=racer_of(request),
-            car=int(car[:4]) if car.isascii() and car.isdecimal() else 0,
-            part=part or "best",
+            car=car,
+            part=part,
             language=page_language(),
             now=timezone.now(),
-            form=_form(request),
+            form=_form(request.POST),
         )
     except PaddockError as fault:
         if request.htmx:
             return _card(request, evaluation, None, fault)
-        report_fault(request, fault)
-        return redirect(f"{evaluation.get_absolute_url()}#video")
+        if not _at_field(fault, request.POST):
+            report_fault(request, fault)
+        return redirect(f"{evaluation.get_absolute_url()}?{urlencode(_typed(request.POST))}#video")
     return _card(request, evaluation, asked.video) if request.htmx else redirect(asked.video)
 
 
-def _form(request: HttpRequest) -> ClipForm:
+def _form(typed: QueryDict) -> ClipForm:
     """The camera, the format and the moment (seconds from ``from`` to ``to``) that a form asks for."""
-    start, end = (_milliseconds(request.POST.get(name, "")) for name in ("from", "to"))
-    return ClipForm(start, end, request.POST.get("camera", "follow"), request.POST.get("format", "mp4"))
+    start, end = (_milliseconds(typed.get(name, "")) for name in ("from", "to"))
+    return ClipForm(start, end, typed.get("camera", "follow"), typed.get("format", "mp4"))
+
+
+def _car_and_part(typed: QueryDict) -> tuple[int, str]:
+    car, _, part = typed.get("what", "").partition(":")
+    return int(car[:4]) if car.isascii() and car.isdecimal() else 0, part or "best"
+
+
+def _typed(query: QueryDict) -> dict[str, str]:
+    """The fields of the form, where the query has any."""
+    return {name: query.get(name, "")[:40] for name in FIELDS if name in query}
+
+
+def _at_field(fault: PaddockError, typed: QueryDict) -> str:
+    """The field that a refusal is shown at; "" for none."""
+    if fault.code == "video_moment":
+        return "from" if _form(typed).from_ms < 0 else "to"
+    return _AT.get(fault.code, "")
+
+
+def _fault_of(run: VideoRun, typed: QueryDict) -> PaddockError | None:
+    """Why a clip with these fields would be refused; None unless the form has a field for it."""
+    try:
+        car, part = _car_and_part(typed)
+        _form(typed).checked(run, car, run.part(car, part))
+    except PaddockError as fault:
+        return fault if _at_field(fault, typed) else None
+    return None
 
 
 def _milliseconds(text: str) -> int:
@@ -113,14 +149,28 @@ def video_context(request: HttpRequest, evaluation: Evaluation, cars: list[Compe
     videos = videos_of(run)
     chosen = request.GET.get("video")
     shown = next((each for each in videos if each.video.public_id == chosen), None)
-    return _of_card(request, run, videos, shown or best_shown(videos, page_language(), request.user))
+    card = _of_card(request, run, videos, shown or best_shown(videos, page_language(), request.user))
+    return card | _refilled(request.GET, run, _fault_of(run, request.GET)) if "what" in request.GET else card
 
 
 def _card(
     request: HttpRequest, evaluation: Evaluation, video: Video | None, fault: PaddockError | None = None
 ) -> HttpResponse:
-    context = _card_context(request, evaluation, video) | {"video_fault": fault and fault_text(fault)}
+    context = _card_context(request, evaluation, video)
+    if fault is not None:
+        context |= _refilled(request.POST, VideoRun.of(evaluation), fault)
     return render(request, CARD, context)
+
+
+def _refilled(query: QueryDict, run: VideoRun, fault: PaddockError | None) -> dict:
+    """What the form has with the fields of a query, and a refusal at its field."""
+    car, part = _car_and_part(query)
+    try:
+        chosen = {"preselected": (car, run.part(car, part))}
+    except PaddockError:
+        chosen = {}
+    at = _at_field(fault, query) if fault else ""
+    return chosen | {"video_typed": _typed(query), "video_fault": fault and fault_text(fault), "video_fault_at": at}
 
 
 def _card_context(request: HttpRequest, evaluation: Evaluation, video: Video | None) -> dict:
