@@ -50,7 +50,8 @@ def run_setup(shown: Evaluation, lap: int = 0, reader: Racer | AnonymousUser | N
 
 
 def clip_address(run: Evaluation, reader: Racer | AnonymousUser | None) -> str:
-    """The page with the form of a run's clips; "" for readers without that right. The caller checks that the run is visible."""
+    """The page with the form of a run's clips; "" for readers without that right. The caller checks that the run is
+    visible."""
     return run.get_absolute_url() if settings.VIDEOS and reader is not None and reader.is_authenticated else ""
 
 
