@@ -70,6 +70,7 @@ class ModelMetadata:
     version: str = "2"
     lidar_config: Mapping[str, float] = field(default_factory=lidar_settings)
     frame_stack: int = 1  # how many observations the network reads at once: the newest and those before it
+    colour: bool = False  # the policy saw the front camera in colour; for the rebuild of its network alone
 
     @property
     def output_size(self) -> int:
@@ -142,6 +143,7 @@ def parse_metadata(data: bytes, limits: PackageLimits = DEFAULT_LIMITS) -> Model
         version=version,
         lidar_config=_lidar_config(raw),
         frame_stack=_frame_stack(raw),
+        colour=raw.get("colour") is True,
     )
 
 

@@ -28,8 +28,9 @@ register(
         ),
         "sb3_channels": _(
             "The policy was trained on %(count)s channels, and %(sensor)s has one. They may be stacked frames or "
-            'colours. If they are frames of VecFrameStack, write "frame_stack": %(count)s into model_metadata.json. A '
-            "policy on colours must be exported to ONNX, with the conversion from one channel inside."
+            'colours. If they are frames of VecFrameStack, write "frame_stack": %(count)s into model_metadata.json; if '
+            'they are the colours of deepracer-v0, write "colour": true. A policy on other colours must be exported to '
+            "ONNX, with the conversion from one channel inside."
         ),
         "sb3_actions": _(
             "The policy answers %(found)s values, the action space in model_metadata.json needs %(expected)s. Upload "

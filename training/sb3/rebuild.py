@@ -19,13 +19,15 @@ from paddock.errors import UserFault
 from paddock.network.wire import printable
 from paddock.packages.inputs import MOST_FRAMES, InputSpec
 from paddock.packages.metadata import NETWORKS, ModelMetadata
+from paddock.simulator.camera.colours import colours
 
 from ..trainer.network import BUILDS, NetworkLayout, to_onnx
 from .facts import COMBINED, FLATTEN, NATURE, TORSO, Box, PolicyFacts
 
 Array = Callable[[str], np.ndarray]
 _OPSET, _IR_VERSION = 17, 8
-_COLOURS = 3  # channels of a frame with observation="rgb"
+_COLOURS = 3  # channels of a frame with observation="rgb", and of the front camera of deepracer-v0
+_FRONT = "FRONT_FACING_CAMERA"
 _STRIDES = {0: 4, 2: 2, 4: 1}  # of NatureCNN's convolutions, by their place
 _SIMPLE = {"ReLU": "Relu", "Tanh": "Tanh", "Sigmoid": "Sigmoid", "ELU": "Elu", "Softplus": "Softplus", "Mish": "Mish"}
 _SIMPLE["Hardswish"] = "HardSwish"
@@ -74,13 +76,14 @@ def with_frame_stack(facts: PolicyFacts, metadata: ModelMetadata) -> ModelMetada
     boxes = _by_sensor(facts.observations, metadata)
     if metadata.frame_stack > 1 or set(boxes) != set(metadata.sensors):
         return metadata
-    counts = {_stacked(spec, boxes[spec.sensor].shape) for spec in metadata.inputs}
+    counts = {_stacked(spec, boxes[spec.sensor].shape) for spec in _as_seen(metadata)}
     if len(counts) > 1 or counts == {0}:
         return metadata
-    (count,), sensor = counts, metadata.sensors[0]
+    (count,), sensor = counts, next(spec.sensor for spec in metadata.inputs if spec.is_picture)
     if count > MOST_FRAMES:
         raise UserFault("sb3_frame_stack", count=count, limit=MOST_FRAMES)
-    if set(facts.observations) == {""} and count % _COLOURS == 0 and metadata.inputs[0].shape[-1] == 1:
+    may_be_colours = metadata.inputs[0].shape[-1] == 1 if set(facts.observations) == {""} else _FRONT in boxes
+    if may_be_colours and not metadata.colour and count % _COLOURS == 0:
         raise UserFault("sb3_channels", count=count, sensor=sensor)
     return replace(metadata, frame_stack=count)
 
@@ -142,10 +145,15 @@ class _Policy:
         if self._family.squash:
             value = self._node("Tanh", [value])
         ports = [*sensors, (value, (1, self._metadata.output_size))]
-        *inputs, output = [helper.make_tensor_value_info(name, TensorProto.FLOAT, shape) for name, shape in ports]
+        *inputs, output = [helper.make_tensor_value_info(name, self._type_of(name), shape) for name, shape in ports]
         graph = helper.make_graph(self._nodes, "policy", inputs, [output], self._weights)
         opset = helper.make_opsetid("", _OPSET)
         return helper.make_model(graph, opset_imports=[opset], ir_version=_IR_VERSION).SerializeToString()
+
+    def _type_of(self, port: str) -> int:
+        """Bytes where they are looked up in the table of colours: a cast of floats would be a step, see
+        :class:`paddock.network.bound.NetworkFacts`."""
+        return TensorProto.UINT8 if self._metadata.colour and port == _FRONT else TensorProto.FLOAT
 
     # --- what is there
 
@@ -177,7 +185,7 @@ class _Policy:
     # --- features
 
     def _features(self) -> str:
-        specs = {spec.sensor: spec for spec in self._metadata.inputs}
+        specs = {spec.sensor: spec for spec in _as_seen(self._metadata)}
         boxes = _by_sensor(self._facts.observations, self._metadata)
         if set(boxes) != set(specs):
             found = ", ".join(name or "one picture" for name in boxes)
@@ -194,6 +202,8 @@ class _Policy:
         value = spec.sensor
         if not spec.is_picture:
             return value
+        if self._metadata.colour and spec.sensor == _FRONT:
+            value = self._coloured(value, spec)
         if self._facts.normalize_images:
             value = self._node("Div", [value, self._constant("levels", np.float32(255.0))])
         if self._extractor == FLATTEN:
@@ -216,6 +226,14 @@ class _Policy:
             if name.startswith(prefix) and name not in mine:
                 raise _unknown(name)
         return self._node("Relu", [self._linear(f"{prefix}linear.0", self._node("Flatten", [value], axis=1))])
+
+    def _coloured(self, value: str, spec: InputSpec) -> str:
+        """The picture in the colours that the policy saw, made of the grey one of a race."""
+        places = self._node("Cast", [value], to=TensorProto.INT64)
+        table = self._constant("colours", colours().astype(np.float32))
+        frames = self._node("Transpose", [self._node("Gather", [table, places], axis=0)], perm=[0, 1, 4, 2, 3])
+        shape = self._constant("coloured", np.array(spec.channels_first, np.int64))
+        return self._node("Reshape", [frames, shape])
 
     def _of_our_trainer(self) -> bytes:
         """A policy of this site's own trainings, whose layout is known."""
@@ -268,6 +286,13 @@ _PARTS = ("weight", "bias")
 
 def _unknown(name: str) -> UserFault:
     return UserFault("sb3_layer", layer=printable(name))
+
+
+def _as_seen(metadata: ModelMetadata) -> tuple[InputSpec, ...]:
+    """The inputs as the policy saw them: with ``colour``, the front camera's channels are three times as many."""
+    return tuple(
+        spec.stacked(_COLOURS) if metadata.colour and spec.sensor == _FRONT else spec for spec in metadata.inputs
+    )
 
 
 def _by_sensor(boxes: Mapping[str, Box], metadata: ModelMetadata) -> Mapping[str, Box]:

@@ -14,7 +14,7 @@ from ..competitor import Competitor
 from ..randomisation import USUAL
 from ..referee import LAPS_DONE
 from ..results import LapDocument
-from ..rewards import Objects, reward_params
+from ..rewards import Objects, Params, reward_params
 from ..stage import PreparedTrack, Simulation
 from ..trace import TIME_UP
 from ..world import World
@@ -124,6 +124,10 @@ class Drive(NotCopied):
             self._car.begin_at(self._disturbance.place(self._car.referee.pose, track.width_at(start_m % track.length)))
         return self._info()
 
+    def from_the_first(self) -> None:
+        """The next episode is the first again: it drives in the requested direction."""
+        self._episodes = 0
+
     def _lay(self, rng: np.random.Generator, ground: PreparedTrack) -> None:
         """Clear the stage for the next episode; draw again while drawn boxes find no room."""
         setting, stage = self._setting, self._stages.get(id(ground))
@@ -187,13 +191,15 @@ class Drive(NotCopied):
         self._stages.clear()
         self._stage = self._car = None
 
-    def _reward(self) -> float:
+    def params(self) -> Params:
+        """The parameters of the reward function in the present state."""
         car, stage = self.car, self.stage
-        track = stage.ground.track
         place = car.referee.odometer.place
         objects = self._objects.params(car.referee.pose, place.distance, stage.solids(car))
-        params = reward_params(car, self._waypoints, track.direction == "cw", objects)
-        reward = float(self._setting.reward_function(params))
+        return reward_params(car, self._waypoints, stage.ground.track.direction == "cw", objects)
+
+    def _reward(self) -> float:
+        reward = float(self._setting.reward_function(self.params()))
         if not math.isfinite(reward):
             raise ValueError(f"the reward function returned {reward}; it must return a finite number")
         return reward
