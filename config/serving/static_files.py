@@ -5,7 +5,7 @@ from typing import Any
 
 from whitenoise.storage import CompressedManifestStaticFilesStorage  # type: ignore[import-untyped]
 
-_MODULES = ("viewer/*.js", "vendor/three*.js")
+_MODULES = ("viewer/*.js", "live/*.js", "training/drive-scene.js", "vendor/three*.js")
 
 
 class StaticFiles(CompressedManifestStaticFilesStorage):

@@ -19,7 +19,6 @@ from races.aftermath.results import event_csv, laps_csv, results_pdf
 from races.aftermath.watch_again import again_document
 from races.live.selectors.events import live_events_visible_to
 from races.models import LiveEvent, LiveState, Race
-from races.replays.run_maps import map_size
 from videos.responses import page_language
 
 from ..web.views import downloaded, faults_reported, report_fault, too_many, visible_race
@@ -61,13 +60,8 @@ def live_again(request: HttpRequest, slug: str) -> HttpResponse:
     race, event = _event(request, slug)
     if event.state != LiveState.ENDED:
         return redirect("live_event", slug)
-    size = map_size(race.track) if race.track.has_shape else None
-    response = render(
-        request,
-        "races/aftermath/watch_again.html",
-        {"race": race, "event": event, "phase": "running", "map_size": size},
-    )
-    return _private(response)
+    context = {"race": race, "event": event, "phase": "running"}
+    return _private(render(request, "races/aftermath/watch_again.html", context))
 
 
 @require_safe

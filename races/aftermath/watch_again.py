@@ -71,7 +71,10 @@ def again_document(event: LiveEvent, now: datetime) -> AgainDocument:
     last = live_document(event, now) | {"message": "", "order": [], "next": [], "reactions": {}}
     runs = driven_runs(event)
     slots = list(dict.fromkeys(run.slot for run in runs))
-    documents = [slot_document(slot, now) | {"state": SlotPhase.ON_TRACK.value, "evaluation": None} for slot in slots]
+    documents = [
+        slot_document(slot, now, on_track=True) | {"state": SlotPhase.ON_TRACK.value, "evaluation": None}
+        for slot in slots
+    ]
     racers = live_racers(event)
     steps: list[AgainStep] = []
     at = 0

@@ -5,10 +5,13 @@ from datetime import datetime
 from typing import Annotated, TypedDict
 
 from core.streams.shared_pieces import shared_value
+from evaluation.models import Evaluation
+from evaluation.running.competitors import live_cars
 
 from ..boards.ranking import Standing
 from ..duels.selectors import DuelRound, duels_of
 from ..models import PLAYED_BEHIND, Entry, LiveEvent, LiveRacer, LiveSlot, LiveState, Opponents
+from ..replays.document import look_document
 from ..rules.live_start import seed, start_m
 from .selectors import events
 from .selectors.runs import DrivenRun, best_sectors, best_sectors_by_racer, leader_of, shown_runs, without_withdrawn
@@ -36,6 +39,7 @@ class LiveCarDocument(TypedDict):
     number: int
     racer: str
     country: str
+    look: Annotated[dict[str, str] | None, "Of the run on track: its shell, colour and drawing from above."]
     speed: Annotated[SpeedCommandDocument | None, "The command that it drives by now."]
 
 
@@ -191,7 +195,7 @@ def live_document(event: LiveEvent, now: datetime) -> LiveEventDocument:
         "speed_control": event.speed_control,
         "submissions_open": event.submissions_open and not event.is_over,
         "message": event.message,
-        "current": None if playing is None else slot_document(playing, now),
+        "current": None if playing is None else slot_document(playing, now, on_track=True),
         "next": [slot_document(slot, now) for slot in events.up_next(event, slots)],
         "order": [slot_document(slot, now) for slot in slots],
         "racers": [{**_racer(racer), "here": racer.here_at is not None} for racer in lobby],
@@ -206,9 +210,11 @@ def live_document(event: LiveEvent, now: datetime) -> LiveEventDocument:
     }
 
 
-def slot_document(slot: LiveSlot, now: datetime) -> LiveSlotDocument:
-    """A place in the running order, without the run's end: that would give away a coming failure."""
+def slot_document(slot: LiveSlot, now: datetime, *, on_track: bool = False) -> LiveSlotDocument:
+    """A place in the running order, without the run's end: that would give away a coming failure. ``on_track``: with
+    the looks of its cars."""
     run = slot.shown_run
+    looks = _looks(slot) if on_track else {}
     heat: LiveRacerDocument = {"racer": slot.driver_names, "country": "", "qualified_rank": None}
     return {
         **(heat if slot.racer is None else _racer(slot.racer)),
@@ -226,11 +232,18 @@ def slot_document(slot: LiveSlot, now: datetime) -> LiveSlotDocument:
                 "number": number,
                 "racer": entry.racer.alias,
                 "country": str(entry.racer.country or ""),
+                "look": looks.get(number),
                 "speed": present_speed(slot, now, number),
             }
             for number, entry in enumerate(slot.starting)
         ],
     }
+
+
+def _looks(slot: LiveSlot) -> dict[int, dict[str, str]]:
+    """The looks of the cars of a run, by their numbers."""
+    run = Evaluation.with_sealed.select_related("model__owner").filter(pk=slot.evaluation_id or 0).first()
+    return {} if run is None else {car.number: look_document(car.look) for car in live_cars(run)}
 
 
 def _round(of: DuelRound) -> LiveRoundDocument:

@@ -1,13 +1,9 @@
-"""Data for the page of a result: lap rows with sector colours, driven lines, the steps of a replay."""
+"""Data for the page of a result: lap rows with sector colours, driven lines."""
 
-import csv
-import io
-import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from enum import StrEnum
-from types import MappingProxyType
-from typing import Any, Self
+from typing import Self
 
 from evaluation.running.messages import DrivenLapDocument
 from paddock.geometry.track import TrackGeometry
@@ -17,7 +13,6 @@ from tracks.models import Track
 
 LAP_COLOURS = 6
 SECTORS = 3
-NO_RIVALS: Mapping[int, bytes] = MappingProxyType({})
 PURPLE, GREEN, YELLOW = "purple", "green", "yellow"
 
 
@@ -115,50 +110,3 @@ def map_size(track: Track) -> tuple[float, float]:
     """Width and height of the map's coordinates."""
     x_min, y_min, x_max, y_max = track.geometry.bounds
     return round(x_max - x_min + 2 * MARGIN_M, 2), round(y_max - y_min + 2 * MARGIN_M, 2)
-
-
-def replay_data(
-    track: Track,
-    trace_csv: bytes,
-    bots: Sequence[Sequence[Sequence[float]]] = (),
-    rivals: Mapping[int, bytes] = NO_RIVALS,
-) -> dict[str, Any]:
-    """The steps of a sim-trace as columns: ``t`` (simulated ms), ``x`` and ``y`` on the map, ``yaw`` (degrees,
-    clockwise), ``v`` (m/s), ``steer`` (degrees), ``lap``, ``status``; and those of bots (given as x, y, yaw in m and
-    rad) and rivals (traces by number)."""
-    return {
-        **_columns(track, trace_csv),
-        "bots": [_bot(track, places) for places in bots],
-        "rivals": [{"number": number, **_columns(track, trace)} for number, trace in sorted(rivals.items())],
-    }
-
-
-def _bot(track: Track, places: Sequence[Sequence[float]]) -> dict[str, list[float]]:
-    points = [map_point(track, x, y) for x, y, _ in places]
-    return {
-        "x": [x for x, _ in points],
-        "y": [y for _, y in points],
-        "yaw": [round(-math.degrees(yaw), 1) for _, _, yaw in places],
-    }
-
-
-def _columns(track: Track, trace_csv: bytes) -> dict[str, list]:
-    columns: dict[str, list] = {name: [] for name in ("t", "x", "y", "yaw", "v", "steer", "lap", "status")}
-    first: float | None = None
-    for row in csv.DictReader(io.StringIO(trace_csv.decode())):
-        stamp = float(row["tstamp"])
-        first = stamp if first is None else first
-        x, y = map_point(track, float(row["X"]), float(row["Y"]))
-        values = (
-            round((stamp - first) * 1000),
-            x,
-            y,
-            round(-float(row["yaw"]), 1),
-            round(float(row["throttle"]), 2),
-            round(float(row["steer"]), 1),
-            int(float(row["episode"])),
-            row["episode_status"],
-        )
-        for column, value in zip(columns.values(), values, strict=True):
-            column.append(value)
-    return columns

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, NotRequired, TypedDict
+from typing import TYPE_CHECKING, Any, NotRequired, TypedDict
 
 from django.conf import settings
 from django.urls import reverse
@@ -12,6 +12,7 @@ from django.utils.translation import gettext as _
 from django.utils.translation import pgettext
 
 from evaluation.models import Evaluation
+from tracks.models import Track
 
 from .selectors import direction_of
 
@@ -31,12 +32,14 @@ class ViewedRun(TypedDict):
     look: NotRequired[dict[str, str]]
 
 
-def viewer_setup(scene: str, runs: Sequence[ViewedRun], *, page: str = "", quiet: bool = False, clip: str = "") -> str:
+def viewer_setup(
+    scene: str, runs: Sequence[ViewedRun], *, page: str = "", quiet: bool = False, clip: str = "", **more: Any
+) -> str:
     """The JSON for the include ``races/replays/viewer.html``. ``scene``: the address of the scene document; ``page``:
     that of the viewer's page, for links to a moment; ``quiet``: play at once, over and over, without controls;
     ``clip``: the page that makes clips of the first run, for readers who may."""
     setup = {"scene": scene, "runs": list(runs), "page": page, "quiet": quiet, "clip": clip, "words": words()}
-    return json.dumps(setup)
+    return json.dumps(setup | more)
 
 
 def run_setup(shown: Evaluation, lap: int = 0, reader: Racer | AnonymousUser | None = None) -> str:
@@ -60,7 +63,11 @@ def document_address(run: Evaluation) -> str:
 
 
 def scene_address(run: Evaluation) -> str:
-    return f"{reverse('track_scene', args=[run.track.slug])}?direction={direction_of(run)}"
+    return address_of_scene(run.track, direction_of(run))
+
+
+def address_of_scene(track: Track, direction: str) -> str:
+    return f"{reverse('track_scene', args=[track.slug])}?direction={direction}"
 
 
 def words() -> dict[str, str]:

@@ -31,7 +31,9 @@ from races.entries.selectors.lists import races_on
 from races.entries.selectors.offers import Learned, Offer, offers_for
 from races.entries.selectors.visibility import evaluations_visible_to
 from races.models import Entry, LiveEvent, Race, RaceState
+from races.replays.document import box_document
 from races.replays.run_maps import LAP_COLOURS, map_place
+from races.replays.setup import address_of_scene, viewer_setup
 from races.rules import descriptions
 from races.rules.layout import box_marks, has_boxes, layout_marks
 from races.rules.live_start import live_layout, start_m
@@ -153,6 +155,15 @@ def live_map(event: LiveEvent) -> SafeString:
         return race_map(race)
     boxes = layout_marks(live_layout(event)) if has_boxes(race) else ()
     return _map(race.track.geometry, race.direction, race.track.name, boxes, False, begins_m)
+
+
+@register.simple_tag
+def live_viewer(event: LiveEvent) -> str:
+    """The setup of the viewer of a live event: its track, its boxes, and where its laps begin."""
+    race = event.race
+    boxes = live_layout(event).to_dict()["boxes"] if has_boxes(race) else []
+    scene = address_of_scene(race.track, race.direction)
+    return viewer_setup(scene, [], boxes=[box_document(box) for box in boxes], begins=start_m(event))
 
 
 @register.simple_tag

@@ -90,7 +90,7 @@
       const { show } = this.root;
       if (!show.slot || moment < 0) return;
       if (this.of !== this.name()) this.begin(show.slot);
-      const [long, ms] = [show.state.chunk_ms, show.car.t[i]];
+      const [long, ms] = [show.state.chunk_ms, show.car.columns.t[i]];
       const now = Math.floor(ms / long);
       const streams = show.feed?.streams && performance.now() - this.heardAt < SILENT_MS;
       for (let n = now; n <= now + AHEAD; n += 1) if (!streams || n < this.told || this.large) this.load(n, long);
@@ -109,15 +109,15 @@
 
     // Of which steps the frames of a chunk are.
     moments(n, long) {
-      return this.root.show.car.t.filter((each) => Math.floor(each / long) === n).filter((_, at) => at % EVERY === 0);
+      return this.root.show.car.columns.t.filter((each) => Math.floor(each / long) === n).filter((_, at) => at % EVERY === 0);
     }
 
     draw(figure, { picture, t }, at, row) {
       const { show } = this.root;
       figure.firstChild.getContext("2d").drawImage(picture, at * WIDE, row * HIGH, WIDE, HIGH, 0, 0, WIDE, HIGH);
-      const car = row ? show.rivals[row - 1]?.track : show.car;
-      const step = car ? car.t.findLastIndex((each) => each <= t[at]) : -1;
-      const told = step < 0 ? "" : `${car.steer[step].toFixed(0)}° · ${car.v[step].toFixed(1)} m/s`.replace("-", "−");
+      const { columns } = show.replay.cars[row];
+      const step = columns.t.findLastIndex((each) => each <= t[at]);
+      const told = step < 0 ? "" : `${columns.steer[step].toFixed(0)}° · ${columns.v[step].toFixed(1)} m/s`.replace("-", "−");
       figure.lastChild.lastChild.textContent = told;
     }
 

@@ -3,19 +3,13 @@ import { DrivenCar } from "./car.js";
 import { Controls } from "./driving-controls.js";
 import { DrivingReferee, Road } from "./driving-referee.js";
 import { createFlatMap } from "./flat-map.js";
-import { NOSE_M, Run } from "./store.js";
-import { clock, hasWebGL } from "./viewer.js";
+import { fetchDocument, Ghost, NOSE_M, Run } from "./store.js";
+import { clock, hasWebGL } from "./stage.js";
 
 const STEP_MS = 1000 / 15;
 const MOST_MS = 120; // of a frame: a page that was away does not drive on
 const NAMES = ["t", "x", "y", "yaw", "v", "steer", "lap", "status", "progress", "on_track"];
 const CAMERAS = ["chase", "onboard", "top", "trackside"];
-
-async function fetchJson(url) {
-  const answer = await fetch(url, { headers: { Accept: "application/json" } });
-  if (!answer.ok) throw new Error(String(answer.status));
-  return answer.json();
-}
 
 // The visitor's car as a run that grows while it drives.
 class LiveRun extends Run {
@@ -33,16 +27,6 @@ class LiveRun extends Run {
   clear() { for (const name of NAMES) this.columns[name].length = 0; this.index = 0; }
 }
 
-// A ghost's clock begins with each lap of the visitor.
-class Ghost extends Run {
-  constructor(document, lap) {
-    super(document, { lap, ghost: true });
-    this.from = 0;
-  }
-
-  at(ms) { return super.at(ms - this.from); }
-}
-
 export class Drive {
   constructor(root, setup, scene) {
     Object.assign(this, { root, setup, scene, words: setup.words, now: 0, running: false });
@@ -51,7 +35,7 @@ export class Drive {
     this.car = new DrivenCar(setup.physics, this.referee.start);
     this.controls = new Controls(root, setup.physics);
     this.me = new LiveRun(setup.words.you, setup.look);
-    this.replay = { scene, runs: [this.me], boxes: [], bots: [], documents: [], duration: Infinity };
+    this.replay = { scene, runs: [this.me], boxes: [], bots: [], duration: Infinity };
     this.restart();
     this.map = createFlatMap(this.part("map"), this.replay);
     this.views = [this.map];
@@ -176,7 +160,7 @@ export class Drive {
     this.ghost = null;
     if (value) {
       try {
-        this.ghost = new Ghost(await fetchJson(value), Number(option.dataset.lap));
+        this.ghost = new Ghost(await fetchDocument(value), { lap: Number(option.dataset.lap), ghost: true });
       } catch { this.note(this.words.failed); }
     }
     this.replay.runs = this.ghost ? [this.me, this.ghost] : [this.me];
@@ -198,7 +182,7 @@ export class Drive {
 async function start(root) {
   const setup = JSON.parse(root.dataset.drive);
   try {
-    const drive = (root.drive = new Drive(root, setup, await fetchJson(setup.scene)));
+    const drive = (root.drive = new Drive(root, setup, await fetchDocument(setup.scene)));
     await drive.race();
     await drive.mount().catch(() => {});
     root.dataset.ready = "";

@@ -4,7 +4,7 @@ import { JUMP_M, NOSE_M } from "./store.js";
 const SVG = "http://www.w3.org/2000/svg";
 const MARGIN_M = 0.3; // of the server's map (tracks/drawing.py)
 const TAIL_MS = 1500;
-const CAR = 0.025; // half a car's length, of the map's longer side
+const CAR = 0.06; // a car with its margin, of the map's longer side
 const BOT = "M1.15 0 -.75 .75 -.35 0 -.75 -.75Z";
 
 function element(name, attributes, ...children) {
@@ -41,12 +41,22 @@ function road({ inner, outer, centre, closed, start }) {
   ];
 }
 
+// A car, ghost or bot: a layer of its own, which its transform alone moves.
+function mover(root, { kind, look, number }) {
+  const shape = element("svg", { class: `mover ${kind}`, viewBox: "-1.2 -1.2 2.4 2.4", "aria-hidden": "true", ...(look && { "data-car": number }) });
+  if (look) {
+    shape.innerHTML = look.above; // the site's own drawing
+    shape.querySelector(".above-body")?.setAttribute("fill", look.colour);
+  } else shape.append(element("path", { d: BOT }));
+  root.append(shape);
+  return shape;
+}
+
 export function createFlatMap(root, replay) {
   const { scene } = replay;
   const [left, low, right, high] = scene.bounds;
   const [width, height] = [right - left + 2 * MARGIN_M, high - low + 2 * MARGIN_M];
   const drawn = root.querySelector(".track-map"); // the server's, with the lines of its laps
-  const size = CAR * Math.max(width, height);
   const world = element("g", { transform: `translate(${MARGIN_M - left} ${high + MARGIN_M}) scale(1 -1)` });
   const tail = element("polyline", { class: "replay-tail", points: "" });
   if (!drawn) {
@@ -58,31 +68,51 @@ export function createFlatMap(root, replay) {
         element("path", { d: `M${half[0]} ${half[1]}H${-half[0]}V${-half[1]}H${half[0]}Z` })));
     }
   }
-  const bots = replay.bots.map(() => element("g", { class: "replay-bot" }, element("path", { d: BOT })));
-  const cars = replay.runs.map((run, number) => {
-    const shape = element("g", { class: `replay-car${run.ghost ? " ghost" : ""}`, "data-car": number });
-    shape.innerHTML = run.look.above; // the site's own drawing
-    shape.querySelector(".above-body")?.setAttribute("fill", run.look.colour);
-    return shape;
-  });
-  world.append(tail, ...bots, ...[...cars].reverse());
+  world.append(tail);
   const overlay = element("svg", {
     class: drawn ? "overlay" : "flat-map", viewBox: `0 0 ${width.toFixed(2)} ${height.toFixed(2)}`, "aria-hidden": "true",
   }, world);
   root.append(overlay);
+  let [runs, cars, bots, place] = [[], [], [], null];
 
-  const put = (shape, { x, y, yaw }, back) => shape.setAttribute("transform",
-    `translate(${x.toFixed(4)} ${y.toFixed(4)}) rotate(${yaw.toFixed(2)})${back ? ` translate(${-NOSE_M} 0)` : ""} scale(${size} ${-size})`);
+  function fill(now) {
+    for (const { shape } of [...cars, ...bots]) shape.remove();
+    runs = [...now.runs];
+    bots = now.bots.map((bot) => ({ bot, shape: mover(root, { kind: "replay-bot" }) }));
+    cars = runs.map((run, number) => ({ run, shape: mover(root, { kind: `replay-car${run.ghost ? " ghost" : ""}`, look: run.look, number }) }));
+    for (const { shape } of [...cars].reverse()) root.append(shape); // the first on top
+    tail.setAttribute("points", "");
+    tail.step = null;
+  }
+
+  // Where the world's origin is in pixels: asked for when the map's size changes, and never while cars are drawn.
+  function resize() {
+    const [matrix, box] = [world.getScreenCTM(), root.getBoundingClientRect()];
+    if (!matrix?.a || !box.width) { place = null; return; }
+    place = { scale: matrix.a, x: matrix.e - box.left, y: matrix.f - box.top };
+    root.style.setProperty("--mover", `${(CAR * Math.max(width, height) * matrix.a).toFixed(1)}px`);
+  }
+
+  function put(shape, { x, y, yaw }, back) {
+    shape.style.transform = `translate(${(place.x + place.scale * x).toFixed(2)}px,${(place.y - place.scale * y).toFixed(2)}px) rotate(${(-yaw).toFixed(2)}deg)`
+      + (back ? ` translate(${(-NOSE_M * place.scale).toFixed(2)}px,0)` : "");
+  }
+
+  const mark = (shape, name, is) => { if (shape.classList.contains(name) !== is) shape.classList.toggle(name, is); };
 
   return {
-    draw(_replay, ms) {
-      replay.bots.forEach((bot, at) => put(bots[at], bot.at(ms), false));
-      replay.runs.forEach((run, at) => {
+    draw(now, ms) {
+      if (runs.length !== now.runs.length || bots.length !== now.bots.length || runs.some((run, at) => run !== now.runs[at])) fill(now);
+      if (!place) resize();
+      if (!place) return;
+      for (const { bot, shape } of bots) put(shape, bot.at(ms), false);
+      cars.forEach(({ run, shape }, at) => {
         const pose = run.at(ms);
-        put(cars[at], pose, true);
-        cars[at].classList.toggle("standing", pose.standing);
-        cars[at].classList.toggle("gone", pose.done);
-        if (at) return;
+        put(shape, pose, true);
+        mark(shape, "standing", pose.standing);
+        mark(shape, "gone", pose.done);
+        if (at || tail.step === pose.i) return;
+        tail.step = pose.i;
         const { t, x, y } = run.columns;
         const points = [`${pose.x},${pose.y}`];
         for (let k = pose.i; k >= 0 && ms + run.start - t[k] < TAIL_MS; k -= 1) {
@@ -93,7 +123,7 @@ export function createFlatMap(root, replay) {
       });
     },
     setCamera() {},
-    resize() {},
-    dispose() { overlay.remove(); },
+    resize,
+    dispose() { for (const shape of [overlay, ...[...cars, ...bots].map((each) => each.shape)]) shape.remove(); },
   };
 }

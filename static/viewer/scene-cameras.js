@@ -87,6 +87,18 @@ export class Cameras {
     eye.updateProjectionMatrix();
   }
 
+  // The whole track, before a car is there.
+  overview(wide) {
+    const { eye, aim } = this, [left, low, right, high] = this.line.bounds;
+    aim.set((left + right) / 2, (low + high) / 2, 0);
+    const away = 0.62 * Math.max((right - left) / Math.min(1.6, wide), high - low) + 1;
+    eye.position.set(aim.x, aim.y - away, 0.9 * away);
+    Object.assign(eye, { fov: 55, aspect: wide });
+    eye.up.set(0, 0, 1);
+    eye.lookAt(aim);
+    eye.updateProjectionMatrix();
+  }
+
   // The mean of the car's latest headings, not over a reset.
   heading({ run, root, now }, ms) {
     const yaw = root.rotation.z / RAD;

@@ -30,7 +30,7 @@ function rounded(line, closed) {
 
 // The road by distance: `place(metres, share)` lies `share` of the way from the left border (0) to the right one (1).
 export class RoadLine {
-  constructor({ centre, inner, outer, direction, closed, start, finish }) {
+  constructor({ centre, inner, outer, direction, closed, start, finish, begins = 0 }) {
     this.closed = closed;
     const [left, right] = direction === "ccw" ? [inner, outer] : [outer, inner];
     const fine = centre.length > 1500 ? (line) => line : (line) => rounded(line, closed);
@@ -43,7 +43,7 @@ export class RoadLine {
     }
     this.length = this.metres.at(-1);
     // where lines cross the road: an open one goes on before its start and beyond its finish
-    this.lines = closed ? [0] : [start, finish].map(({ x, y }) => this.nearest(x, y).metres);
+    this.lines = closed ? [begins] : [start, finish].map(({ x, y }) => this.nearest(x, y).metres);
     const every = [...this.left, ...this.right];
     const [xs, ys] = [0, 1].map((j) => every.map((p) => p[j]));
     const least = (v) => v.reduce((a, b) => Math.min(a, b)), most = (v) => v.reduce((a, b) => Math.max(a, b));

@@ -5,6 +5,7 @@ import { CAMERAS, Cameras } from "./scene-cameras.js";
 import { Cars } from "./scene-cars.js";
 import { RoadLine, groundOf, rubber } from "./scene-road.js";
 import { skyOf, tracksideOf } from "./scene-trackside.js";
+import { hasWebGL } from "./stage.js";
 
 export { CAMERAS };
 
@@ -29,12 +30,6 @@ function isDark() {
   return said ? said === "dark" : matchMedia("(prefers-color-scheme: dark)").matches;
 }
 
-// Whether the processor draws instead of a graphics card: then edges stay jagged and nothing is drawn twice.
-function isSoftware(gl) {
-  const info = gl.getExtension("WEBGL_debug_renderer_info");
-  return /swiftshader|llvmpipe|software|basic render/i.test(String(info && gl.getParameter(info.UNMASKED_RENDERER_WEBGL)));
-}
-
 export class SceneView {
   // options: camera, follow (number of a run), calm (reduced motion), dark, onLost, onRestored, onMoved (draw again).
   constructor(canvas, replay, options) {
@@ -42,10 +37,8 @@ export class SceneView {
     THREE.ColorManagement.enabled = false;
     this.canvas = canvas;
     this.options = options;
-    const trial = document.createElement("canvas").getContext("webgl2");
-    if (!trial) throw new Error("no WebGL 2");
-    this.software = options.plain ?? isSoftware(trial);
-    trial.getExtension("WEBGL_lose_context")?.loseContext();
+    if (!hasWebGL()) throw new Error("no WebGL 2");
+    this.software = options.plain ?? hasWebGL() === "software"; // then edges stay jagged and nothing is drawn twice
     this.renderer = new THREE.WebGLRenderer({ canvas, antialias: !this.software, powerPreference: "high-performance", preserveDrawingBuffer: Boolean(options.keepPicture) });
     this.renderer.outputColorSpace = THREE.LinearSRGBColorSpace;
     this.calm = options.calm ?? matchMedia("(prefers-reduced-motion: reduce)").matches;
@@ -91,17 +84,20 @@ export class SceneView {
     this.cars = new Cars(replay);
     this.world.add(this.cars.group);
     if (this.band) { this.world.remove(this.band); this.band.geometry.dispose(); }
+    this.band = null;
+    if (!this.runs.length || this.runs[0].grows) return;
     const soft = new THREE.MeshBasicMaterial({ vertexColors: true, transparent: true, depthWrite: false, side: THREE.DoubleSide, polygonOffset: true, polygonOffsetFactor: -2, polygonOffsetUnits: -8 });
     this.band = Object.assign(rubber(replay.line ?? this.runs[0], this.look).mesh(soft), { renderOrder: 6, frustumCulled: false });
     this.world.add(this.band);
   }
 
   draw(replay, ms) {
-    if (this.lost || !replay.runs.length) return;
+    if (this.lost) return;
     if (!this.runs || this.runs.length !== replay.runs.length || this.runs.some((run, i) => run !== replay.runs[i])) this.fill(replay);
     this.cars.draw(ms);
     const followed = this.cars.cars[Math.min(this.follow, this.cars.cars.length - 1)];
-    this.cameras.place(followed, ms, this.wide / this.high);
+    if (followed) this.cameras.place(followed, ms, this.wide / this.high);
+    else this.cameras.overview(this.wide / this.high);
     const close = ["chase", "onboard"].includes(this.cameras.name);
     const size = 0.075 * Math.tan((this.cameras.eye.fov * Math.PI) / 360) * Math.max(1, 420 / this.high) ;
     for (const car of this.cars.cars) {

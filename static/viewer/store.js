@@ -8,6 +8,8 @@ export const PARTS = 20; // of a lap, for its differences
 const DIFFERENCE_MS = 50; // gained or lost within a part
 const LOOK_MS = 100; // between two looks for overtakes
 const CLOSE = 0.1; // percent of a lap: side by side
+const STEP_MS = 70; // at most, between two steps of a trace
+const COLUMNS = ["t", "x", "y", "yaw", "v", "steer", "lap", "status", "progress", "on_track"];
 
 // The shorter turn from one heading to another, in degrees.
 export const turn = (from, to) => ((((to - from + 180) % 360) + 360) % 360) - 180;
@@ -39,8 +41,8 @@ export function middle({ x, y, yaw }) {
 
 // One car. Its clock begins with lap `lap` of the run, or with the run for 0; that of a rival with its leader's: `with`.
 export class Run {
-  constructor({ columns, laps, name, look, number = 0, run = "", href = "" }, { lap = 0, ghost = false, with: leader } = {}) {
-    Object.assign(this, { columns, laps, name, look, number, run, href, lap, ghost, index: 0 });
+  constructor({ columns, laps, name, look, events = [], number = 0, run = "", href = "" }, { lap = 0, ghost = false, with: leader } = {}) {
+    Object.assign(this, { columns, laps, name, look, number, run, href, lap, ghost, index: 0, events: events.filter(({ car }) => car === number) });
     const { t } = columns;
     const last = t.length ? t[t.length - 1] : 0;
     const chosen = laps.find((each) => each.number === lap);
@@ -58,28 +60,30 @@ export class Run {
   // twice counts once. `only`: that lap alone.
   measure(first, only) {
     const { t, lap, progress } = this.columns;
-    const far = (i) => (lap[i] - first) * 100 + progress[i];
     const begin = t.length ? lastAt(t, this.start) : 0;
-    [this.reachedMs, this.reached] = [[0], [only || !t.length ? 0 : far(begin)]];
-    const add = (ms, reached) => { this.reachedMs.push(ms); this.reached.push(reached); };
+    [this.reachedMs, this.reached] = [[0], [only || !t.length ? 0 : (lap[begin] - first) * 100 + progress[begin]]];
     for (let i = begin; i < t.length && t[i] <= this.end; i += 1) {
-      if (t[i] <= this.start || (only && lap[i] !== only) || far(i) <= this.reached[this.reached.length - 1]) continue;
-      add(t[i] - this.start, far(i));
+      if (t[i] > this.start && !(only && lap[i] !== only)) this.reach(t[i], (lap[i] - first) * 100 + progress[i]);
     }
-    const all = only ? 100 : 100 * this.laps.length;
-    if (this.complete && this.reached[this.reached.length - 1] < all) add(this.duration, all);
+    if (this.complete) this.reach(this.end, only ? 100 : 100 * this.laps.length);
+  }
+
+  reach(t, far) {
+    if (far <= this.reached[this.reached.length - 1]) return;
+    this.reachedMs.push(t - this.start);
+    this.reached.push(far);
   }
 
   // The state at a time of its clock, interpolated between two steps.
   at(ms) {
-    const { t, v, steer, lap, status, progress, on_track: onTrack } = this.columns;
+    const { t, v, steer, lap, status, progress, on_track: onTrack = [] } = this.columns;
     const moment = Math.min(Math.max(ms, 0), this.duration) + this.start;
     const i = this.index = lastAt(t, moment, this.index);
     const next = Math.min(i + 1, t.length - 1);
     const share = next === i ? 0 : Math.max(0, (moment - t[i]) / (t[next] - t[i]));
     return {
       i, ...between(this.columns, i, next, share), v: v[i], steer: steer[i], lap: this.lapAt(moment)?.number ?? lap[i], status: status[i],
-      progress: progress[i], onTrack: onTrack[i], done: ms > this.duration, standing: status[i] === "pause",
+      progress: progress[i], onTrack: onTrack[i], done: !this.grows && ms > this.duration, standing: status[i] === "pause",
     };
   }
 
@@ -109,7 +113,58 @@ export class Run {
   // The time within the lap that is driven then.
   inLap(ms) {
     const now = Math.min(Math.max(ms, 0), this.duration) + this.start;
-    return now - (this.lapAt(now)?.start_ms ?? 0);
+    return Math.max(0, now - (this.lapAt(now)?.start_ms ?? 0));
+  }
+}
+
+// A ghost whose clock begins `from` ms after that of its replay.
+export class Ghost extends Run {
+  from = 0;
+
+  at(ms) { return super.at(ms - this.from); }
+}
+
+// A car whose steps come while it drives; its clock begins `lead` ms before the first.
+export class LiveRun extends Run {
+  constructor(car, lead = 0) {
+    super({ ...car, columns: Object.fromEntries(COLUMNS.map((name) => [name, []])), laps: [{ number: 1, start_ms: 0 }] });
+    Object.assign(this, { start: -lead, grows: true });
+    this.until(0);
+  }
+
+  add(columns) {
+    const { t, lap, progress } = this.columns;
+    const begin = t.length;
+    for (const name of COLUMNS) this.columns[name].push(...(columns[name] ?? []));
+    if (!begin) {
+      [this.reachedMs, this.reached] = [[t[0] - this.start], [(lap[0] - 1) * 100 + progress[0]]];
+      this.late = t[0] > 0; // what was before is not known
+    }
+    for (let i = begin; i < t.length; i += 1) this.reach(t[i], (lap[i] - 1) * 100 + progress[i]);
+    this.until(t[t.length - 1]);
+  }
+
+  timeAt(far) { return this.late && far < this.reached[0] ? null : super.timeAt(far); }
+
+  until(end) { Object.assign(this, { end, duration: end - this.start }); }
+
+  happen({ t, kind, lap, ms }) {
+    this.events.push({ t, kind: kind === "crashed" ? "crash" : kind });
+    if (kind !== "lap") return;
+    Object.assign(this.laps[this.laps.length - 1], { time_ms: ms, complete: true });
+    this.laps.push({ number: lap + 1, start_ms: t });
+  }
+
+  // No more steps come. It has driven all of its laps if it stopped where one ended.
+  finish() {
+    if (!this.grows) return;
+    this.grows = false;
+    const { number, start_ms: ended } = this.laps[this.laps.length - 1];
+    this.complete = number > 1 && ended >= this.end - STEP_MS;
+    if (!this.complete) return;
+    this.laps.pop();
+    this.until(ended);
+    this.reach(ended, 100 * this.laps.length);
   }
 }
 
@@ -117,9 +172,8 @@ export class Run {
 // `entries`: {document, lap, name, look} each.
 export class Replay {
   constructor(scene, entries) {
-    const [{ document: first }] = entries;
+    const first = entries[0]?.document ?? {};
     this.scene = scene;
-    this.documents = entries.map((entry) => entry.document);
     this.runs = entries.flatMap(({ document, lap = 0, name, look }, at) => {
       const own = { ...document, ...(name && { name }), ...(look && { look: { ...document.look, ...look } }) };
       const cars = [new Run(own, { lap, ghost: at > 0 })];
@@ -128,7 +182,13 @@ export class Replay {
     }).filter((run) => run.columns.t.length > 1);
     this.boxes = first.boxes ?? [];
     // A bot has a place for each step of the first car.
-    this.bots = (first.bots ?? []).map((columns) => ({
+    this.bots = (first.bots ?? []).map((columns) => this.bot(columns));
+    this.duration = Math.max(0, ...this.runs.map((run) => run.duration));
+  }
+
+  bot(columns) {
+    return {
+      columns,
       at: (ms) => {
         const car = this.runs[0];
         const { t } = car.columns;
@@ -137,9 +197,11 @@ export class Replay {
         const next = Math.min(i + 1, columns.x.length - 1);
         return between(columns, i, next, next === i ? 0 : Math.max(0, (moment - t[i]) / (t[next] - t[i])));
       },
-    }));
-    this.duration = Math.max(0, ...this.runs.map((run) => run.duration));
+    };
   }
+
+  // The runs that are compared: the rows of the tower.
+  get ranked() { return this.runs; }
 
   // {ms, kind, run}: off_track, crash, reset and lap of each car, overtakes, and where the first car differs.
   get events() {
@@ -148,28 +210,25 @@ export class Replay {
   }
 
   incidents() {
-    return this.runs.flatMap((run) => {
-      const document = run.ghost ? this.documents.find((each) => each.run === run.run) : this.documents[0];
-      return (document?.events ?? [])
-        .filter(({ t, car }) => car === run.number && t >= run.start && t <= run.start + run.duration)
-        .map(({ t, kind }) => ({ ms: t - run.start, kind, run }));
-    });
+    return this.ranked.flatMap((run) => run.events
+      .filter(({ t }) => t >= run.start && t <= run.start + run.duration)
+      .map(({ t, kind }) => ({ ms: t - run.start, kind, run })));
   }
 
   overtakes() {
     const found = [];
     const ahead = new Map();
-    if (this.runs.length < 2) return found;
+    if (this.ranked.length < 2) return found;
     for (let ms = LOOK_MS; ms <= this.duration; ms += LOOK_MS) {
-      const far = this.runs.map((run) => run.farAt(ms));
+      const far = this.ranked.map((run) => run.farAt(ms));
       for (let a = 0; a < far.length; a += 1) {
         for (let b = a + 1; b < far.length; b += 1) {
           if (Math.abs(far[a] - far[b]) < CLOSE) continue;
           const leads = far[a] > far[b] ? a : b;
           const pair = a * far.length + b;
-          const over = ms > this.runs[a].duration || ms > this.runs[b].duration;
+          const over = ms > this.ranked[a].duration || ms > this.ranked[b].duration;
           if (ahead.has(pair) && ahead.get(pair) !== leads && !over) {
-            found.push({ ms, kind: "overtake", run: this.runs[leads], of: this.runs[leads === a ? b : a] });
+            found.push({ ms, kind: "overtake", run: this.ranked[leads], of: this.ranked[leads === a ? b : a] });
           }
           ahead.set(pair, leads);
         }
@@ -179,7 +238,7 @@ export class Replay {
   }
 
   differences() {
-    const [one, ...others] = this.runs;
+    const [one, ...others] = this.ranked;
     const found = new Map();
     const step = 100 / PARTS;
     for (const other of others) {
@@ -199,9 +258,9 @@ export class Replay {
   // The order at a time: the car that is farthest first. `gap`: ms behind the leader, `interval`: behind the car before;
   // null where it is not known.
   order(ms) {
-    const rows = this.runs.map((run, number) => {
+    const rows = this.ranked.map((run, number) => {
       const far = run.farAt(ms);
-      return { run, number, far, ms: ms >= run.duration ? (run.timeAt(far) ?? run.duration) : ms, done: ms >= run.duration };
+      return { run, number, far, ms: !run.grows && ms >= run.duration ? (run.timeAt(far) ?? run.duration) : ms, done: !run.grows && ms >= run.duration };
     });
     rows.sort((a, b) => b.far - a.far || a.ms - b.ms || a.number - b.number);
     rows.forEach((row, at) => {
@@ -216,8 +275,49 @@ export class Replay {
   }
 }
 
+// The run on track of a live event, which grows with each chunk (races/live/streaming/pose_chunks.py). `lead`, `tail`: ms
+// that its clock shows before its first and after its last step.
+export class LiveReplay extends Replay {
+  constructor(scene, cars, { boxes = [], lead = 0, tail = 0 } = {}) {
+    super(scene, []);
+    Object.assign(this, { boxes, tail, cars: cars.map((car) => new LiveRun(car, lead)), duration: Infinity });
+  }
+
+  get ranked() { return this.cars; }
+
+  add({ cars = [], bots = [], events }) {
+    for (const event of events) this.cars[event.car].happen(event);
+    for (const columns of cars) {
+      if (columns.t.length) this.cars[columns.number].add(columns); else this.cars[columns.number].finish();
+    }
+    bots.forEach((columns, at) => {
+      this.bots[at] ??= this.bot({ x: [], y: [], yaw: [] });
+      for (const [name, values] of Object.entries(this.bots[at].columns)) values.push(...columns[name]);
+    });
+    this.grew();
+  }
+
+  finish() {
+    for (const car of this.cars) car.finish();
+    this.grew();
+  }
+
+  grew() {
+    this.found = undefined;
+    this.duration = this.tail + Math.max(...this.cars.map((car) => (car.grows ? Infinity : car.duration)));
+    if (!this.runs.length) this.join(this.ghost);
+  }
+
+  // Shows a ghost beside those that drive; null: none.
+  join(ghost) {
+    this.ghost = ghost;
+    if (this.cars.some(({ columns, grows }) => !columns.t.length && grows)) return;
+    this.runs = [...this.cars.filter(({ columns }) => columns.t.length), ...(ghost ? [ghost] : [])];
+  }
+}
+
 // A document; asked for twice if the server or the line fails.
-async function fetchDocument(url, tries = 2) {
+export async function fetchDocument(url, tries = 2) {
   const answer = await fetch(url, { headers: { Accept: "application/json" } }).catch((error) => error);
   if (answer.ok) return answer.json();
   if (tries > 1 && !(answer.status < 500)) {
@@ -230,7 +330,7 @@ async function fetchDocument(url, tries = 2) {
 // The replay of {scene, runs: [{url, lap, name, look}]}. `lost`: the runs whose document could not be loaded, with their
 // error; throws if the first or the scene is lost.
 export async function loadReplay({ scene, runs }) {
-  const [road, ...found] = await Promise.allSettled([scene, ...runs.map(({ url }) => url)].map(fetchDocument));
+  const [road, ...found] = await Promise.allSettled([scene, ...runs.map(({ url }) => url)].map((url) => fetchDocument(url)));
   for (const needed of [road, found[0]]) if (needed.status === "rejected") throw needed.reason;
   const entries = runs.map((run, at) => ({ ...run, document: found[at].value, error: found[at].reason }));
   const replay = new Replay(road.value, entries.filter((entry) => entry.document));

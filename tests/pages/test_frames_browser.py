@@ -33,9 +33,9 @@ DRAWN = """() => {
   show.drawn = [];
   for (let frame = 0; frame < 120; frame += 1) {
     const moment = 2000 + frame * 1000 / 60;
-    show.frame(show.car.at(moment), moment);
+    show.frame(moment);
     void document.body.offsetHeight;
-    show.drawn.push(show.part("car").style.transform);
+    show.drawn.push(document.querySelector('[data-car="0"]').style.transform);
   }
   note(watch.takeRecords());
   watch.disconnect();
@@ -68,8 +68,8 @@ def test_a_frame_moves_the_car_and_lays_nothing_out(browser, live_server, event,
     page.goto(f"/races/race-night/{path}")
     page.wait_for_function(
         """() => {
-          const { car, pixels } = document.querySelector("[data-show]").show;
-          return car.t.at(-1) > 4100 && pixels;
+          const { car } = document.querySelector("[data-show]").show;
+          return car?.columns.t.at(-1) > 4100 && document.querySelector('[data-car="0"]')?.style.transform;
         }"""
     )
     page.evaluate("() => { document.querySelector('[data-show]').show.draw = () => {}; }")
@@ -89,6 +89,6 @@ def test_a_frame_moves_the_car_and_lays_nothing_out(browser, live_server, event,
     assert drawn["trees"] == 0
     assert drawn["texts"] <= 20 * 3
     moved = {of: count for of, count in drawn["attributes"].items() if count > 40}
-    assert moved == {"mover show-car style": 120}
+    assert moved == {"mover replay-car style": 120}
     assert drawn["attributes"]["replay-tail points"] <= 31
     assert layouts() - before <= 20 + 31 + 2, "most frames lay nothing out"

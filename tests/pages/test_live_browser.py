@@ -146,7 +146,7 @@ def test_a_replay_is_controlled_from_the_keyboard(browser, live_server, now) -> 
     before = int(seek.input_value())
     page.keyboard.press("End")
     assert int(seek.input_value()) > before
-    assert "translate(" in page.locator('[data-car="0"]').get_attribute("transform")
+    assert "translate(" in page.locator('[data-car="0"]').get_attribute("style")
 
 
 def test_video_progress_is_announced_and_its_button_keeps_focus(browser, live_server, now) -> None:

@@ -36,7 +36,6 @@ from races.live.services import (
     tick_live,
 )
 from races.models import LiveEvent, LiveSlot, Visibility
-from races.replays.run_maps import map_point
 from tests.evaluation.stubs import HEADER
 from tests.factories import a_model, lap, outcome, start
 from tests.pages.conftest import World, make_world
@@ -73,16 +72,10 @@ class Show:
                 times |= {f"{time} ms": str(time), f"{time} read": written[2:], f"{time} s": f"{time / 1000:.3f}"}
             for second in (PLAYED_S + 4, 20):
                 x, _y = place(second * 15)
-                found |= {
-                    f"place at {second} s": f"{x:.5f}",
-                    f"on the map at {second} s": str(self.on_map(second * 15)),
-                }
+                found |= {f"place at {second} s": f"{x:.5f}", f"pose at {second} s": str(round(x, 4))}
         assert self.playing.ends_at is not None
         found["end"] = self.playing.ends_at.isoformat()[:19]
         return sought(found, times)
-
-    def on_map(self, step: int) -> float:
-        return map_point(self.event.race.track, *place(step))[0]
 
 
 def sought(texts: dict[str, str], times: dict[str, str]) -> Needles:
@@ -288,7 +281,7 @@ def test_what_is_sought_is_found_once_it_was_played(show: Show):
         if status == 200:
             found |= {what for what, needle in needles.items() if needle.search(content)}
     assert {"id of playing", "hash of playing", f"{FIRST_MS} ms", f"{SECOND_MS} ms"} <= found
-    assert f"on the map at {PLAYED_S + 4} s" in found
+    assert f"pose at {PLAYED_S + 4} s" in found
     assert "id of coming" not in found
     assert "hash of coming" not in found
 

@@ -112,9 +112,9 @@ def test_every_screen_while_a_run_is_played(browser, live_server, event):
         return page
 
     big = opened("live/screen/", viewport={"width": 1920, "height": 1080})
-    expect(big.locator("[data-car]")).to_be_visible(timeout=LATE_MS)
+    expect(big.locator('[data-car="0"]')).to_be_visible(timeout=LATE_MS)
     expect(big.locator("[data-who]")).to_have_text("carl")
-    expect(big.locator("[data-ghost]")).to_be_visible(timeout=LATE_MS)
+    expect(big.locator(".replay-car.ghost")).to_be_visible(timeout=LATE_MS)
     expect(big.locator("[data-tower] li")).to_have_count(3)
     expect(big.locator("[data-message]")).to_have_text("Dinner is at eight.")
     expect(big.get_by_text("Gear & Grip")).to_be_visible()
@@ -127,7 +127,7 @@ def test_every_screen_while_a_run_is_played(browser, live_server, event):
     )
     big.wait_for_function(
         """() => {
-          (window.places ??= new Set()).add(document.querySelector("[data-car]").style.transform);
+          (window.places ??= new Set()).add(document.querySelector('[data-car="0"]').style.transform);
           return window.places.size > 10;
         }"""
     )
@@ -136,7 +136,7 @@ def test_every_screen_while_a_run_is_played(browser, live_server, event):
     expect(big.locator("[data-tower] .who").first).to_have_text("carl")  # by the lap that is complete already
 
     watching = opened("event/", viewport={"width": 1280, "height": 900}, color_scheme="dark")
-    expect(watching.locator("[data-car]")).to_be_visible(timeout=LATE_MS)
+    expect(watching.locator('[data-car="0"]')).to_be_visible(timeout=LATE_MS)
     expect(watching.locator("[data-sectors] li").first).to_be_visible(timeout=LATE_MS)
     assert watching.locator("[data-sectors] li").first.get_attribute("class") in ("best", "own", "slow")
     sees(watching)
@@ -152,7 +152,7 @@ def test_every_screen_while_a_run_is_played(browser, live_server, event):
         assert page.context.cookies() == []
 
     phone = opened("live/phone/", viewport={"width": 360, "height": 740}, reduced_motion="reduce")
-    expect(phone.locator("[data-car]")).to_be_visible(timeout=LATE_MS)
+    expect(phone.locator('[data-car="0"]')).to_be_visible(timeout=LATE_MS)
     assert phone.evaluate("document.documentElement.scrollWidth <= 360")
     phone.get_by_role("button", name="applause").click()
     expect(phone.locator('[data-count="clap"]')).to_have_text("1")
@@ -263,7 +263,7 @@ def test_the_big_screen_cuts_nothing_and_moves_while_a_car_drives(browser, live_
     tower = page.locator("[data-tower] .who")
     expect(tower.first).to_have_text("bob", timeout=LATE_MS)
     on_track(event, "carl", 1)
-    expect(page.locator("[data-car]")).to_be_visible(timeout=LATE_MS)
+    expect(page.locator('[data-car="0"]')).to_be_visible(timeout=LATE_MS)
     for part in (".big-head h1", ".big-sponsor"):
         whole = page.locator(part).evaluate(
             "e => e.scrollWidth <= e.clientWidth && e.scrollHeight <= e.clientHeight + 2"
@@ -271,7 +271,7 @@ def test_the_big_screen_cuts_nothing_and_moves_while_a_car_drives(browser, live_
         assert whole and page.locator(part).evaluate("e => e.getBoundingClientRect().right <= innerWidth"), part
     assert page.evaluate("document.documentElement.scrollHeight <= innerHeight")
     keep(page, "big-long-name")
-    area = page.locator(".big .map-stack").evaluate("e => e.clientWidth * e.clientHeight")
+    area = page.locator(".big .viewer-stage").evaluate("e => e.clientWidth * e.clientHeight")
     assert area > 0.28 * 1920 * 1080, "even with a long name and a message"
     expect(tower.first).to_have_text("carl", timeout=30_000)  # by a lap of the run that is still on track
     assert page.evaluate("!!document.querySelector('[data-show]').screen.told.current")

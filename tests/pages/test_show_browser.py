@@ -119,14 +119,14 @@ def test_from_the_lobby_to_the_podium(browser, live_server, event):
         expect(organising.locator(".console-slot.countdown, .console-slot.on_track")).to_contain_text(alias)
         expect(organising.get_by_text("Somebody did something")).to_have_count(0)
         expect(watching.locator("[data-who]")).to_have_text(alias, timeout=LATE_MS)
-        expect(watching.locator("[data-car]")).to_be_visible(timeout=LATE_MS)
+        expect(watching.locator('[data-car="0"]')).to_be_visible(timeout=LATE_MS)
         if number == 1:
-            before = watching.locator("[data-car]").get_attribute("style")
-            expect(watching.locator("[data-car]")).not_to_have_attribute("style", before, timeout=LATE_MS)
+            before = watching.locator('[data-car="0"]').get_attribute("style")
+            expect(watching.locator('[data-car="0"]')).not_to_have_attribute("style", before, timeout=LATE_MS)
             assert_in_step(watching, phone)
             late = window()
             late.goto(address)
-            expect(late.locator("[data-car]")).to_be_visible(timeout=LATE_MS)
+            expect(late.locator('[data-car="0"]')).to_be_visible(timeout=LATE_MS)
             assert_awake_after_an_hour(window(), address, watching)
         play(event, watching, alias)
         expect(watching.locator("#live-parts table")).to_contain_text(alias, timeout=LATE_MS)
@@ -178,7 +178,7 @@ def assert_awake_after_an_hour(page, address: str, other) -> None:
             break
         page.wait_for_timeout(100)
     assert_in_step(page, other)
-    expect(page.locator("[data-car]")).to_be_visible(timeout=LATE_MS)
+    expect(page.locator('[data-car="0"]')).to_be_visible(timeout=LATE_MS)
 
 
 def assert_in_step(one, other) -> None:

@@ -93,11 +93,11 @@ def test_its_frames_are_those_of_the_run(played):
 
 def test_a_crash_is_told_of_in_the_lap_in_which_it_happened():
     """Counted from one, as its laps are."""
-    columns = {name: [0.0, 0.0, 0.0] for name in ("x", "y", "yaw", "v", "steer")}
+    columns = {name: [0.0, 0.0, 0.0] for name in ("x", "y", "yaw", "v", "steer", "progress")}
     car = {
         "number": 0,
         "t": [0, 66, 133],
-        "lap": [0, 0, 1],
+        "lap": [1, 1, 2],
         "status": ["in_progress", "crashed", "off_track"],
         **columns,
     }

@@ -113,7 +113,7 @@ def test_who_comes_in_the_middle_gets_the_last_seconds_and_what_happened_before(
     poses = welcome(str(event.race_id))["poses"]
     assert [chunk["n"] for chunk in poses["chunks"]] == list(range(40 - RECENT, 40))
     before = poses["before"]
-    assert before["n"] == 40 - RECENT and before["laps"] == [0, 1]
+    assert before["n"] == 40 - RECENT and {lap for chunk in poses["chunks"] for lap in chunk["cars"][0]["lap"]} == {2}
     assert {"t": 13_457, "car": 0, "kind": "lap", "lap": 1, "ms": 13_457} in before["events"]
     # a source that begins then says nothing that was missed in between
     assert chunks_in(EventFeed(str(event.race_id)).next(moved=True)[0])[0] <= 40 - RECENT + 1

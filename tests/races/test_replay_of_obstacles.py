@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -14,7 +13,7 @@ from paddock.simulator.physics import PADDOCK_CAR
 from paddock.simulator.policies import CentreLinePilot
 from paddock.simulator.race import Entrant, RaceSettings, run_race
 from paddock.simulator.solids import cars_touch
-from races.replays.run_maps import map_place, replay_data
+from races.replays.document import bot_columns, trace_columns
 from tests.paddock.simulator.tracks_for_tests import stadium
 from videos.drawing.motion import read_steps
 
@@ -33,7 +32,7 @@ def test_a_crash_is_drawn_as_a_touch(layout):
     pilot = CentreLinePilot(TRACK, rules.direction, speed=2.0, offset=0.1)
     result = run_race(RaceSettings(TRACK, rules, [Entrant(pilot.action_space, pilot.sensors, pilot)]))
     trace = result.trace.to_csv()
-    drawn = replay_data(SimpleNamespace(geometry=TRACK), trace, result.layout["bots"])
+    drawn = {**trace_columns(trace), "bots": [bot_columns(places) for places in result.layout["bots"]]}
     assert [len(bot["x"]) for bot in drawn["bots"]] == [len(drawn["t"])] * rules.bots
     crashes = [
         step
@@ -44,12 +43,12 @@ def test_a_crash_is_drawn_as_a_touch(layout):
     middles = [middle(drawn, step) for step in range(len(drawn["t"]))]
     for step in crashes:
         others = [place(bot, step) for bot in drawn["bots"]]
-        boxes = [Pose(*map_place(TRACK, box["x"], box["y"]), -box["yaw"]) for box in result.layout["boxes"]]
+        boxes = [Pose(box["x"], box["y"], box["yaw"]) for box in result.layout["boxes"]]
         near = [cars_touch(middles[step], other, NEAR_M) for other in others]
         near += [math.dist(middles[step][:2], box[:2]) < 0.25 + 0.19 + NEAR_M for box in boxes]
         assert any(near), (step, drawn["t"][step])
     steps = read_steps(trace)
-    filmed = np.array([map_place(TRACK, x, y) for x, y in zip(steps.x, steps.y, strict=True)])
+    filmed = np.stack([steps.x, steps.y], axis=1)
     assert np.abs(filmed - np.array([pose[:2] for pose in middles])).max() < 0.003
 
 

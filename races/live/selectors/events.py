@@ -7,6 +7,7 @@ from collections import Counter
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from datetime import datetime, timedelta
+from typing import Any
 
 from django.db.models import Expression, QuerySet
 
@@ -305,8 +306,8 @@ def played(slot: LiveSlot, now: datetime, *, after: int = -1) -> tuple[list[Chun
     return some, slot.state == SlotState.DONE and first + len(some) >= len(chunks)
 
 
-def shown_line(slot: LiveSlot, now: datetime, lap: int | None) -> dict[str, list[float]] | None:
-    """The line of a fully shown run or of one of its laps, for a ghost; None for other runs and incomplete laps. See
+def shown_line(slot: LiveSlot, now: datetime, lap: int | None) -> dict[str, Any] | None:
+    """The columns of a fully shown run or of one of its laps, for a ghost; None for other runs and incomplete laps. See
     :func:`races.live.streaming.pose_chunks.line_of`."""
     if slot.state != SlotState.DONE:
         return None

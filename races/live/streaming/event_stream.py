@@ -32,11 +32,10 @@ MOST_BYTES = 32 * 1024  # of a state; a larger one is asked for by the pages
 
 
 class PosesBefore(TypedDict):
-    """What happened before chunk ``n``, and the laps begun by then."""
+    """What happened before chunk ``n``."""
 
     n: int
     events: list[RunEvent]
-    laps: list[int]
 
 
 class PosesUpdate(TypedDict):
@@ -184,10 +183,9 @@ def _played(slot: LiveSlot, now: datetime, after: int) -> tuple[list[ChunkDocume
 
 
 def _so_far(slot: LiveSlot, starts_at: datetime, now: datetime) -> PosesUpdate:
-    """The last chunks of a run that is played, and of those before what happened and which laps were begun."""
+    """The last chunks of a run that is played, and what happened in those before."""
     recent = max(0, passed(starts_at, now) - RECENT)
     happened: list[RunEvent] = []
-    laps: dict[int, None] = {}
     chunks: list[ChunkDocument] = []
     after = -1
     while some := _played(slot, now, after)[0]:
@@ -195,8 +193,7 @@ def _so_far(slot: LiveSlot, starts_at: datetime, now: datetime) -> PosesUpdate:
         for chunk in some:
             if chunk["n"] >= recent:
                 chunks.append(chunk)
-                continue
-            happened += chunk["events"]
-            laps |= dict.fromkeys(lap for car in chunk["cars"][:1] for lap in car["lap"])
-    before: PosesBefore = {"n": recent, "events": happened, "laps": list(laps)}
+            else:
+                happened += chunk["events"]
+    before: PosesBefore = {"n": recent, "events": happened}
     return {"slot": slot.pk, "chunks": chunks, "over": False, "before": before}

@@ -12,11 +12,10 @@ from evaluation.models import Result
 from evaluation.running.results import read_layout, read_trace
 
 from ...boards.ranking import Lap
-from ...replays.run_maps import replay_data
+from ...replays.document import bot_columns, trace_columns
 
 CHUNK_MS = 500
-_COLUMNS = ("t", "x", "y", "yaw", "v", "steer", "lap", "status")
-_LINE = ("t", "x", "y", "yaw")
+_COLUMNS = ("t", "x", "y", "yaw", "v", "steer", "lap", "status", "progress")
 _BOT_COLUMNS = ("x", "y", "yaw")
 # public incidents besides crossing a line, by the new status of a step
 _INCIDENTS = ("off_track", "crashed", "immobilized", "reversed", "time_up")
@@ -25,7 +24,7 @@ Columns = Mapping[str, Any]  # of a whole run, by name
 
 
 class CarPoses(TypedDict):
-    """A car's steps as columns of equal length, as :func:`races.replays.run_maps.replay_data` has them."""
+    """A car's steps as columns of equal length, as :class:`races.replays.document.RunColumns` has them."""
 
     number: int
     t: list[int]
@@ -36,6 +35,7 @@ class CarPoses(TypedDict):
     steer: list[float]
     lap: list[int]
     status: list[str]
+    progress: list[float]
 
 
 class BotPoses(TypedDict):
@@ -63,9 +63,10 @@ class ChunkDocument(TypedDict):
     n: Annotated[int, "It begins n times chunk_ms after the start."]
     cars: Annotated[
         list[CarPoses],
-        "For each its number, and columns of equal length: t (ms), x, y (map), yaw, v, steer, lap, status.",
+        "For each its number, and columns as in replay.json: t (ms), x, y (m, the nose), yaw (degrees anticlockwise), "
+        "v (m/s), steer (degrees), lap (from 1), status, progress (percent of the lap).",
     ]
-    bots: Annotated[list[BotPoses], "For each bot x, y and yaw."]
+    bots: Annotated[list[BotPoses], "For each bot x, y (its middle) and yaw."]
     events: Annotated[list[RunEvent], "What happened: t, car, kind (sector, lap, off_track, ...), lap, ms."]
 
 
@@ -82,17 +83,11 @@ def chunks_of(result: Result) -> tuple[ChunkDocument, ...]:
 
 @lru_cache(maxsize=16)
 def _chunks(pk: int, trace: str) -> tuple[ChunkDocument, ...]:
-    result = Result.with_sealed.select_related("evaluation__track").prefetch_related("rivals").get(pk=pk)
-    rivals = list(result.rivals.all())
-    data = replay_data(
-        result.evaluation.track,
-        read_trace(result),
-        read_layout(result).get("bots", ()),
-        {rival.number: read_trace(rival) for rival in rivals},
-    )
-    laps = {0: result.laps, **{rival.number: rival.laps for rival in rivals}}
-    cars = [{"number": 0, **{name: data[name] for name in _COLUMNS}}, *data["rivals"]]
-    return cut(cars, data["bots"], laps)
+    result = Result.with_sealed.prefetch_related("rivals").get(pk=pk)
+    driven = {0: result, **{rival.number: rival for rival in result.rivals.all()}}
+    cars: Any = [{"number": number, **trace_columns(read_trace(car))} for number, car in sorted(driven.items())]
+    bots = [bot_columns(places) for places in read_layout(result).get("bots", ())]
+    return cut(cars, bots, {number: car.laps for number, car in driven.items()})
 
 
 def cut(
@@ -107,20 +102,20 @@ def cut(
     return tuple(_chunk(n, cars, bots, happened) for n in range(last // CHUNK_MS + 1))
 
 
-def line_of(chunks: Sequence[ChunkDocument], lap: int | None) -> dict[str, list[float]]:
-    """The line of the car that was timed through chunks of a run, as columns ``t``, ``x``, ``y`` and ``yaw``: of lap
-    ``lap`` with ``t`` since its beginning, or of the whole run. Empty for a lap that was not completed."""
+def line_of(chunks: Sequence[ChunkDocument], lap: int | None) -> dict[str, list[Any]]:
+    """The columns of the car that was timed through chunks of a run: of lap ``lap`` with ``t`` since its beginning, or
+    of the whole run. Empty for a lap that was not completed."""
     begins, ends = 0, None
     if lap is not None:
         crossed = [event for chunk in chunks for event in chunk["events"] if event["car"] == 0]
         found = [event for event in crossed if event["kind"] == "lap" and event["lap"] == lap]
         begins, ends = (found[0]["t"] - found[0]["ms"], found[0]["t"]) if found else (0, -1)
-    line: dict[str, list[float]] = {name: [] for name in _LINE}
+    line: dict[str, list[Any]] = {name: [] for name in _COLUMNS}
     for chunk in chunks:
         first: Sequence[Columns] = chunk["cars"][:1]
         for car in first:
             rows = [at for at, t in enumerate(car["t"]) if begins <= t and (ends is None or t <= ends)]
-            for name in _LINE:
+            for name in _COLUMNS:
                 line[name] += [car[name][at] - begins if name == "t" else car[name][at] for at in rows]
     return line
 
@@ -162,7 +157,6 @@ def _incidents(car: Columns) -> list[RunEvent]:
     before = ""
     for t, lap, status in zip(car["t"], car["lap"], car["status"], strict=True):
         if status != before and status in _INCIDENTS:
-            # a trace counts episodes from 0, a lap is counted from 1
-            found.append({"t": t, "car": car["number"], "kind": status, "lap": lap + 1})
+            found.append({"t": t, "car": car["number"], "kind": status, "lap": lap})
         before = status
     return found

@@ -33,7 +33,7 @@ from races.live.streaming.camera import frames_of
 from races.models import Entry, LiveEvent, LiveRacer, LiveState, Opponents, Visibility
 from races.models.live import TO_COME, UNDER_WAY
 from races.models.sensors import not_offered
-from races.replays.run_maps import map_size
+from races.replays.document import look_document
 
 from ...web.views import faults_reported, organised_race, watched_race
 from .screens import panel_context
@@ -83,13 +83,14 @@ def live_frames(request: HttpRequest, slug: str) -> HttpResponse:
 @never_stored
 @require_safe
 def live_ghost(request: HttpRequest, slug: str) -> JsonResponse:
-    """The line of a shown run as a ghost: of ``slot``, or one ``lap`` of it."""
+    """A shown run as a ghost: of ``slot``, or one ``lap`` of it."""
     event = _watched(request, slug)
     lap = _number(request.GET.get("lap", "")) if "lap" in request.GET else None
-    line = events.shown_line(slot_in(event, request.GET.get("slot", "")), timezone.now(), lap)
-    if line is None or ("lap" in request.GET and lap is None):
+    slot = slot_in(event, request.GET.get("slot", ""))
+    columns = events.shown_line(slot, timezone.now(), lap)
+    if columns is None or slot.shown_run is None or ("lap" in request.GET and lap is None):
         raise Http404
-    return JsonResponse(line)
+    return JsonResponse({"columns": columns, "look": look_document(slot.shown_run.model.look)})
 
 
 @login_required
@@ -242,7 +243,6 @@ def _shown(request: HttpRequest, event: LiveEvent) -> dict[str, Any]:
         "mine": mine,
         "models": [model for model in garage if not not_offered(model.sensors, race.sensors)],
         "asks_terms": not has_accepted(entry, race),
-        "map_size": map_size(race.track),
         "can_run": events.can_run_live(request.user, event),
         "is_spectator": not events.can_see_live(request.user, event),
     }

@@ -30,7 +30,6 @@ from races.live.selectors import events
 from races.live.selectors.runs import facts_of, met_before
 from races.live.services import react
 from races.models import LiveEvent, LiveRacer, Opponents, Race, ReactionKind, Visibility
-from races.replays.run_maps import map_size
 from races.web.spectator_links import keep_token, race_of_token, spectator_token
 
 from ...web.views import organised_race, report_fault, visible_race, watched_race
@@ -262,7 +261,6 @@ def _context(race: Race, event: LiveEvent | None) -> dict[str, Any]:
         "phase": None if event is None else events.phase_of(event, timezone.now()),
         "document": None if event is None else shared_document(event, timezone.now()),
         "podium": () if event is None else podium_cards(event),
-        "map_size": map_size(race.track) if race.track.has_shape else None,
     }
 
 
