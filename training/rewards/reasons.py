@@ -89,6 +89,51 @@ REWARD_WARNINGS = register(
         "reward_percent": _(
             "Line %(line)s compares “progress” with %(value)s. “progress” is a percentage: a finished lap has 100."
         ),
+        "reward_param_foreign": _("Line %(line)s asks for “%(name)s”, which params never have."),
+        "reward_remembers": _(
+            "After another episode the same drive has other rewards: the function keeps values from the episode "
+            "before. Reset them when “steps” falls."
+        ),
+        "reward_is_random": _("The same drive has other rewards the second time: the function is random."),
+    },
+)
+
+# Of an audit: what the function pays for.
+REWARD_FINDINGS = register(
+    "Reward functions",
+    invalid={
+        "reward_pays_fast": _("A fast lap is worth %(fast)s, a slow lap on the same line %(slow)s: driving fast pays."),
+        "reward_pays_slow": _(
+            "A slow lap is worth %(slow)s, a fast lap on the same line only %(fast)s: driving slowly pays."
+        ),
+        "reward_pays_alike": _(
+            "A fast lap is worth %(fast)s, a slow lap on the same line %(slow)s: speed makes no difference."
+        ),
+        "reward_follows_progress": _("More progress a second has more reward (rank correlation %(value)s)."),
+        "reward_against_progress": _("More progress a second has less reward (rank correlation %(value)s)."),
+        "reward_ignores_progress": _("Reward and progress a second are hardly connected (rank correlation %(value)s)."),
+        "reward_follows_laps": _("Shorter laps have more reward (rank correlation with the lap time %(value)s)."),
+        "reward_against_laps": _("Longer laps have more reward (rank correlation with the lap time %(value)s)."),
+        "reward_ignores_laps": _(
+            "Reward and lap time are hardly connected (rank correlation with the lap time %(value)s)."
+        ),
+        "reward_order": _("%(same)s of %(all)s pairs of drives have the same order by reward and by time."),
+        "reward_standing_pays": _(
+            "Almost standing still is worth %(value)s, the better of the fast and the slow lap %(lap)s: not driving "
+            "pays."
+        ),
+        "reward_circles_pay": _(
+            "A step of driving in circles earns %(value)s, a step of the better of the fast and the slow lap %(lap)s: "
+            "the car may learn circles."
+        ),
+        "reward_crash_pays": _(
+            "To leave the road or to crash is worth %(value)s, the better of the fast and the slow lap %(lap)s: ending "
+            "early pays."
+        ),
+        "reward_no_traps": _("Standing still, driving in circles and crashing pay less than a lap."),
+        "reward_steps_failed": _(
+            "%(count)s of %(total)s steps had no valid reward, which counts as 0 here. A training ends at the first."
+        ),
     },
 )
 

@@ -79,7 +79,7 @@ class Watch(io.TextIOBase):
             self._ticks -= 1
             if self._ticks <= 0:
                 if self.too_long_in is None:
-                    self.too_long_in = _line_of(frame)
+                    self.too_long_in = line_of_frame(frame)
                 raise TooLong
 
     def writable(self) -> bool:
@@ -132,7 +132,7 @@ class _Errors(io.TextIOBase):
             self._operators.flush()
 
 
-def _line_of(frame: FrameType | None) -> int:
+def line_of_frame(frame: FrameType | None) -> int:
     while frame is not None and frame.f_code.co_filename != FILENAME:
         frame = frame.f_back
     return frame.f_lineno if frame is not None else 0

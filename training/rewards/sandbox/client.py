@@ -40,16 +40,26 @@ _PARAMETERS = frozenset(re.findall(r"%\((\w+)\)", " ".join(reason.sentence for r
 @dataclass(frozen=True)
 class Answer:
     """``faults``: with the number of the state, None before any. ``rewards``: one for each state reached, None if it
-    failed. ``printed``: the beginning of the output."""
+    failed. ``printed``: the beginning of the output. ``counts``: of an audit, in how many states each fault came."""
 
     faults: list[tuple[UserFault, int | None]] = field(default_factory=list)
     warnings: list[UserFault] = field(default_factory=list)
     rewards: list[float | None] = field(default_factory=list)
     printed: str = ""
+    counts: list[int] = field(default_factory=list)
 
 
-def ask(code: str, states: Sequence[Params], *, check: bool, whole: bool = False, level: int | None = None) -> Answer:
-    """Try ``code`` on ``states`` (of one drive) in the sandbox; see :mod:`.process` for ``check`` and ``whole``.
+def ask(
+    code: str,
+    states: Sequence[Params],
+    *,
+    check: bool,
+    whole: bool = False,
+    drives: Sequence[int] = (),
+    level: int | None = None,
+) -> Answer:
+    """Try ``code`` on ``states`` (of one track) in the sandbox; see :mod:`.process` for ``check``, ``whole`` and
+    ``drives``.
 
     A fault of the code is in the answer. Raises PlatformFault (``reward_check_failed``, ``reward_check_busy``, those of
     the sandbox). Leaves no process behind. ``level``: as for :func:`evaluation.sandbox.launch.launch`.
@@ -57,7 +67,7 @@ def ask(code: str, states: Sequence[Params], *, check: bool, whole: bool = False
     with _slot(), launch(MODULE, limits=REWARD, arguments=wanted_modules(code), level=level) as process:
         widen_pipe(process.stdin)
         _wait_for_lock(process)
-        question = {"code": code, "check": check, "whole": whole, **to_wire(states)}
+        question = {"code": code, "check": check, "whole": whole, "drives": list(drives), **to_wire(states)}
         computed = 0.0
         try:
             write_message(process.stdin, question, deadline=process.deadline)
@@ -191,7 +201,15 @@ def _checked(header: dict[str, Any], states: int) -> Answer:
     if not isinstance(warnings, list) or len(warnings) > _MOST:
         raise ValueError("not warnings")
     hints = [_fault(one, states)[0] for one in warnings]
-    return Answer([_fault(one, states) for one in faults], hints, rewards, readable(printed))
+    found = [_fault(one, states) for one in faults]
+    return Answer(found, hints, rewards, readable(printed), [_count(one, states) for one in faults])
+
+
+def _count(sent: dict[str, Any], states: int) -> int:
+    count = sent.get("count", 1)
+    if type(count) is not int or not 1 <= count <= max(states, 1):
+        raise ValueError("not a count")
+    return count
 
 
 def _fault(sent: Any, states: int) -> tuple[UserFault, int | None]:

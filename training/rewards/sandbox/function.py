@@ -112,11 +112,14 @@ class Reward:
         return value
 
     def _call(self, params: Params) -> Any:
-        # A deep copy: all that can change in params are the dict and its flat lists (of numbers and pairs).
-        copy = {key: list(value) if type(value) is list else value for key, value in params.items()}
+        copy = self._copy(params)
         if self.form == PARAMS:
             return self._function(*self._self, copy)
         return self._function(*self._self, *positional(copy))
+
+    def _copy(self, params: Params) -> Params:
+        # A deep copy: all that can change in params are the dict and its flat lists (of numbers and pairs).
+        return {key: list(value) if type(value) is list else value for key, value in params.items()}
 
     def _return_line(self, params: Params) -> int:
         """The line of the return that gave a bad value, found by tracing another call; else the definition's line."""
@@ -323,25 +326,30 @@ def _lines(trace: TracebackType | None) -> list[int]:
     return lines
 
 
-_PAIRS = "objects_location"
+_PAIRS = ("waypoints", "objects_location")
 
 
 class StatesOfDrive(TypedDict):
-    """States of one drive (the same waypoints in all) as plain JSON values."""
+    """States on one track as plain JSON values. ``same``: what all of them have alike, such as the waypoints."""
 
-    waypoints: list[tuple[float, float]]
+    same: Params
     states: list[Params]
 
 
 def to_wire(states: Sequence[Params]) -> StatesOfDrive:
+    first = states[0] if states else {}
+    same = {key: value for key, value in first.items() if all(state[key] == value for state in states)}
     return {
-        "waypoints": states[0]["waypoints"] if states else [],
-        "states": [{key: value for key, value in state.items() if key != "waypoints"} for state in states],
+        "same": same,
+        "states": [{key: value for key, value in state.items() if key not in same} for state in states],
     }
 
 
 def from_wire(data: StatesOfDrive) -> list[Params]:
-    waypoints = [tuple(point) for point in data["waypoints"]]
-    return [
-        {**state, "waypoints": waypoints, _PAIRS: [tuple(place) for place in state[_PAIRS]]} for state in data["states"]
-    ]
+    same = _paired(data["same"])
+    return [{**same, **_paired(state)} for state in data["states"]]
+
+
+def _paired(values: Params) -> Params:
+    """JSON has lists where params have tuples."""
+    return {key: [tuple(place) for place in value] if key in _PAIRS else value for key, value in values.items()}
