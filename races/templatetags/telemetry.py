@@ -10,6 +10,7 @@ from django.urls import reverse
 from django.utils.translation import gettext as _
 
 from paddock.errors import PaddockError
+from races.replays.comparison import best_lap
 from races.replays.views import ReplayedRun
 from races.telemetry.document import AskedLap, LossDocument, MiniSectorDocument, TelemetryDocument, telemetry_document
 from races.telemetry.selectors import REFERENCE, asked_lap, asked_reference
@@ -45,9 +46,25 @@ def telemetry_panel(runs: Sequence[ReplayedRun]) -> dict[str, Any]:
             for number, (name, shown) in enumerate(zip(names, document["runs"], strict=True))
         ],
         "losses": [(loss, _moment(laps, loss)) for loss in document["losses"]],
-        "against": against and {"name": names[1] if len(names) > 1 else names[0], "lap": against["lap"]},
+        "shown_lap": _shown_lap(runs, laps[0]),
+        "against": against and _against(document, against["lap"], names),
         "places": _places(document),
     }
+
+
+def _shown_lap(runs: Sequence[ReplayedRun], first: AskedLap) -> str:
+    """Which laps are shown, where the page does not say so."""
+    words = _words()
+    if len(runs) > 1:
+        return "" if runs[0].lap else words["best_laps"]
+    return words["best_lap" if first.number == best_lap(first.laps) else "some_lap"] % first.number
+
+
+def _against(document: TelemetryDocument, other_lap: int, names: Sequence[str]) -> str:
+    """The laps of which the losses are the difference."""
+    text = _words()["against" if len(names) > 1 else "against_best"]
+    lap = document["runs"][0]["lap"]
+    return text % {"name": names[0], "lap": lap, "other": names[min(1, len(names) - 1)], "other_lap": other_lap}
 
 
 def _query(laps: Sequence[AskedLap]) -> str:
@@ -93,6 +110,11 @@ def _words() -> dict[str, str]:
         "curvature": _("Curvature"),
         "reward": _("Reward"),
         "turn": _("Turn"),
+        "some_lap": _("Lap %s"),
+        "best_lap": _("Lap %s (best lap)"),
+        "best_laps": _("The best lap of each run"),
+        "against": _("%(name)s, lap %(lap)s, against %(other)s, lap %(other_lap)s"),
+        "against_best": _("Lap %(lap)s against the best lap, %(other_lap)s"),
         "later": _("above 0: later"),
         "left": _("above 0: left"),
         "failed": _("The telemetry could not be loaded."),

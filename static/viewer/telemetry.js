@@ -10,13 +10,22 @@ const CHARTS = [
   { name: "curvature", of: [["curvature"]], digits: 1, unit: "1/m" },
   { name: "reward", of: [["reward"]], digits: 2, unit: "" },
 ];
+const REFERENCE = "reference";
 const GRID = "rgb(128 128 128 / .25)"; // on either ground
+const SYMMETRIC = new Set(["steer", "offset", "curvature"]);
 const LEAST_SHARE = 1 / 60; // of a lap, the closest zoom
 const number = (value, digits) => (value === null || value === undefined ? "–" : value.toFixed(digits));
 function clock(ms) {
   if (ms === null || ms === undefined) return "–";
   const whole = Math.floor(ms);
   return `${Math.floor(whole / 60000)}:${String(Math.floor(whole / 1000) % 60).padStart(2, "0")}.${String(whole % 1000).padStart(3, "0")}`;
+}
+
+// Zero and the roundest value that both sides have room for, twice if there is room.
+function evenly(most) {
+  const power = 10 ** Math.floor(Math.log10(most));
+  const step = [5, 2, 1].map((digit) => digit * power).find((each) => each <= most);
+  return [-2, -1, 0, 1, 2].map((times) => times * step).filter((value) => Math.abs(value) <= most);
 }
 
 // The index with the largest value <= `value` in rising values that may end with nulls.
@@ -40,9 +49,16 @@ function valueAt(keys, values, value) {
 }
 
 class Telemetry {
-  constructor(root, replay, player, words, data) {
-    Object.assign(this, { root, replay, player, words, data, axis: "metres", reference: 0, plots: [], place: null });
+  constructor(root, replay, player, words, data, url) {
+    const [run] = replay.runs;
+    const others = data.runs.slice(1);
+    const isAlone = others.every((each) => each.run === REFERENCE);
+    Object.assign(this, { root, replay, player, words, data, url, axis: "metres", plots: [], place: null });
+    this.reference = isAlone && others.length ? 1 : 0;
     this.part = (name) => root.querySelector(`[data-${name}]`);
+    if (this.part("reference")) this.part("reference").value = this.reference;
+    // a run that plays from its start to its end: its charts show the lap that it drives
+    if (isAlone && run?.lap === 0 && run.laps.length > 1) this.offerLaps(run.laps);
     this.commanded = this.part("commanded").checked;
     this.part("charts").hidden = false;
     this.box = this.part("plots");
@@ -79,6 +95,85 @@ class Telemetry {
   delta(run) {
     const other = this.data.runs[this.reference].ms;
     return run.ms.map((ms, i) => (ms === null || other[i] === null ? null : (ms - other[i]) / 1000));
+  }
+
+  // --- the lap ---------------------------------------------------------------------------------------------------------
+  offerLaps(laps) {
+    const complete = laps.filter((lap) => lap.complete);
+    this.best = complete.reduce((best, lap) => (lap.time_ms < (best?.time_ms ?? Infinity) ? lap : best), null)?.number;
+    this.known = new Map([[this.data.runs[0].lap, this.data]]);
+    const select = this.part("lap");
+    select.append(...laps.map(({ number: lap, time_ms: ms }) => new Option(`${this.lapName(lap)} · ${clock(ms)}`, lap)));
+    select.value = this.data.runs[0].lap;
+    select.addEventListener("change", () => {
+      this.player.pause();
+      this.player.seek(laps.find(({ number: lap }) => lap === Number(select.value)).start_ms - this.replay.runs[0].start + 1);
+    });
+    this.part("laps").hidden = false;
+  }
+
+  lapName(lap) { return (lap === this.best ? this.words.best_lap : this.words.some_lap).replace("%s", lap); }
+
+  // The lap that the replay has come to, once it has begun.
+  async followLap() {
+    const lap = this.player.now > 0 ? this.replay.runs[0].lapAt(this.player.now + this.replay.runs[0].start)?.number : undefined;
+    if (!this.known || lap === undefined || lap === this.wanted || (this.wanted === undefined && lap === this.data.runs[0].lap)) return;
+    this.wanted = lap;
+    if (!this.known.has(lap)) {
+      this.known.set(lap, null); // a lap that cannot be read is asked for once
+      const url = new URL(this.url, location.href);
+      url.searchParams.set("lap", lap);
+      const answer = await fetch(url, { headers: { Accept: "application/json" } }).catch(() => ({ ok: false }));
+      if (answer.ok) this.known.set(lap, await answer.json());
+    }
+    if (this.wanted === lap && this.known.get(lap)) this.showLap(this.known.get(lap));
+  }
+
+  showLap(data) {
+    this.data = data;
+    const [run] = data.runs;
+    this.part("shown-lap").textContent = this.lapName(run.lap);
+    this.part("lap").value = run.lap;
+    const csv = new URL(this.csv ??= this.part("csv").href);
+    csv.searchParams.set("lap", run.lap);
+    this.csv = csv.href;
+    const cells = this.part("of-lap").parentElement.cells;
+    [cells[1].textContent, cells[2].textContent] = [run.lap, clock(run.time_ms)];
+    this.showSectors();
+    this.showLosses();
+    if (this.axis === "time") this.range = undefined;
+    this.build();
+    this.linkCsv();
+    this.follow();
+  }
+
+  showSectors() {
+    const rows = this.root.querySelectorAll(".mini-sectors tbody tr");
+    this.data.sectors.forEach(({ times, colours }, at) => rows.forEach((row, run) => {
+      const cell = row.querySelectorAll(".sector-time")[at];
+      cell.textContent = times[run] === null ? "–" : (times[run] / 1000).toFixed(3);
+      cell.className = `sector-time ${colours[run]}`;
+    }));
+    this.labelSectors();
+  }
+
+  showLosses() {
+    const { losses, against, runs: [run, other] } = this.data;
+    const box = this.part("losses");
+    box.hidden = !against;
+    if (!against) return;
+    const text = other ? this.words.against : this.words.against_best;
+    const values = { name: run.name, lap: run.lap, other: other?.name, other_lap: against.lap };
+    this.part("against").textContent = text.replace(/%\((\w+)\)s/g, (_, name) => values[name]);
+    box.querySelector("ol").replaceChildren(...losses.map(({ sentence, t_ms: ms }) => {
+      const [line, link] = [document.createElement("li"), document.createElement("a")];
+      link.href = `?lap=${run.lap}&t=${(ms / 1000).toFixed(2)}`;
+      link.dataset.moment = ms;
+      link.textContent = sentence;
+      line.append(link);
+      return line;
+    }));
+    this.part("no-loss").hidden = losses.length > 0;
   }
 
   // --- charts --------------------------------------------------------------------------------------------------------
@@ -135,7 +230,7 @@ class Telemetry {
       scales: { x: { time: false, range: () => this.range }, y: { range: (u, low, high) => this.span(name, low, high) } },
       axes: [
         { ...axis, size: 24, values: (u, ticks) => ticks.map((tick) => `${+tick.toFixed(2)}`) },
-        { ...axis, size: 50, space: 20, values: (u, ticks) => ticks.map((tick) => tick.toFixed(Math.abs(tick) < 10 ? Math.max(digits, tick % 1 ? 1 : 0) : Math.min(digits, 1)).replace("-", "−")) },
+        { ...axis, size: 50, space: 20, ...(SYMMETRIC.has(name) && { splits: (u, at, low, high) => evenly(high) }), values: (u, ticks) => ticks.map((tick) => tick.toFixed(Math.abs(tick) < 10 ? Math.max(digits, tick % 1 ? 1 : 0) : Math.min(digits, 1)).replace("-", "−")) },
       ],
       cursor: { y: false, drag: { x: true, y: false, setScale: false }, points: { size: 6 } },
       hooks: {
@@ -192,6 +287,7 @@ class Telemetry {
     const size = Math.min(Math.max(to - from, least), last - first);
     const begin = Math.min(Math.max((from + to - size) / 2, first), last - size);
     this.range = [begin, begin + size];
+    if (this.chosen) { this.chosen = null; this.labelSectors(); }
     for (const { plot } of this.plots) plot.setScale("x", { min: this.range[0], max: this.range[1] });
     this.showCursor();
     this.linkCsv();
@@ -232,6 +328,7 @@ class Telemetry {
   // --- cursor ----------------------------------------------------------------------------------------------------------
   // The player's moment as a place on the axis: of the first run's lap.
   follow() {
+    this.followLap();
     const ms = this.player.now + (this.replay.runs[0]?.start ?? 0) - this.data.runs[0].start_ms;
     const [run] = this.data.runs;
     const last = run.ms.findLast((each) => each !== null) ?? 0;
@@ -261,7 +358,9 @@ class Telemetry {
 
   goTo(place) {
     const [run] = this.data.runs;
-    const at = Math.min(Math.max(place, this.whole[0]), this.whole[1]);
+    const last = run.ms.findLastIndex((each) => each !== null);
+    const end = this.axis === "time" ? run.ms[last] / 1000 : this.data.metres[last]; // its own, not that of a slower run
+    const at = Math.min(Math.max(place, this.whole[0]), end);
     const ms = this.axis === "time" ? at * 1000 : valueAt(this.data.metres, run.ms, at);
     if (ms !== null) this.player.seek(ms + run.start_ms - (this.replay.runs[0]?.start ?? 0));
   }
@@ -279,7 +378,8 @@ class Telemetry {
       const value = (values) => (key === null ? null : valueAt(keys, values, key));
       const delta = value(this.delta(each));
       const texts = [
-        clock(value(each.ms)), index === this.reference || delta === null ? "" : `${delta < 0 ? "−" : "+"}${Math.abs(delta).toFixed(3)}`,
+        clock(value(each.ms)),
+        ...(runs.length > 1 ? [index === this.reference || delta === null ? "" : `${delta < 0 ? "−" : "+"}${Math.abs(delta).toFixed(3)}`] : []),
         number(value(each.driven_speed), 2), number(value(each.driven_steer), 0), number(value(each.offset), 2),
       ];
       texts.forEach((text, cell) => { rows[index].cells[cell + 1].textContent = text; });
@@ -305,18 +405,50 @@ class Telemetry {
       event.preventDefault();
       this.zoom(event.deltaY < 0 ? "in" : "out");
     }, { passive: false });
-    this.root.querySelectorAll("[data-from]").forEach((cell) => cell.addEventListener("click", () => {
-      const [from, to] = [cell.dataset.from, cell.dataset.to].map(Number);
-      const place = (metres) => (this.axis === "metres" ? metres : (valueAt(this.data.metres, this.data.runs[0].ms, metres) ?? 0) / 1000);
-      this.show(place(from), place(to));
-    }));
-    this.root.querySelectorAll("a[data-moment]").forEach((link) => link.addEventListener("click", (event) => {
-      if (event.ctrlKey || event.metaKey || event.shiftKey) return;
+    this.listenToSectors();
+    this.part("losses").addEventListener("click", (event) => {
+      const link = event.target.closest("a[data-moment]");
+      if (!link || event.ctrlKey || event.metaKey || event.shiftKey) return;
       event.preventDefault();
       this.player.pause();
       this.player.seek(Number(link.dataset.moment) + this.data.runs[0].start_ms - (this.replay.runs[0]?.start ?? 0));
       document.querySelector("[data-stage]")?.scrollIntoView({ block: "center" });
-    }));
+    });
+  }
+
+  // A mini-sector shows its metres alone, and again the whole lap. One of them is in the order of tabs; arrows go on.
+  listenToSectors() {
+    this.cells = [...this.root.querySelectorAll(".sector-time[data-from]")];
+    const wide = this.data.sectors.length;
+    const reach = (cell) => { for (const each of this.cells) each.tabIndex = each === cell ? 0 : -1; };
+    const choose = (cell) => {
+      const isChosen = cell.getAttribute("aria-pressed") === "true";
+      const place = (metres) => (this.axis === "metres" ? metres : (valueAt(this.data.metres, this.data.runs[0].ms, metres) ?? 0) / 1000);
+      this.show(...(isChosen ? this.whole : [cell.dataset.from, cell.dataset.to].map((metres) => place(Number(metres)))));
+      this.chosen = isChosen ? null : cell;
+      this.labelSectors();
+    };
+    for (const cell of this.cells) {
+      cell.setAttribute("role", "button");
+      cell.addEventListener("click", () => { reach(cell); choose(cell); });
+      cell.addEventListener("keydown", (event) => {
+        if (event.ctrlKey || event.metaKey || event.altKey) return;
+        const by = { ArrowLeft: -1, ArrowRight: 1, ArrowUp: -wide, ArrowDown: wide }[event.key];
+        const next = this.cells[this.cells.indexOf(cell) + by];
+        if (next) { reach(next); next.focus(); } else if (["Enter", " "].includes(event.key)) choose(cell);
+        if (next || by || ["Enter", " "].includes(event.key)) event.preventDefault();
+      });
+    }
+    reach(this.cells[0]);
+    this.labelSectors();
+  }
+
+  labelSectors() {
+    const word = this.root.querySelector(".mini-sectors").dataset.word;
+    this.cells.forEach((cell, at) => {
+      cell.setAttribute("aria-label", `${word} ${(at % this.data.sectors.length) + 1}: ${cell.textContent}`);
+      cell.setAttribute("aria-pressed", String(cell === this.chosen));
+    });
   }
 
   press(event) {
@@ -379,7 +511,7 @@ export async function createTelemetry(root, replay, player) {
   const { url, words } = JSON.parse(root.dataset.telemetry);
   const answer = await fetch(url, { headers: { Accept: "application/json" } });
   if (!answer.ok) throw Object.assign(new Error(words.failed), { status: answer.status });
-  const telemetry = new Telemetry(root, replay, player, words, await answer.json());
+  const telemetry = new Telemetry(root, replay, player, words, await answer.json(), url);
   root.telemetry = telemetry;
   root.dispatchEvent(new CustomEvent("telemetry:ready", { bubbles: true, detail: telemetry }));
   return telemetry;

@@ -73,9 +73,8 @@ export class Viewer extends Stage {
 
   showState() {
     const { playing, rate } = this.player;
-    const toggle = this.part("toggle");
-    toggle.textContent = playing ? this.words.pause : this.words.play;
-    if (toggle.getAttribute("aria-pressed") !== String(playing)) toggle.setAttribute("aria-pressed", String(playing));
+    this.part("toggle").textContent = playing ? this.words.pause : this.words.play; // a label that changes needs no state beside it
+    this.root.toggleAttribute("data-plays", playing);
     this.part("rate").value = String(rate);
     if (playing) this.result = false;
     else this.remember();
@@ -140,7 +139,7 @@ export class Viewer extends Stage {
     const isButton = target.closest("button");
     const far = 1000 * LEAST_GAIN;
     const acts = {
-      " ": () => player.toggle(), k: () => player.toggle(), Home: () => player.seek(0), End: () => player.seek(this.replay.duration),
+      " ": () => player.toggle(), k: () => player.toggle(), Home: () => player.seek(0), End: () => this.toEnd(),
       ArrowLeft: () => (shiftKey ? player.seek(player.now - far) : player.step(-1)), ",": () => player.step(-1),
       ArrowRight: () => (shiftKey ? player.seek(player.now + far) : player.step(1)), ".": () => player.step(1),
       "[": () => this.faster(-1), "]": () => this.faster(1), c: () => this.nextCamera(),
@@ -150,6 +149,12 @@ export class Viewer extends Stage {
     if (!act || (isButton && (key === " " || key === "Enter"))) return;
     event.preventDefault();
     act();
+  }
+
+  // The end of the first run; from there that of the last.
+  toEnd() {
+    const { duration } = this.replay.runs[0];
+    this.player.seek(this.player.now < duration ? duration : this.replay.duration);
   }
 
   faster(by) {

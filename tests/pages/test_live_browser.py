@@ -27,7 +27,7 @@ pytestmark = [*IN_A_BROWSER, pytest.mark.django_db(transaction=True)]
 RECORD = """addEventListener("DOMContentLoaded", () => {
   window.messages = []; window.plays = 0;
   new MutationObserver((changes) => changes.forEach(({ target, attributeName }) => {
-    if (attributeName === "aria-pressed") window.plays += target.getAttribute("aria-pressed") === "true";
+    if (attributeName === "data-plays") window.plays += target.hasAttribute("data-plays");
     else if (target.closest && target.closest("[data-live-said]")) window.messages.push(target.textContent);
   })).observe(document, { subtree: true, childList: true, attributes: true });
 });"""

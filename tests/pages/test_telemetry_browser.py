@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterator
 from dataclasses import replace
 from urllib.parse import parse_qs, urlencode, urlsplit
@@ -172,3 +173,75 @@ def test_charts_have_the_width_of_the_page(open_page, width):
     assert width * 0.55 <= chart["width"] <= width
     if SHOTS:
         shoot(page, f"telemetry-{width}")
+
+
+def test_charts_of_a_whole_run_name_their_lap_and_go_with_the_replay(open_page, pair):
+    page = open_page(**{"lap": "all", "with": ""})
+    laps = pair[0].result.laps
+    best = min(laps, key=lambda lap: lap["time_ms"])["number"]
+    other = 3 - best
+    head = page.locator("[data-shown-lap]")
+    playwright.expect(head).to_have_text(f"Lap {best} (best lap)")
+    playwright.expect(page.locator("[data-lap]")).to_have_value(str(best))
+    times = page.locator(".mini-sectors .sector-time").all_inner_texts()
+    page.locator("[data-seek]").fill(str(laps[other - 1]["start_ms"] + 2000))
+    playwright.expect(head).to_have_text(f"Lap {other}")
+    playwright.expect(page.locator(".telemetry-values tbody td").first).to_have_text("0:02.000")
+    assert (
+        state(page, "data.runs[0].lap") == other
+        and page.locator(".mini-sectors .sector-time").all_inner_texts() != times
+    )
+    link = parse_qs(urlsplit(page.locator("[data-csv]").get_attribute("href")).query)
+    assert link["lap"] == [str(other)] and page.locator("[data-of-lap]").inner_text() == str(other)
+    page.locator("[data-lap]").select_option(str(best))
+    playwright.expect(head).to_have_text(f"Lap {best} (best lap)")
+    assert page.locator(".mini-sectors .sector-time").all_inner_texts() == times
+    assert int(page.locator("[data-seek]").input_value()) == pytest.approx(laps[best - 1]["start_ms"], abs=2)
+
+
+def test_one_run_has_no_delta(open_page):
+    page = open_page(**{"lap": "all", "with": ""})
+    playwright.expect(page.locator("figure[data-chart]")).to_have_count(4)
+    playwright.expect(page.locator(".telemetry-values").get_by_text("Delta")).to_have_count(0)
+    page.locator("[data-seek]").fill("3000")
+    cells = page.locator(".telemetry-values tbody tr td")
+    playwright.expect(cells).to_have_count(4)
+    playwright.expect(cells.nth(3)).to_have_text(re.compile(r"^[−-]?\d\.\d\d$"))
+
+
+def test_mini_sectors_are_chosen_by_keys(open_page):
+    page = open_page()
+    cells = page.locator(".mini-sectors [data-from]")
+    length = state(page, "data.length_m")
+    cells.first.focus()
+    page.keyboard.press("ArrowRight")
+    playwright.expect(cells.nth(1)).to_be_focused()
+    page.keyboard.press("Enter")
+    assert state(page, "range") == pytest.approx([length / 20, length / 10], abs=0.1)
+    playwright.expect(cells.nth(1)).to_have_attribute("aria-pressed", "true")
+    page.keyboard.press("ArrowDown")
+    playwright.expect(cells.nth(21)).to_be_focused()
+    playwright.expect(page.locator(".mini-sectors [tabindex='0']")).to_have_count(1)
+    page.keyboard.press("ArrowUp")
+    page.keyboard.press(" ")
+    assert state(page, "range") == state(page, "whole")
+    playwright.expect(page.get_by_role("button", name="Mini-sector 2:")).to_have_count(2)
+
+
+def test_the_end_of_the_charts_is_that_of_the_first_run(open_page, pair):
+    page = open_page()
+    page.goto(f"{reverse('replay', args=[pair[1].public_id])}?lap=2&with={pair[0].public_id}:2")
+    page.locator("[data-axis]").select_option("time")
+    page.locator("[data-plots]").focus()
+    page.keyboard.press("End")
+    own, slower = (run.result.laps[1]["time_ms"] / 1000 for run in reversed(pair))
+    assert state(page, "place") == pytest.approx(own, abs=0.01)
+    assert state(page, "whole[1]") == pytest.approx(slower, abs=0.01) and slower > own + 0.1
+
+
+@pytest.mark.parametrize("chart", ["offset", "steer", "curvature"])
+def test_a_chart_around_zero_has_ticks_on_both_sides(open_page, chart):
+    page = open_page()
+    plot = f"plots.find((each) => each.chart.name === '{chart}').plot"
+    ticks = [tick for tick in state(page, f"{plot}.axes[1]._splits") if tick is not None]
+    assert min(ticks) < 0 < max(ticks) and 0 in ticks
