@@ -45,6 +45,7 @@ PARTS: dict[str, tuple[str, tuple[str, ...], tuple[str, ...]]] = {
     "pages": ("pages", (), ("--runs", "3")),
     "pages_postgres": ("pages", ("--postgres",), ("--postgres", "--runs", "3")),
     "pages_big": ("pages", ("--big",), ("--big", "--runs", "3", "--pages", "home", "race")),
+    "comparing": ("comparing", (), ("--people", "10", "--pause", "3", "--turns", "1")),
     "slow": ("slow", (), ("--connections", "200", "--seconds", "2")),
     "spectators": ("spectators", (), ("--seconds", "2", "--rate", "100")),
     "streams": ("streams", (), ("--streams", "50", "--seconds", "20")),

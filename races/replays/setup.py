@@ -33,13 +33,21 @@ class ViewedRun(TypedDict):
 
 
 def viewer_setup(
-    scene: str, runs: Sequence[ViewedRun], *, page: str = "", quiet: bool = False, clip: str = "", **more: Any
+    scene: str,
+    runs: Sequence[ViewedRun],
+    *,
+    together: str = "",
+    page: str = "",
+    quiet: bool = False,
+    clip: str = "",
+    **more: Any,
 ) -> str:
-    """The JSON for the include ``races/replays/viewer.html``. ``scene``: the address of the scene document; ``page``:
-    that of the viewer's page, for links to a moment; ``quiet``: play at once, over and over, without controls;
-    ``clip``: the page that makes clips of the first run, for readers who may."""
-    setup = {"scene": scene, "runs": list(runs), "page": page, "quiet": quiet, "clip": clip, "words": words()}
-    return json.dumps(setup | more)
+    """The JSON for the include ``races/replays/viewer.html``. ``scene``: the address of the scene document;
+    ``together``: that of one answer with all of these documents by their addresses; ``page``: that of the viewer's
+    page, for links to a moment; ``quiet``: play at once, over and over, without controls; ``clip``: the page that makes
+    clips of the first run, for readers who may."""
+    own = {"together": together, "page": page, "quiet": quiet, "clip": clip, "words": words()}
+    return json.dumps({"scene": scene, "runs": list(runs), **own, **more})
 
 
 def run_setup(shown: Evaluation, lap: int = 0, reader: Racer | AnonymousUser | None = None) -> str:

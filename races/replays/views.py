@@ -1,6 +1,6 @@
 """The page of the viewer, and the documents that it plays."""
 
-from collections.abc import Sequence
+from collections.abc import Hashable, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -19,7 +19,7 @@ from paddock.geometry.track import CCW, DIRECTIONS
 from races.replays.comparison import LapComparison, LapLine, best_lap, compare, driven_trace, lap_line
 from races.replays.document import document_key, look_document, run_document
 from races.replays.reference import viewed_reference
-from races.replays.responses import document_response
+from races.replays.responses import Make, document_response, documents_response
 from races.replays.run_maps import LAP_COLOURS, LapRow, lap_rows
 from races.replays.scene import SCENE_FORMAT, scene_document
 from races.replays.selectors import (
@@ -41,6 +41,7 @@ from tracks.reference.selectors import reference_lap
 
 MOST_RUNS = 8
 REFERENCE = "reference"  # for ghost: the reference lap
+PART = "part"  # for analysis
 WHOLE = 0  # for a lap: the run from its start
 _WORDS = frozenset(why.value for why in Why)
 
@@ -89,8 +90,9 @@ class RunVerdict:
 @require_safe
 def replay(request: HttpRequest, public_id: str) -> HttpResponse:
     """A run in the viewer. ``with``: up to seven others, each an id, an id and its lap (``id:2``), a link, or one of
-    :class:`Why`; ``lap``: of the run, ``all`` for its whole; ``ghost``: :data:`REFERENCE`. Scripts read ``t`` and
-    ``camera``."""
+    :class:`Why`; ``lap``: of the run, ``all`` for its whole; ``ghost``: :data:`REFERENCE`; ``analysis``: with sentences
+    and telemetry, :data:`PART` for these alone, which the page asks for when they come into sight. Scripts read ``t``
+    and ``camera``."""
     shown = shown_evaluation(request, public_id)
     if shown.state != State.FINISHED:
         raise Http404
@@ -107,6 +109,10 @@ def replay(request: HttpRequest, public_id: str) -> HttpResponse:
     reference = reference_lap(shown.track, direction_of(shown), shown.result.engine)
     with_reference = reference is not None and request.GET.get("ghost") == REFERENCE
     runs = _replayed(shown, request.GET.get("lap", ""), others, beside, alone=not others and not with_reference)
+    analysis = request.GET.get("analysis", "")
+    if analysis == PART:
+        return render(request, "races/replays/analysis.html", {"runs": runs, "verdicts": _verdicts(runs)})
+    together = _together(runs)
     context = {
         "evaluation": shown,
         "race": race_of(shown),
@@ -114,12 +120,19 @@ def replay(request: HttpRequest, public_id: str) -> HttpResponse:
         "cars": sorted(cars, key=lambda car: car.number) if len(cars) > 1 else [],
         "direction": direction_of(shown),
         "lines": [line for each in runs if (line := each.line)],
+        "map_key": tuple((each.run.result.trace_sha256, each.lap) for each in runs),
         "boxes": driven_boxes(shown.result.layout),
-        "viewer": _setup(shown, runs, reference if with_reference else None, clip_address(shown, request.user)),
+        "viewer": _setup(
+            shown, runs, reference if with_reference else None, together, clip_address(shown, request.user)
+        ),
+        "together": together,
         "reference": reference,
         "reference_toggle": _address(public_id, _toggled(request.GET, with_reference)),
         "with_reference": with_reference,
-        "verdicts": _verdicts(runs),
+        "has_analysis": bool(analysis),
+        "verdicts": _verdicts(runs) if analysis else [],
+        "analysis_page": _address(public_id, _analysed(request.GET, "1")),
+        "analysis_part": _address(public_id, _analysed(request.GET, PART)),
         "rows": _rows(runs) if len(runs) > 1 else [],
         "swapped": _swapped(runs) if len(runs) == 2 else "",
         "offers": _offers(request, shown, runs, beside) if len(runs) < MOST_RUNS else [],
@@ -140,11 +153,17 @@ def compare_before(request: HttpRequest, public_id: str, other_id: str = "") -> 
 
 @require_safe
 def evaluation_replay(request: HttpRequest, public_id: str) -> HttpResponse:
-    """The run document (:mod:`races.replays.document`)."""
-    shown = finished_evaluation(request, public_id)
-    cars = car_rows(shown)
-    key = document_key(shown, cars)
-    return document_response(request, key, lambda: run_document(shown, cars))
+    """The run document (:mod:`races.replays.document`). ``with``: the ids of others, for one answer with the scene and
+    the documents by their addresses, without those that the reader may not see."""
+    if "with" not in request.GET:
+        return document_response(request, *_run_part(finished_evaluation(request, public_id)))
+    wanted = [public_id, *request.GET["with"].split(",")][:MOST_RUNS]
+    known = visible_evaluations(request, wanted)
+    runs = [known[each] for each in wanted if each in known and known[each].state == State.FINISHED]
+    if not runs or runs[0].public_id != public_id:
+        raise Http404
+    parts = {scene_address(runs[0]): _scene_part(runs[0].track, direction_of(runs[0]))}
+    return documents_response(request, parts | {document_address(run): _run_part(run) for run in runs})
 
 
 @require_safe
@@ -154,8 +173,17 @@ def track_scene(request: HttpRequest, slug: str) -> HttpResponse:
     direction = request.GET.get("direction", CCW)
     if direction not in DIRECTIONS:
         raise Http404
+    return document_response(request, *_scene_part(track, direction))
+
+
+def _run_part(run: Evaluation) -> tuple[Hashable, Make]:
+    cars = car_rows(run)
+    return document_key(run, cars), lambda: run_document(run, cars)
+
+
+def _scene_part(track: Track, direction: str) -> tuple[Hashable, Make]:
     key = "scene document", SCENE_FORMAT, track.slug, track.name, track.geometry.fingerprint, direction
-    return document_response(request, key, lambda: scene_document(track, direction))
+    return key, lambda: scene_document(track, direction)
 
 
 def _asked(request: HttpRequest, shown: Evaluation) -> dict[str, str]:
@@ -259,7 +287,25 @@ def _toggled(query: QueryDict, is_shown: bool) -> QueryDict:
     return toggled
 
 
-def _setup(shown: Evaluation, runs: Sequence[ReplayedRun], reference: ReferenceLap | None, clip: str) -> str:
+def _analysed(query: QueryDict, how: str) -> QueryDict:
+    """The query for the same laps with their analysis."""
+    analysed = query.copy()
+    analysed["analysis"] = how
+    for name in ("t", "camera"):
+        analysed.pop(name, None)
+    return analysed
+
+
+def _together(runs: Sequence[ReplayedRun]) -> str:
+    """The address of the documents of all runs and the scene."""
+    first, *others = runs
+    beside = ",".join(each.run.public_id for each in others)
+    return f"{document_address(first.run)}?with={beside}"
+
+
+def _setup(
+    shown: Evaluation, runs: Sequence[ReplayedRun], reference: ReferenceLap | None, together: str, clip: str
+) -> str:
     viewed: Any = [
         {
             "url": document_address(each.run),
@@ -270,7 +316,8 @@ def _setup(shown: Evaluation, runs: Sequence[ReplayedRun], reference: ReferenceL
     ]
     if reference is not None:
         viewed.append(viewed_reference(reference))
-    return viewer_setup(scene_address(shown), viewed, page=reverse("replay", args=[shown.public_id]), clip=clip)
+    page = reverse("replay", args=[shown.public_id])
+    return viewer_setup(scene_address(shown), viewed, together=together, page=page, clip=clip)
 
 
 def _verdicts(runs: Sequence[ReplayedRun]) -> list[RunVerdict]:

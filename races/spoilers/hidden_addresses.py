@@ -67,11 +67,11 @@ def register() -> None:
     )
     register_scope(
         _of_runs,
-        *("evaluation", "evaluation_live", "evaluation_replay"),
+        *("evaluation", "evaluation_live"),
         *("evaluation_seen", "evaluation_saw", "evaluation_attention"),
         *("evaluation_trace", "evaluation_metrics", "evaluation_logs"),
         *("api-evaluation", "api-metrics", "api-evaluation-compare", "api-layout", "api-evaluation-logs"),
         *("api-trace", "api-videos"),
     )
-    register_scope(_of_replays, "replay", "telemetry", "telemetry_csv", "api-telemetry")
+    register_scope(_of_replays, *("replay", "evaluation_replay", "telemetry", "telemetry_csv", "api-telemetry"))
     register_scope(_of_videos, *("video_live", "video_file", "video_poster", "api-video", "api-video-file"))

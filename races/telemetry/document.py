@@ -1,12 +1,14 @@
 """The telemetry document: a lap of each of several runs on one grid of distance, mini-sectors and losses."""
 
-from collections.abc import Callable, Sequence
+import gzip
+import json
+from collections.abc import Callable, Hashable, Sequence
 from dataclasses import dataclass
-from typing import Annotated, Any, TypedDict
+from typing import Annotated, Any, TypedDict, cast
 
 import numpy as np
+from django.utils.translation import get_language
 
-from core.streams.shared_pieces import lasting_value
 from evaluation.running.messages import DrivenLapDocument
 from paddock.analysis.losses import Loss, losses_of
 from paddock.analysis.mini_sectors import MINI_SECTORS, RunPace, mini_sector_times, pace_of, sector_colours
@@ -23,6 +25,7 @@ from paddock.analysis.telemetry import (
 from paddock.analysis.turns import TrackTurn, turns_of
 from paddock.errors import UserFault
 from paddock.geometry.track import TrackGeometry
+from races.replays.responses import compressed
 from tracks.models import Track
 
 from .sentences import loss_sentence
@@ -164,7 +167,12 @@ class _Laps:
 def telemetry_document(laps: Sequence[AskedLap]) -> TelemetryDocument:
     """The document of these laps, the first run's first; all were driven on one track in one direction. Made once for
     all readers of a language. Raises UserFault ``compare_lap``, PlatformFault ``storage_failed``, ``file_damaged``."""
-    return lasting_value(document_key(laps), lambda: _document(laps))
+    return json.loads(gzip.decompress(compressed(*telemetry_part(laps))))
+
+
+def telemetry_part(laps: Sequence[AskedLap]) -> tuple[Hashable, Callable[[], dict[str, Any]]]:
+    """The key of the document in the language at hand, and what makes it."""
+    return (document_key(laps), get_language()), lambda: cast(dict[str, Any], _document(laps))
 
 
 def document_key(laps: Sequence[AskedLap]) -> tuple[Any, ...]:

@@ -1,23 +1,20 @@
 """Telemetry as JSON and as CSV."""
 
 import csv
-import hashlib
 import io
-import json
 import math
 from collections.abc import Iterable, Sequence
 
 from django.http import HttpRequest, HttpResponse, JsonResponse
-from django.utils.cache import get_conditional_response, patch_vary_headers
-from django.utils.http import quote_etag
-from django.utils.translation import get_language
+from django.utils.cache import patch_vary_headers
 from django.views.decorators.http import require_safe
 
 from core.forms import explain
 from paddock.errors import UserFault
+from races.replays.responses import document_response
 from races.web.views import downloaded, finished_evaluation, too_many
 
-from .document import DIGITS, AskedLap, TelemetryDocument, document_key, telemetry_document
+from .document import DIGITS, TelemetryDocument, telemetry_document, telemetry_part
 from .selectors import asked_laps
 
 RATES = {"telemetry": "120/m"}
@@ -30,9 +27,12 @@ def telemetry(request: HttpRequest, public_id: str) -> HttpResponse:
     if (late := too_many(request, "telemetry", RATES)) is not None:
         return late
     try:
-        return _conditional(request, asked_laps(request, finished_evaluation(request, public_id)))
+        laps = asked_laps(request, finished_evaluation(request, public_id))
+        response = document_response(request, *telemetry_part(laps))
     except UserFault as fault:
         return JsonResponse({"code": fault.code, "detail": str(explain(fault))}, status=fault.reason.status)
+    patch_vary_headers(response, ("Accept-Language", "Cookie"))
+    return response
 
 
 @require_safe
@@ -61,19 +61,6 @@ def telemetry_rows(document: TelemetryDocument, from_m: float = 0.0, to_m: float
             if ms is not None and from_m <= metres <= to_m:
                 writer.writerow((run["run"], run["lap"], metres, ms, *values))
     return out.getvalue()
-
-
-def _conditional(request: HttpRequest, laps: Sequence[AskedLap]) -> HttpResponse:
-    key = repr((document_key(laps), get_language()))
-    etag = quote_etag(hashlib.sha256(key.encode()).hexdigest()[:32])
-    response = get_conditional_response(request, etag=etag)
-    if response is None:
-        content = json.dumps(telemetry_document(laps), separators=(",", ":"))
-        response = HttpResponse(content, content_type="application/json")
-    response["ETag"] = etag
-    response["Cache-Control"] = "private, max-age=0, must-revalidate"
-    patch_vary_headers(response, ("Accept-Language", "Cookie"))
-    return response
 
 
 def _metres(text: str | None, default: float) -> float:

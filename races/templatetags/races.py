@@ -16,7 +16,7 @@ from django.utils.translation import gettext_noop
 
 from core.database.kept_queries import KeptQuery
 from core.pages.charts import sparkline
-from core.streams.shared_pieces import shared_value
+from core.streams.shared_pieces import lasting_value
 from core.times import clock
 from evaluation.models import Evaluation, TrainedModel
 from paddock.geometry.track import TrackGeometry
@@ -197,7 +197,7 @@ def run_map(
         drawing = draw_svg(track.geometry.in_direction(direction), title=track.name, lines=lines, boxes=boxes)
         return mark_safe(drawing)  # the only texts in it are titles, which draw_svg escapes
 
-    return draw() if key is None else shared_value(("run map", key), draw)
+    return draw() if key is None else lasting_value(("run map", track.name, direction, key), draw)
 
 
 @lru_cache(maxsize=256)

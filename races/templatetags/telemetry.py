@@ -6,36 +6,56 @@ from typing import Any
 
 from django import template
 from django.http import QueryDict
+from django.template.loader import render_to_string
+from django.templatetags.static import static
 from django.urls import reverse
+from django.utils.safestring import SafeString
 from django.utils.translation import gettext as _
 
+from core.streams.shared_pieces import lasting_value
 from paddock.errors import PaddockError
 from races.replays.comparison import best_lap
 from races.replays.views import ReplayedRun
-from races.telemetry.document import AskedLap, LossDocument, MiniSectorDocument, TelemetryDocument, telemetry_document
+from races.telemetry.document import (
+    AskedLap,
+    LossDocument,
+    MiniSectorDocument,
+    TelemetryDocument,
+    document_key,
+    telemetry_document,
+)
 from races.telemetry.selectors import REFERENCE, asked_lap, asked_reference
 
 register = template.Library()
 
 
-@register.inclusion_tag("races/telemetry/panel.html")
-def telemetry_panel(runs: Sequence[ReplayedRun]) -> dict[str, Any]:
-    """Charts, mini-sectors and losses of the laps of ``runs``, of the best lap of a run that is shown whole. Nothing
-    where a trace cannot be read."""
+@register.simple_tag
+def telemetry_panel(runs: Sequence[ReplayedRun]) -> SafeString:
+    """Charts, mini-sectors and losses of the laps of ``runs``, of the best lap of a run that is shown whole, drawn once
+    for all readers. Nothing where a trace cannot be read."""
     if not all(each.run.result.laps for each in runs):
-        return {}
+        return SafeString()
     laps = [asked_lap(each.run, each.lap) for each in runs]
     names = [each.name for each in runs]
     if len(runs) == 1 and (reference := asked_reference(runs[0].run)):
         laps.append(reference)
         names.append(reference.name)
     try:
-        document = telemetry_document(laps)
+        key = "telemetry panel", document_key(laps), tuple(names)
+        return lasting_value(key, lambda: render_to_string("races/telemetry/panel.html", _panel(laps, names)))
     except PaddockError:
-        return {}
+        return SafeString()
+
+
+def _panel(laps: Sequence[AskedLap], names: Sequence[str]) -> dict[str, Any]:
+    document = telemetry_document(laps)
     query = _query(laps)
     first = laps[0].run
-    setup = {"url": f"{reverse('telemetry', args=[first])}?{query}", "words": _words()}
+    setup = {
+        "url": f"{reverse('telemetry', args=[first])}?{query}",
+        "plot": static("vendor/uplot.iife.min.js"),
+        "words": _words(),
+    }
     against = document["against"]
     return {
         "setup": json.dumps(setup),

@@ -56,9 +56,10 @@ def visible_evaluation(request: HttpRequest, public_id: str) -> Evaluation:
 
 
 def visible_evaluations(request: HttpRequest, public_ids: Iterable[str]) -> dict[str, Evaluation]:
-    """Those of the evaluations that the reader may see, by id, as :func:`visible_evaluation` has them. One query."""
+    """Those of the evaluations that the reader may see, by id, with result and model. One query."""
     wanted = [each for each in public_ids if "\0" not in each]
-    return {run.public_id: run for run in _evaluations(request.user).filter(public_id__in=wanted)} if wanted else {}
+    runs = evaluations_visible_to(request.user).select_related("result", "model__owner").defer("track__npy")
+    return {run.public_id: run for run in runs.filter(public_id__in=wanted)} if wanted else {}
 
 
 def public_evaluation(public_id: str) -> Evaluation | None:
@@ -84,8 +85,8 @@ def _evaluations(viewer: Viewer) -> QuerySet[Evaluation]:
 
 
 def finished_evaluation(request: HttpRequest, public_id: str) -> Evaluation:
-    """As :func:`visible_evaluation`, and 404 without a result."""
-    shown = visible_evaluation(request, public_id)
+    """As :func:`shown_evaluation`, and 404 without a result."""
+    shown = shown_evaluation(request, public_id)
     if shown.state != State.FINISHED:
         raise Http404
     return shown

@@ -100,7 +100,8 @@ export class Stage {
   // Whether a reader who has chosen nothing sees three dimensions at once: nothing is drawn in time without a card.
   get startsIn3d() { return hasWebGL() === "card"; }
 
-  // Where WebGL 2 is there, its cameras are offered; the scene is loaded with the first of them. The map is small then.
+  // Where WebGL 2 is there, its cameras are offered; the scene is loaded with the first of them. The map shows the cars
+  // until it is there, and is small then.
   offerCameras(asked = "") {
     if (this.setup.quiet || !hasWebGL()) return;
     this.offered = [...CAMERAS, MAP];
@@ -144,8 +145,6 @@ export class Stage {
     this.offerSelect(this.camera);
     if (wants3d) {
       this.last = name;
-      this.part("scene").hidden = false;
-      this.part("stage").classList.add("in-3d");
       this.mounting ??= this.mountScene();
       this.scene = await this.mounting;
       if (this.camera === MAP) return; // changed meanwhile

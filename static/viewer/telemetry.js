@@ -1,5 +1,5 @@
 // Charts of laps side by side, over distance or time, beside a replay: they share their moment with its player. The page
-// has the rest (mini-sectors, losses, tables) from the server; uPlot draws. Needs vendor/uplot.iife.min.js before it.
+// has the rest (mini-sectors, losses, tables) from the server; uPlot draws.
 
 const HEIGHT = { speed: 190, delta: 130, steer: 130, offset: 110, curvature: 110, reward: 110 };
 const CHARTS = [
@@ -506,10 +506,16 @@ class Telemetry {
   }
 }
 
+function load(src) {
+  return new Promise((done, failed) => {
+    document.head.append(Object.assign(document.createElement("script"), { src, onload: done, onerror: failed }));
+  });
+}
+
 // The charts in `root` (templates/races/telemetry/panel.html) for a replay and its player.
 export async function createTelemetry(root, replay, player) {
-  const { url, words } = JSON.parse(root.dataset.telemetry);
-  const answer = await fetch(url, { headers: { Accept: "application/json" } });
+  const { url, plot, words } = JSON.parse(root.dataset.telemetry);
+  const [answer] = await Promise.all([fetch(url, { headers: { Accept: "application/json" } }), "uPlot" in window || load(plot)]);
   if (!answer.ok) throw Object.assign(new Error(words.failed), { status: answer.status });
   const telemetry = new Telemetry(root, replay, player, words, await answer.json(), url);
   root.telemetry = telemetry;

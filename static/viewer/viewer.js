@@ -10,6 +10,15 @@ const JUMPS = { difference: "d", off_track: "o", overtake: "v", crash: "x" };
 const CLIP_MS = 5000; // of a moment
 const CLIP_CAMERAS = { map: "top", top: "follow", free: "chase" }; // those of a video that come nearest
 
+// Calls `act` when what is on the page has been painted; soon where nothing is, because nobody looks. The mark is for
+// benchmarks/comparing.py.
+function afterPaint(act) {
+  let isDone = false;
+  const once = () => { if (!isDone) { isDone = true; performance.mark("viewer:painted"); act(); } };
+  requestAnimationFrame(() => setTimeout(once));
+  setTimeout(once, 300);
+}
+
 // The frame of the car's camera at the moment: one request at a time, at most one each SEEN_MS, while it is in sight.
 class CameraFrame {
   constructor(root) {
@@ -96,7 +105,6 @@ export class Viewer extends Stage {
       this.part("clip").href = this.setup.clip;
     }
     this.part("player").hidden = this.setup.quiet;
-    this.offerJumps();
     if (!this.setup.quiet) this.root.addEventListener("keydown", (event) => this.press(event));
     // a click plays, but not the end of a drag, which moves the free camera
     let from = null;
@@ -104,12 +112,15 @@ export class Viewer extends Stage {
     this.part("stage").addEventListener("click", ({ x, y }) => { if (!this.setup.quiet && from && Math.hypot(x - from[0], y - from[1]) < 6) player.toggle(); });
   }
 
-  // The time that can be chosen, and the kinds of events that there are.
+  // The time that can be chosen.
+  offerTime() {
+    if (Number.isFinite(this.replay.duration)) this.part("seek").max = this.replay.duration;
+  }
+
+  // The kinds of events that there are.
   offerJumps() {
-    const { duration, events } = this.replay;
-    if (!Number.isFinite(duration)) return;
-    this.part("seek").max = duration;
-    const kinds = new Set(events.map(({ kind }) => kind));
+    if (!Number.isFinite(this.replay.duration)) return;
+    const kinds = new Set(this.replay.events.map(({ kind }) => kind));
     this.part("jumps").replaceChildren(...Object.keys(JUMPS).filter((kind) => kinds.has(kind)).map((kind) => {
       const button = document.createElement("button");
       Object.assign(button, { type: "button", className: "button quiet small", textContent: this.words[kind] });
@@ -122,6 +133,7 @@ export class Viewer extends Stage {
   show(replay) {
     this.player.replay = replay;
     super.show(replay);
+    this.offerTime();
     this.offerJumps();
   }
 
@@ -199,12 +211,13 @@ export class Viewer extends Stage {
     const query = new URLSearchParams(this.isPage ? location.search : "");
     this.player.seek(1000 * Number(query.get("t") ?? 0));
     this.begun = true;
-    this.offerCameras(query.get("camera") ?? "");
+    this.offerTime();
     if (this.setup.quiet && !isStill()) {
       this.player.loop = true;
       this.player.play();
     }
     this.draw();
+    afterPaint(() => { this.offerJumps(); this.offerCameras(query.get("camera") ?? ""); });
   }
 
   // --- a run that has just ended ----------------------------------------------------------------------------------------
@@ -254,7 +267,23 @@ async function start(root, isFresh) {
   }
 }
 
+// What the traces of the laps say is asked for when it comes into sight; its link leads to it where that fails.
+function showAnalysis(card) {
+  new IntersectionObserver(async ([{ isIntersecting }], watcher) => {
+    if (!isIntersecting) return;
+    watcher.disconnect();
+    const answer = await fetch(card.dataset.analysis).catch((error) => error);
+    if (!answer.ok) return;
+    const part = document.createElement("template");
+    part.innerHTML = await answer.text(); // the site's own page
+    card.replaceWith(part.content);
+    await import("./telemetry.js");
+  }, { rootMargin: "200px" }).observe(card);
+}
+
 const startAll = (isFresh) => document.querySelectorAll("[data-viewer]:not([data-started])").forEach((root) => start(root, isFresh));
 startAll(false);
+document.querySelectorAll("[data-analysis]").forEach(showAnalysis);
+if (document.querySelector("[data-telemetry]")) import("./telemetry.js");
 // It came in the place of the car that was on track.
 document.addEventListener("htmx:afterSettle", () => startAll(true));

@@ -59,6 +59,7 @@ def open_page(browser, live_server, alice, pair):
             page.set_viewport_size({"width": width, "height": 900})
             given = {"lap": "2", "with": f"{pair[1].public_id}:2"} | query
             page.goto(f"{reverse('replay', args=[pair[0].public_id])}?{urlencode(given, safe=':,')}")
+            page.locator("#analysis").scroll_into_view_if_needed()
             playwright.expect(page.locator("figure[data-chart] canvas").first).to_be_visible()
             return page
 

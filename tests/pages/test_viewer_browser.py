@@ -169,6 +169,7 @@ def test_the_run_page_plays_its_run(open_page, pair):
 def test_a_run_that_cannot_be_loaded_is_named_and_the_others_play(browser, live_server, alice, pair):
     with visitor(browser, live_server.url, alice) as context:
         page = context.new_page()
+        page.route("**/replay.json?with=*", lambda route: route.fulfill(status=503, body="{}"))
         page.route(f"**/{pair[1].public_id}/replay.json", lambda route: route.fulfill(status=503, body="{}"))
         page.goto(beside(*pair))
         playwright.expect(page.locator("[data-note]")).to_have_text(
@@ -187,6 +188,7 @@ def test_without_scripts_the_page_has_map_sentence_and_tables(browser, live_serv
         page.goto(reverse("replay", args=[pair[0].public_id]))
         page.get_by_label("Any other, by its link").fill(live_server.url + pair[1].get_absolute_url())
         page.get_by_role("button", name="Add").click()
+        page.get_by_role("link", name="Who is ahead, and where").click()
         playwright.expect(page.get_by_text("bob is 1.000 s ahead of alice at the line.")).to_be_visible()
         playwright.expect(page.get_by_role("region", name="Laps and sectors")).to_be_visible()
         playwright.expect(page.locator("[data-player]")).to_be_hidden()

@@ -168,7 +168,9 @@ def test_page_and_api_show_the_same_gap(runs, client):
     assert len(told["gap_ms"]) == len(told["metres"]) == len(told["speed"]) == len(told["other_speed"]) == 201
     for wrong in ("0", "4", "x", "-1", "1e1", "٣"):
         assert client.get(address, {"lap": wrong}).json()["code"] == "compare_lap"
-    page = client.get(reverse("replay", args=[runs["alice"].public_id]), {"with": runs["bob"].public_id})
+    page = client.get(
+        reverse("replay", args=[runs["alice"].public_id]), {"with": runs["bob"].public_id, "analysis": "1"}
+    )
     assert "bob is 0.200 s ahead of alice at the line." in page.content.decode()
     assert [each["lap"] for each in json.loads(page.context["viewer"])["runs"]] == [2, 2], "the best lap of each"
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import gzip
 import json
 import math
 from datetime import timedelta
@@ -79,6 +80,36 @@ def test_documents_are_compressed_and_asked_for_once(now):
     assert (again.status_code, again.content) == (304, b"")
 
 
+def test_the_documents_of_a_page_come_together(now, client):
+    race = a_race(now)
+    mine, theirs = a_driven_run(race, a_racer("alice"), now), a_driven_run(race, a_racer("bob"), now)
+    setup = json.loads(
+        client.get(reverse("replay", args=[mine.public_id]), {"with": theirs.public_id}).context["viewer"]
+    )
+    answer = client.get(setup["together"], headers={"Accept-Encoding": "gzip"})
+    found = json.loads(gzip.decompress(answer.content))
+    assert found == {url: client.get(url).json() for url in (setup["scene"], *(run["url"] for run in setup["runs"]))}
+    assert client.get(setup["together"], headers={"If-None-Match": answer["ETag"]}).status_code == 304
+    theirs.result.trace.delete(save=False)
+    assert set(client.get(setup["together"]).json()) == set(found) - {setup["runs"][1]["url"]}
+
+
+def test_documents_that_come_together_are_those_that_the_reader_may_see(now, client):
+    alice, bob = a_racer("alice"), a_racer("bob")
+    mine = a_driven_run(a_race(now), alice, now)
+    secret = a_race(now, visibility=Visibility.INVITATION, organiser=alice)
+    accept_invitation(token=secret.invitation, racer=bob, now=now)
+    private = a_driven_run(secret, bob, now)
+    addresses = [reverse("evaluation_replay", args=[run.public_id]) for run in (mine, private)]
+    guest = client.get(addresses[0], {"with": private.public_id})
+    assert addresses[0] in guest.json() and addresses[1] not in guest.json()
+    assert client.get(addresses[1], {"with": mine.public_id}).status_code == 404
+    client.force_login(alice)
+    assert addresses[1] in client.get(addresses[0], {"with": private.public_id}).json()
+    Evaluation.with_sealed.filter(pk=private.pk).update(sealed=True)
+    assert addresses[1] not in client.get(addresses[0], {"with": private.public_id}).json()
+
+
 def test_a_new_look_or_name_is_another_document(now, client):
     run = a_driven_run(a_race(now), a_racer("alice"), now)
     address = reverse("evaluation_replay", args=[run.public_id])
@@ -129,6 +160,8 @@ def test_hidden_results_hide_the_replay_the_ghost_and_the_offer(now):
     client.force_login(alice)
     refused = client.get(reverse("evaluation_replay", args=[theirs.public_id]))
     assert refused.json()["code"] == HIDDEN.code and "columns" not in refused.json()
+    together = client.get(reverse("evaluation_replay", args=[mine.public_id]), {"with": theirs.public_id})
+    assert together.json()["code"] == HIDDEN.code
     at = reverse("replay", args=[mine.public_id])
     page = client.get(at)
     assert page.status_code == 200 and page.context["offers"] == []
@@ -154,7 +187,7 @@ def test_a_trace_that_is_gone_or_damaged_leaves_the_page(now, fault):
     client = Client()
     document = client.get(reverse("evaluation_replay", args=[theirs.public_id]))
     assert document.status_code == 503
-    page = client.get(reverse("replay", args=[mine.public_id]), {"with": theirs.public_id})
+    page = client.get(reverse("replay", args=[mine.public_id]), {"with": theirs.public_id, "analysis": "1"})
     assert page.status_code == 200 and page.context["verdicts"] == [] and len(page.context["runs"]) == 2
 
 

@@ -132,7 +132,7 @@ def test_a_lap_is_measured_against_the_reference_lap(runs, reference, client):
     assert [run["run"] for run in found["runs"]] == [runs["alice"].public_id, "reference"]
     assert found["runs"][1]["time_ms"] == reference.time_ms
     assert found["against"]["run"] == "reference" and found["losses"]
-    page = client.get(reverse("replay", args=[runs["alice"].public_id])).content.decode()
+    page = client.get(reverse("replay", args=[runs["alice"].public_id]), {"analysis": "part"}).content.decode()
     assert all(loss["sentence"] in page for loss in found["losses"])
     assert "with=reference" in page and page.count('class="sector-time ') == 40
 
@@ -219,13 +219,20 @@ def test_what_cannot_be_compared_is_refused_with_its_reason(runs, client, query,
 def test_a_trace_that_is_gone_is_the_platforms_fault(runs, client):
     runs["alice"].result.trace.delete(save=False)
     assert client.get(address(runs["alice"])).status_code == 503
-    page = client.get(reverse("replay", args=[runs["alice"].public_id]))
+    page = client.get(reverse("replay", args=[runs["alice"].public_id]), {"analysis": "1"})
     assert page.status_code == 200 and "data-telemetry" not in page.content.decode()
 
 
 def test_the_page_of_the_viewer_has_everything_without_a_script(runs, client):
     query = {"lap": 1, "with": runs["bob"].public_id}
-    page = client.get(reverse("replay", args=[runs["alice"].public_id]), query).content.decode()
+    address = reverse("replay", args=[runs["alice"].public_id])
+    first = client.get(address, {**query, "t": "3", "camera": "top"}).content.decode()
+    asked = unescape(first.partition('data-analysis="')[2].partition('"')[0])
+    linked = unescape(first.partition('<a href="' + address)[2].partition('"')[0])
+    assert "data-telemetry" not in first and linked.endswith("&analysis=1#analysis")
+    page = client.get(address + linked.removesuffix("#analysis")).content.decode()
+    part = client.get(asked).content.decode()
+    assert "<html" in page and "<html" not in part and part.strip() in page
     document = read(client, runs["alice"], **query)
     for loss in document["losses"]:
         assert loss["sentence"] in page

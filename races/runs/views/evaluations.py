@@ -134,7 +134,7 @@ def _context(request: HttpRequest, shown: Evaluation) -> dict:
             "colour": colour,
             "lap": number,
             "lines": trajectories(car.result.trajectory, colour, number),
-            "map_key": (shown.pk, car.number, colour, number),
+            "map_key": (shown.pk, shown.result.trace_sha256, car.number, colour, number),
             "speed_scale": speed_scale(car.result.trajectory),
             "boxes": driven_boxes(shown.result.layout),
             "bot_count": shown.spec["rules"].get("bots", 0),
