@@ -40,14 +40,15 @@ def telemetry_panel(runs: Sequence[ReplayedRun]) -> SafeString:
     if len(runs) == 1 and (reference := asked_reference(runs[0].run)):
         laps.append(reference)
         names.append(reference.name)
+    shown = _shown_lap(runs, laps[0])
+    key = "telemetry panel", document_key(laps), tuple(names), shown
     try:
-        key = "telemetry panel", document_key(laps), tuple(names)
-        return lasting_value(key, lambda: render_to_string("races/telemetry/panel.html", _panel(laps, names)))
+        return lasting_value(key, lambda: render_to_string("races/telemetry/panel.html", _panel(laps, names, shown)))
     except PaddockError:
         return SafeString()
 
 
-def _panel(laps: Sequence[AskedLap], names: Sequence[str]) -> dict[str, Any]:
+def _panel(laps: Sequence[AskedLap], names: Sequence[str], shown_lap: str) -> dict[str, Any]:
     document = telemetry_document(laps)
     query = _query(laps)
     first = laps[0].run
@@ -66,7 +67,7 @@ def _panel(laps: Sequence[AskedLap], names: Sequence[str]) -> dict[str, Any]:
             for number, (name, shown) in enumerate(zip(names, document["runs"], strict=True))
         ],
         "losses": [(loss, _moment(laps, loss)) for loss in document["losses"]],
-        "shown_lap": _shown_lap(runs, laps[0]),
+        "shown_lap": shown_lap,
         "against": against and _against(document, against["lap"], names),
         "places": _places(document),
     }
