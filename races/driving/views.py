@@ -58,7 +58,9 @@ def _setup(request: HttpRequest, track: Track, direction: str) -> dict[str, Any]
         "words": {
             "you": _("You"),
             "lap": _("Lap"),
-            "ready": _("Press the up arrow or the pedal to start."),
+            "ready": _("Press the up arrow to start."),
+            "ready_touch": _("Hold ▲ to start."),
+            "no_tilt": _("The browser does not allow this page to read the tilt of the phone."),
             "off_track": _("Off track. Wait for the reset."),
             "failed": _("The page could not load the track or the ghost."),
         },

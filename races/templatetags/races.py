@@ -302,5 +302,5 @@ def overall_percent(progress: dict) -> int:
 @register.filter
 def sector_word(colour: str | None) -> str:
     """The meaning of a sector's colour, for screen readers."""
-    words = {"purple": _("fastest of all"), "green": _("personal best"), "yellow": _("slower")}
+    words = {"purple": _("fastest of all racers"), "green": _("personal best"), "yellow": _("slower")}
     return words.get(colour or "", "")

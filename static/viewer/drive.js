@@ -11,6 +11,8 @@ const MOST_MS = 120; // of a frame: a page that was away does not drive on
 const NAMES = ["t", "x", "y", "yaw", "v", "steer", "lap", "status", "progress", "on_track"];
 const CAMERAS = ["chase", "onboard", "top", "trackside"];
 
+const isTouched = () => matchMedia("(pointer: coarse)").matches;
+
 // The visitor's car as a run that grows while it drives.
 class LiveRun extends Run {
   constructor(name, look) {
@@ -42,8 +44,19 @@ export class Drive {
     this.part("again").addEventListener("click", () => { this.restart(); this.draw(); });
     this.part("ghost").addEventListener("change", () => this.race());
     this.part("camera").addEventListener("change", ({ target }) => { this.view?.setCamera(target.value); this.draw(); });
-    this.part("tilt").addEventListener("click", async ({ currentTarget }) => currentTarget.setAttribute("aria-pressed", String(await this.controls.useTilt())));
-    this.part("tilt").hidden = !("DeviceOrientationEvent" in window && matchMedia("(pointer: coarse)").matches);
+    this.part("tilt").addEventListener("click", async ({ currentTarget }) => {
+      const wasUsed = this.controls.tilt !== null, isUsed = await this.controls.useTilt();
+      currentTarget.setAttribute("aria-pressed", String(isUsed));
+      if (!wasUsed && !isUsed) this.note(this.words.no_tilt);
+    });
+    this.part("tilt").hidden = !("DeviceOrientationEvent" in window && isTouched());
+    // a choice by pointer gives the keys back to the car; by keys they stay with the list
+    for (const select of [this.part("ghost"), this.part("camera")]) {
+      let byPointer = false;
+      select.addEventListener("pointerdown", () => { byPointer = true; });
+      select.addEventListener("keydown", () => { byPointer = false; });
+      select.addEventListener("change", () => { if (byPointer) this.part("stage").focus({ preventScroll: true }); });
+    }
     window.addEventListener("keydown", (event) => this.press(event));
     this.resized = new ResizeObserver(() => { for (const view of this.views) view.resize(); this.draw(); });
     this.resized.observe(this.part("stage"));
@@ -88,7 +101,7 @@ export class Drive {
     this.me.clear();
     this.record([{ ...this.pose, v: 0 }], 0, "prepare");
     if (this.ghost) this.ghost.from = 0;
-    this.note(this.words.ready);
+    this.note(isTouched() ? this.words.ready_touch : this.words.ready);
   }
 
   get pose() { return { x: this.car.x, y: this.car.y, yaw: this.car.yaw }; }
@@ -181,6 +194,7 @@ export class Drive {
 
 async function start(root) {
   const setup = JSON.parse(root.dataset.drive);
+  root.querySelector("[data-scripted]").hidden = false;
   try {
     const drive = (root.drive = new Drive(root, setup, await fetchDocument(setup.scene)));
     await drive.race();

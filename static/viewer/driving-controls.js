@@ -15,7 +15,8 @@ export class Controls {
     const on = (target, kind, act) => target.addEventListener(kind, act, { signal: this.stop.signal });
     on(window, "keydown", (event) => {
       const key = KEYS[event.key.length === 1 ? event.key.toLowerCase() : event.key];
-      if (!key || event.ctrlKey || event.metaKey || event.altKey || event.target.closest("select, input, textarea, a, button:not([data-hold])")) return;
+      if (!key || event.ctrlKey || event.metaKey || event.altKey || event.target.closest("select, input, textarea")) return;
+      if (event.key === " " && event.target.closest("a, button")) return; // presses the button
       event.preventDefault();
       this.press(key);
     });

@@ -175,7 +175,7 @@ def test_a_visitor_drives_against_a_ghost(browser, live_server, width, theme):
     page.goto(f"/tracks/{race.track.slug}/")
     page.get_by_role("link", name="Drive it yourself").click()
     page.wait_for_selector("[data-drive][data-ready]", timeout=60_000)
-    expect(page.get_by_role("status")).to_contain_text("up arrow")
+    expect(page.get_by_role("status")).to_contain_text("Hold ▲" if width < 500 else "up arrow")
     assert page.get_by_label("Ghost").input_value().endswith(f"{run.public_id}/replay.json")
     assert page.evaluate("document.documentElement.scrollWidth") <= width
     assert page.locator("[data-time]").text_content() == "0:00.000"
@@ -207,3 +207,120 @@ def test_a_page_without_webgl_is_driven_on_the_map(browser, live_server):
     before = page.locator('[data-car="0"]').get_attribute("transform")
     page.keyboard.down("w")
     expect(page.locator('[data-car="0"]')).not_to_have_attribute("transform", before)
+
+
+DRIVE = "document.querySelector('[data-drive]').drive"
+PHONE = {"has_touch": True, "is_mobile": True, "viewport": {"width": 360, "height": 740}}
+STUB_PAD = """window.pad = { axes: [0, 0, 0, 0], buttons: Array.from({ length: 16 }, () => ({ value: 0 })) };
+navigator.getGamepads = () => [null, window.pad];"""
+
+
+def driving_page(browser, site: str, script: str = "", **context):
+    """The page without a ghost, on the map, ready to drive."""
+    race = a_race(timezone.now())
+    page = visitor(browser, site, **context).new_page()
+    page.add_init_script("HTMLCanvasElement.prototype.getContext = () => null;" + script)
+    page.goto(f"/tracks/{race.track.slug}/drive/?ghost=none")
+    page.wait_for_selector("[data-drive][data-ready]")
+    return page
+
+
+def test_a_gamepad_steers_with_its_stick_and_drives_with_its_triggers(browser, live_server):
+    page = driving_page(browser, live_server.url, STUB_PAD)
+    lock, most = PADDOCK_CAR.max_steering_deg, PADDOCK_CAR.max_speed
+
+    def pad(stick: float, gas: float, brake: float = 0.0) -> list[float]:
+        """The commands after a second with the stick and the triggers so."""
+        return page.evaluate(
+            f"""([stick, gas, brake]) => {{
+                window.pad.axes[0] = stick;
+                [window.pad.buttons[7].value, window.pad.buttons[6].value] = [gas, brake];
+                return {DRIVE}.controls.read(1);
+            }}""",
+            [stick, gas, brake],
+        )
+
+    assert pad(-1.0, 0.0)[0] == pytest.approx(lock) and pad(1.0, 0.0)[0] == pytest.approx(-lock)
+    assert 0 < pad(-0.5, 0.0)[0] < lock / 2  # fine around the middle
+    assert pad(0.05, 0.0)[0] == pytest.approx(0.0, abs=0.5)  # a stick never rests at zero
+    page.evaluate(f"{DRIVE}.restart()")
+    assert not page.evaluate(f"{DRIVE}.controls.touched")
+    assert pad(0.0, 1.0)[1] == pytest.approx(most)
+    page.wait_for_function(f"() => {DRIVE}.running && {DRIVE}.referee.metres > 0.2")  # the trigger started the car
+    assert pad(0.0, 0.0, 1.0)[1] == pytest.approx(PADDOCK_CAR.min_speed)
+
+
+def test_a_tilted_phone_steers(browser, live_server):
+    from playwright.sync_api import expect
+
+    page = driving_page(browser, live_server.url, **PHONE, permissions=["accelerometer", "gyroscope"])
+    lock = PADDOCK_CAR.max_steering_deg
+
+    def steering(beta: float, gamma: float) -> float:
+        """The command after the phone was turned by these degrees."""
+        return page.evaluate(
+            f"""([beta, gamma]) => {{
+                dispatchEvent(new DeviceOrientationEvent("deviceorientation", {{ alpha: 0, beta, gamma }}));
+                return {DRIVE}.controls.read(1)[0];
+            }}""",
+            [beta, gamma],
+        )
+
+    assert steering(0, -20) == 0.0  # not before it was asked for
+    button = page.get_by_role("button", name="Steer by tilting")
+    button.tap()
+    expect(button).to_have_attribute("aria-pressed", "true")
+    assert steering(0, -14) == pytest.approx(lock / 2) and steering(0, 14) == pytest.approx(-lock / 2)
+    assert steering(0, -80) == pytest.approx(lock)
+    page.evaluate("Object.defineProperty(screen.orientation, 'angle', { value: 90 })")  # held across
+    assert steering(-14, 0) == pytest.approx(lock / 2)
+    page.evaluate("delete screen.orientation.angle")
+    button.tap()
+    expect(button).to_have_attribute("aria-pressed", "false")
+    assert abs(steering(0, -20)) < lock / 2
+
+
+def test_a_refused_tilt_is_a_sentence_on_the_page(browser, live_server):
+    from playwright.sync_api import expect
+
+    denied = "DeviceOrientationEvent.requestPermission = async () => 'denied';"
+    page = driving_page(browser, live_server.url, denied, **PHONE)
+    button = page.get_by_role("button", name="Steer by tilting")
+    button.tap()
+    expect(page.get_by_role("status")).to_have_text(
+        "The browser does not allow this page to read the tilt of the phone."
+    )
+    expect(button).to_have_attribute("aria-pressed", "false")
+
+
+def test_pedals_under_a_thumb_drive_and_the_page_says_so(browser, live_server):
+    page = driving_page(browser, live_server.url, **PHONE)
+    assert "Hold ▲ to start." in page.get_by_role("status").inner_text()
+    assert page.get_by_text("Hold ◀ and ▶ to steer").is_visible() and page.get_by_text("Space brakes").is_hidden()
+    for button in page.locator("[data-hold], [data-again], select:visible").all():
+        box = button.bounding_box()
+        assert min(box["width"], box["height"]) >= 44
+    faster = page.locator("[data-hold=faster]")
+    faster.dispatch_event("pointerdown", {"pointerId": 1, "bubbles": True})
+    page.wait_for_function(f"() => {DRIVE}.referee.metres > 0.2")
+
+
+def test_keys_drive_after_a_button_was_pressed_and_space_brakes(browser, live_server):
+    page = driving_page(browser, live_server.url)
+    assert page.get_by_text("Space brakes").is_visible()
+    page.get_by_role("button", name="Back to the start").click()
+    page.keyboard.down("ArrowUp")
+    page.wait_for_function(f"() => {DRIVE}.car.speed > 1.2")
+    page.keyboard.up("ArrowUp")
+    page.locator("[data-stage]").focus()
+    page.keyboard.down(" ")
+    page.wait_for_function(f"() => {DRIVE}.controls.speed === {PADDOCK_CAR.min_speed}")
+
+
+def test_without_scripts_the_page_has_the_track_and_no_dead_controls(browser, live_server):
+    race = a_race(timezone.now())
+    page = visitor(browser, live_server.url, java_script_enabled=False).new_page()
+    page.goto(f"/tracks/{race.track.slug}/drive/")
+    assert "Driving needs JavaScript." in page.locator("main noscript p").inner_text()
+    assert page.locator("main noscript svg").is_visible()
+    assert not [one for one in page.locator("main button, main select").all() if one.is_visible()]
