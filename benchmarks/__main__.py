@@ -39,6 +39,7 @@ PARTS: dict[str, tuple[str, tuple[str, ...], tuple[str, ...]]] = {
         ("--seeds", "1", "--parts", "laps", "--compared-steps", "0", "--tracks", "oval"),
     ),
     "generalist": ("generalist", (), ("--minutes", "0.5", "--unseen", "oval-track")),
+    "deepracer": ("deepracer", (), ("--steps", "300")),
     "house_start": ("house_start", (), ("--tracks", "oval")),
     "video": ("video", (), ("--seconds", "5")),
     "reads": ("reads", (), ("--runs", "1")),

@@ -134,7 +134,10 @@ def _of_stable_baselines3(model: Any, boxes: Mapping[str, tuple[int, ...]]) -> t
     counts = {shape[0] / boxes[name][0] for name, shape in shapes.items() if shape[1:] == boxes[name][1:]}
     frames = int(counts.pop()) if len(counts) == 1 else 0
     if any(shape != (boxes[name][0] * frames, *boxes[name][1:]) for name, shape in shapes.items()):
-        raise ValueError(f"the model observes {shapes}, which no stack of the observations of this environment is")
+        raise ValueError(
+            f"the model observes {shapes}, which no stack of the observations of "
+            "this environment is; VecNormalize goes around VecFrameStack"
+        )
     normal = model.get_vec_normalize_env()
     normal = normal if normal is not None and normal.norm_obs else None
     net = model.policy

@@ -35,7 +35,7 @@ def colours() -> np.ndarray:
     moves = np.stack(np.meshgrid(steps, steps, steps, indexing="ij"), axis=-1).reshape(-1, 3)
     moves = moves[np.argsort((moves**2).sum(axis=1), kind="stable")]  # the least change first
     candidates = np.rint(np.stack(between, axis=1)).astype(np.int64)[:, None] + moves
-    fits = ((candidates >= 0) & (candidates <= 255)).all(axis=2)
+    fits = np.array(((candidates >= 0) & (candidates <= 255)).all(axis=2))
     for weights, bits in (_OPENCV, _PILLOW):
         fits &= (candidates @ np.array(weights) + (1 << (bits - 1))) >> bits == greys[:, None]
     assert fits.any(axis=1).all(), "a grey without a colour"
