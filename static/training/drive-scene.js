@@ -1,5 +1,5 @@
 // The newest evaluation of a training in three dimensions, above its map: graph.js says where on its drive the car is.
-import { hasWebGL } from "../viewer/stage.js";
+import { hasWebGL } from "../viewer/webgl.js";
 import { Run, turn } from "../viewer/store.js";
 
 const STEP_MS = 1000 / 15;

@@ -4,7 +4,8 @@ import { Controls } from "./driving-controls.js";
 import { DrivingReferee, Road } from "./driving-referee.js";
 import { createFlatMap } from "./flat-map.js";
 import { fetchDocument, Ghost, NOSE_M, Run } from "./store.js";
-import { clock, hasWebGL } from "./stage.js";
+import { clock } from "./stage.js";
+import { hasWebGL } from "./webgl.js";
 
 const STEP_MS = 1000 / 15;
 const MOST_MS = 120; // of a frame: a page that was away does not drive on

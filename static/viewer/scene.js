@@ -5,7 +5,7 @@ import { CAMERAS, Cameras } from "./scene-cameras.js";
 import { Cars } from "./scene-cars.js";
 import { RoadLine, groundOf, rubber } from "./scene-road.js";
 import { skyOf, tracksideOf } from "./scene-trackside.js";
-import { hasWebGL } from "./stage.js";
+import { hasWebGL } from "./webgl.js";
 
 export { CAMERAS };
 

@@ -1,6 +1,7 @@
 // The stage of a viewer: a replay from above or in three dimensions, its cameras and its timing tower. Whoever has the
 // clock calls draw(ms): the player of a replay (viewer.js), or the show of a live event (live/show.js).
 import { createFlatMap } from "./flat-map.js";
+import { hasWebGL } from "./webgl.js";
 
 const TOWER_MS = 200;
 const CAMERAS = ["chase", "onboard", "top", "trackside", "free"];
@@ -13,19 +14,6 @@ export function clock(ms) {
 }
 
 const seconds = (ms) => (ms === null ? "–" : `+${(ms / 1000).toFixed(3)}`);
-
-// What draws in three dimensions here: a "card", or the processor ("software"); "" where nothing can. Looked for once.
-let webgl;
-export function hasWebGL() {
-  if (webgl === undefined) {
-    const gl = document.createElement("canvas").getContext("webgl2");
-    const info = gl?.getExtension("WEBGL_debug_renderer_info");
-    const isSoftware = /swiftshader|llvmpipe|software|basic render/i.test(String(info && gl.getParameter(info.UNMASKED_RENDERER_WEBGL)));
-    webgl = gl ? (isSoftware ? "software" : "card") : "";
-    gl?.getExtension("WEBGL_lose_context")?.loseContext();
-  }
-  return webgl;
-}
 
 export class Stage {
   constructor(root, setup, replay) {

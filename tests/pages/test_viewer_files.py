@@ -2,6 +2,7 @@
 
 import gzip
 import json
+import re
 
 from django.conf import settings
 
@@ -29,3 +30,21 @@ def test_each_shell_has_a_body_from_both_sides():
     drawings = json.loads((settings.BASE_DIR / "static" / "viewer" / "shells.json").read_text())
     assert set(drawings) == set(Shell.values)
     assert all(drawing["side"]["body"] and drawing["above"]["body"] for drawing in drawings.values())
+
+
+def test_no_module_leads_back_to_itself():
+    """Such modules have no hashed names: each would need the other's."""
+    static = settings.BASE_DIR / "static"
+    modules = {path: path.read_text() for path in static.rglob("*.js") if "vendor" not in path.parts}
+    named = re.compile(r"(?:from|import\()\s*\"(\.{1,2}/[^\"]+)\"")
+    ways = {
+        path: {other for name in named.findall(text) if (other := (path.parent / name).resolve()) in modules}
+        for path, text in modules.items()
+    }
+    assert sum(map(len, ways.values())) > 20
+    for path in ways:
+        seen, ahead = set(), list(ways[path])
+        while ahead:
+            seen.add(one := ahead.pop())
+            ahead += ways[one] - seen
+        assert path not in seen, path.name
