@@ -15,7 +15,7 @@ from .models import (
     SubmissionGroupMember,
 )
 
-_OF_THE_COURSE = "It belongs to the course and to all its students."
+_OF_THE_GROUP = "It belongs to the assignment and to all its students."
 
 
 def _erase(leaving: Leaving) -> None:
@@ -65,15 +65,15 @@ register(
         withheld={OTHERS: "granted_by"},
     ),
     PersonalData(SubmissionGroupMember, owner="racer", rows=True, section="submission_groups"),
-    PersonalData(SubmissionGroup, kept={_OF_THE_COURSE: "name"}, mentions="name"),
-    PersonalData(ReferenceRow, kept={_OF_THE_COURSE: "label"}, mentions="label"),
-    PersonalData(Regrade, erased="asked_by applied_by", kept={_OF_THE_COURSE: "reason rows"}, mentions="reason"),
-    PersonalData(AssignmentPart, kept={_OF_THE_COURSE: "title pass_params rules"}),
+    PersonalData(SubmissionGroup, kept={_OF_THE_GROUP: "name"}, mentions="name"),
+    PersonalData(ReferenceRow, kept={_OF_THE_GROUP: "label"}, mentions="label"),
+    PersonalData(Regrade, erased="asked_by applied_by", kept={_OF_THE_GROUP: "reason rows"}, mentions="reason"),
+    PersonalData(AssignmentPart, kept={_OF_THE_GROUP: "title pass_params rules"}),
     PersonalData(
         Assignment,
         owner="created_by",
         erased="created_by",
-        kept={_OF_THE_COURSE: "title instructions time_zone draw_seed marked_rules"},
+        kept={_OF_THE_GROUP: "title instructions time_zone draw_seed marked_rules"},
         section="assignments",
         exported="title instructions time_zone marked_rules",
         withheld={SECRET: "draw_seed"},

@@ -8,7 +8,7 @@ register(
     invalid={
         "assignment_closes_before_opening": _("The deadline is not after the opening. Choose a later one."),
         "assignment_last_before_due": _(
-            "The last day for late attempts is not after the deadline. Choose a later one."
+            "The last moment for late attempts is not after the deadline. Choose a later one."
         ),
         "assignment_time_zone": _("Unknown time zone %(zone)s. Use a name such as Europe/Berlin."),
         "assignment_first_k": _("Enter how many of the first attempts count, for that choice only."),
@@ -19,7 +19,7 @@ register(
         "assignment_value": _("Enter %(name)s as a whole number from %(least)s to %(most)s."),
         "assignment_value_bool": _("Enter true or false for %(name)s."),
         "assignment_value_choice": _("Choose one of the given values for %(name)s."),
-        "assignment_value_unknown": _("The rule for passing has no value %(name)s."),
+        "assignment_value_name": _("The rule for passing has no value %(name)s."),
         "assignment_thresholds": _("Enter 1 to 20 times, each with points of at least 0, for %(name)s."),
         "assignment_threshold_points": _("A time gives more points than the part has."),
         "assignment_laps": _("The rule needs %(needed)s laps, but only %(laps)s are driven. Raise the laps driven."),
@@ -31,12 +31,10 @@ register(
         ),
         "extension_too_early": _("The extension is not after the deadline. Choose a later one."),
         "submission_group_size": _("Choose at least one student for the submission group."),
-        "submission_group_taken": _("A student is in another submission group of the assignment. Nothing was changed."),
-        "submission_group_name_taken": _("Another submission group of the assignment has this name."),
     },
     forbidden={
         "assignment_not_yours": _("Only teachers of the group can do this."),
-        "attempt_not_student": _("Only students of the group can hand in."),
+        "attempt_students_only": _("Only students of the group can hand in."),
     },
     not_found={
         "class_learner_unknown": _("An alias is no learner of this class. Nothing was changed."),
@@ -44,21 +42,25 @@ register(
         "assignment_gone": _("The assignment was deleted."),
     },
     conflict={
-        "attempt_not_open": _("The assignment opens at %(opens)s."),
+        "submission_group_taken": _("A student is in another submission group of the assignment. Nothing was changed."),
+        "submission_group_name_taken": _("Another submission group of the assignment has this name."),
+        "attempt_not_open_yet": _("The assignment opens at %(opens)s."),
         "attempt_too_late": _("The deadline has passed. Ask the teacher for an extension."),
         "attempts_used_up": _("All %(limit)s attempts are used up."),
         "attempts_of_day_used_up": _("All %(limit)s attempts of today are used up. Try again tomorrow."),
-        "attempt_same_car": _("This car is the latest attempt already: it would drive the same. Hand in another one."),
-        "attempt_refunded": _("The attempt was given back before."),
-        "assignment_driven": _(
+        "attempt_already_submitted": _(
+            "This car is the latest attempt already: it would drive the same. Hand in another one."
+        ),
+        "attempt_refunded_already": _("The attempt was given back before."),
+        "assignment_has_begun": _(
             "Students have handed in, so tracks and race rules cannot be changed any more. Make a new assignment."
         ),
         "assignment_drawn": _(
             "The hidden tracks have been drawn, so the deadline cannot be moved. Give extensions instead."
         ),
-        "assignment_too_many": _("You have %(limit)s assignments that are not over. Wait for one, or ask an admin."),
-        "submission_group_used": _("The submission group has handed in and cannot be deleted."),
-        "regrade_nothing": _("The marks are already by the present rules."),
-        "regrade_outdated": _("Rules or results have changed since this was computed. Look at the new marks first."),
+        "assignments_at_once": _("You have %(limit)s assignments that are not over. Wait for one, or ask an admin."),
+        "submission_group_in_use": _("The submission group has handed in and cannot be deleted."),
+        "regrade_done_already": _("The marks are already by the present rules."),
+        "regrade_changed": _("Rules or results have changed since this was computed. Look at the new marks first."),
     },
 )

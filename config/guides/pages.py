@@ -48,6 +48,7 @@ GUIDES = (
     Guide("rewards", _("Reward functions"), _("Parameters, limits, modules, examples."), "racers"),
     Guide("home", _("Paddock at home"), _("The command, local runs, proofs of results."), "racers"),
     Guide("organisers", _("For organisers"), _("Run races and seasons; admin tasks.")),
+    Guide("courses", _("Assignments"), _("Deadlines, attempts, marks; for teachers and students.")),
     Guide("tracks", _("The tracks"), _("The catalogue, with lengths, corners and difficulty.")),
     Guide("reference", _("Reference tables"), _("Rules, sensors, hyperparameters, reason codes."), "racers"),
     Guide("environments", _("Environments"), _("Gymnasium environments with the race simulator.")),

@@ -103,7 +103,7 @@ def _params(rule: PassRule, given: Mapping[str, Any], points: Decimal, rules: Ra
     known = {one.name: one for one in rule.params}
     for name, value in params.items():
         if name not in known:
-            raise problem("assignment_value_unknown", name=name)
+            raise problem("assignment_value_name", name=name)
         if code := known[name].problem(value):
             raise problem(code, name=name, least=known[name].least, most=known[name].most)
     if any(Decimal(str(one["points"])) > points for one in params.get("thresholds", ())):

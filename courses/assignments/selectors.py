@@ -1,4 +1,4 @@
-"""Who sees and changes assignments. Each predicate has its queryset twin; tests compare both."""
+"""Access to assignments. Each predicate has its queryset twin; tests compare both."""
 
 from django.db.models import Q, QuerySet
 

@@ -49,12 +49,12 @@ COLUMNS = (
 @transaction.atomic
 def make_assignment(*, group: RacerGroup, by: Racer, now: datetime, **fields: Any) -> Assignment:
     """Make a draft. ``fields``: :data:`COLUMNS` and ``parts`` (:func:`courses.assignments.parts.checked_parts`). Raises
-    UserFault("assignment_not_yours" | "assignment_too_many"), and RaceRefused with all problems by field."""
+    UserFault("assignment_not_yours" | "assignments_at_once"), and RaceRefused with all problems by field."""
     _require_teacher(group, by)
     hold(by)
     limit = limit_of(by, ASSIGNMENTS.name)
     if used_by(by, ASSIGNMENTS.name, now) >= limit:
-        raise UserFault("assignment_too_many", limit=limit)
+        raise UserFault("assignments_at_once", limit=limit)
     assignment = Assignment(group=group, created_by=by, created_at=now)
     _write(assignment, fields)
     return assignment
@@ -64,7 +64,7 @@ def make_assignment(*, group: RacerGroup, by: Racer, now: datetime, **fields: An
 @transaction.atomic
 def change_assignment(*, assignment: Assignment, by: Racer, now: datetime, **fields: Any) -> Assignment:
     """Change some of the fields of :func:`make_assignment`. Published marks stay until a regrade is applied, unless no
-    mark would change. Raises as there, and UserFault("assignment_driven" | "assignment_drawn")."""
+    mark would change. Raises as there, and UserFault("assignment_has_begun" | "assignment_drawn")."""
     _require_teacher(assignment.group, by)
     hold(assignment)
     assignment.refresh_from_db()
@@ -229,12 +229,12 @@ def make_submission_group(
 @audited("assignment.ungrouped", _("Submission group deleted"), target="group")
 @transaction.atomic
 def delete_submission_group(*, group: SubmissionGroup, by: Racer, now: datetime) -> None:
-    """Let its students submit alone again. Raises UserFault("assignment_not_yours" | "submission_group_used")."""
+    """Let its students submit alone again. Raises UserFault("assignment_not_yours" | "submission_group_in_use")."""
     assignment = group.assignment
     _require_teacher(assignment.group, by)
     hold(assignment)
     if Attempt.objects.filter(submission_group=group).exists():
-        raise UserFault("submission_group_used")
+        raise UserFault("submission_group_in_use")
     members = list(group.members.values_list("racer", flat=True))
     group.delete()
     _recompute_all(assignment, members, now)
@@ -273,7 +273,7 @@ def _write(assignment: Assignment, fields: dict[str, Any]) -> None:
         checked = checked_parts(parts)
         driven = assignment.drawn_at is not None or Attempt.objects.filter(assignment=assignment).exists()
         if driven and [part.driven for part in checked] != [part.driven for part in stored_parts(assignment)]:
-            raise UserFault("assignment_driven")
+            raise UserFault("assignment_has_begun")
         write_parts(assignment, checked, driven=driven)
     except (UserFault, ValidationError) as fault:
         raise refused_at("parts", fault) from fault

@@ -53,7 +53,7 @@ def left_of_unit(assignment: Assignment, unit: Unit, now: datetime) -> Left:
         today = max(0, assignment.attempts_a_day - of_day)
     refusal = ""
     if now < assignment.opens_at:
-        refusal = "attempt_not_open"
+        refusal = "attempt_not_open_yet"
     elif now > (last_at or due_at):
         refusal = "attempt_too_late"
     elif in_all == 0:

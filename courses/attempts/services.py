@@ -32,18 +32,18 @@ GRACE = timedelta(hours=24)
 def submit_attempt(*, assignment: Assignment, racer: Racer, model: TrainedModel, now: datetime) -> Attempt:
     """Hand in a model and queue its runs; it is in time by the moment ``now``.
 
-    Raises UserFault ``assignment_gone``, ``attempt_not_student``, ``model_not_yours``, ``attempt_not_open``,
-    ``attempt_too_late``, ``attempts_used_up``, ``attempts_of_day_used_up``, and ``attempt_same_car`` for the car of
-    the latest attempt, a repeated click among others."""
+    Raises UserFault ``assignment_gone``, ``attempt_students_only``, ``model_not_yours``, ``attempt_not_open_yet``,
+    ``attempt_too_late``, ``attempts_used_up``, ``attempts_of_day_used_up``, and ``attempt_already_submitted`` for
+    the car of the latest attempt, a repeated click among others."""
     _hold(assignment)
     if assignment.published_at is None or not is_student(racer, assignment.group_id):
-        raise UserFault("attempt_not_student")
+        raise UserFault("attempt_students_only")
     if not can_use_model(racer, model):
         raise UserFault("model_not_yours")
     unit = unit_of(assignment, racer)
     latest = unit.attempts(assignment).filter(refunded_at=None).select_related("model").order_by("-number").first()
     if latest is not None and latest.model.network_id == model.network_id:
-        raise UserFault("attempt_same_car")
+        raise UserFault("attempt_already_submitted")
     left = left_of_unit(assignment, unit, now)
     if left.refusal:
         raise UserFault(left.refusal, **_params_of(left.refusal, assignment))
@@ -58,13 +58,13 @@ def submit_attempt(*, assignment: Assignment, racer: Racer, model: TrainedModel,
 @transaction.atomic
 def refund_attempt(*, attempt: Attempt, by: Racer, reason: str, now: datetime) -> Attempt:
     """Give an attempt back: it counts for no limit and no mark. Raises UserFault("assignment_not_yours" |
-    "attempt_refunded")."""
+    "attempt_refunded_already")."""
     assignment = attempt.assignment
     if not can_teach_group(by, assignment.group):
         raise UserFault("assignment_not_yours")
     _hold(assignment)
     if not _refund(attempt, RefundKind.TEACHER, now, reason=reason, by=by):
-        raise UserFault("attempt_refunded")
+        raise UserFault("attempt_refunded_already")
     return attempt
 
 
@@ -193,7 +193,7 @@ def _hold(assignment: Assignment) -> None:
 
 
 def _params_of(code: str, assignment: Assignment) -> dict[str, str | int]:
-    if code == "attempt_not_open":
+    if code == "attempt_not_open_yet":
         return {"opens": stored(assignment.opens_at)}
     limits = {"attempts_used_up": assignment.attempts_in_all, "attempts_of_day_used_up": assignment.attempts_a_day}
     limit = limits.get(code)

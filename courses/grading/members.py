@@ -14,7 +14,7 @@ from ..models import Assignment, Attempt, SubmissionGroup, SubmissionGroupMember
 
 @dataclass(frozen=True)
 class Unit:
-    """Who has one mark: a student, or a submission group with its members."""
+    """The holder of one mark: a student, or a submission group with its members."""
 
     racers: tuple[int, ...]
     group: int | None = None

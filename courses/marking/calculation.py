@@ -10,7 +10,7 @@ from decimal import ROUND_HALF_UP, Decimal
 
 from .facts import FIRST_K, LAST, AssignmentRules, AttemptFacts, MarkFacts, PartMark
 from .lateness import late_days
-from .pass_rules import NOTHING, PASS_RULES, Place, result_of
+from .pass_rules import NOTHING, PASS_RULES, PlaceReached, result_of
 
 Keys = Mapping[int, Sequence[int]]  # of all students by part, ascending
 _CENT = Decimal("0.01")
@@ -51,7 +51,7 @@ def place_keys(rules: AssignmentRules, attempts: Iterable[AttemptFacts]) -> dict
     eligible = eligible_attempts(rules, attempts)
     for part in rules.parts:
         rule = PASS_RULES[part.pass_rule]
-        if not isinstance(rule, Place):
+        if not isinstance(rule, PlaceReached):
             continue
         of_part = (rule.key(result_of(part.tracks, one.runs, part.to_draw), part.pass_params) for one in eligible)
         if known := [key for key in of_part if key is not None]:
@@ -70,7 +70,7 @@ def _marked(rules: AssignmentRules, attempt: AttemptFacts, due_at: datetime, key
     for part in rules.parts:
         rule = PASS_RULES[part.pass_rule]
         result = result_of(part.tracks, attempt.runs, part.to_draw)
-        if isinstance(rule, Place) and keys is not None:
+        if isinstance(rule, PlaceReached) and keys is not None:
             key = rule.key(result, part.pass_params)
             place = None if key is None else 1 + bisect_left(keys.get(part.number, ()), key)
             result = replace(result, place=place)

@@ -187,7 +187,7 @@ class LapsInRow(PassRule):
 
 
 @register
-class BestLap(PassRule):
+class BestLapLimit(PassRule):
     """The best complete lap within a time on every track."""
 
     code = "best_lap"
@@ -203,7 +203,7 @@ class BestLap(PassRule):
 
 
 @register
-class AverageLap(BestLap):
+class AverageLapLimit(BestLapLimit):
     """The average of so many laps in a row within a time on every track."""
 
     code = "average_lap"
@@ -253,7 +253,7 @@ class Thresholds(_ByTime):
 
 
 @register
-class Place(_ByTime):
+class PlaceReached(_ByTime):
     """A place among the students, by the sum of the times of all tracks, once all results are there."""
 
     code = "place"

@@ -25,12 +25,12 @@ __all__ = ["apply_regrade", "propose_regrade", "recompute_marks"]
 @transaction.atomic
 def propose_regrade(*, assignment: Assignment, by: Racer, reason: str, now: datetime) -> Regrade:
     """Compute the marks by the present rules, beside those that stand. Changes none. Raises
-    UserFault("assignment_not_yours" | "regrade_nothing")."""
+    UserFault("assignment_not_yours" | "regrade_done_already")."""
     _require_teacher(assignment, by)
     hold(assignment)
     assignment.refresh_from_db()
     if not assignment.awaits_regrade:
-        raise UserFault("regrade_nothing")
+        raise UserFault("regrade_done_already")
     regrade = Regrade(
         assignment=assignment,
         reason=reason,
@@ -47,14 +47,14 @@ def propose_regrade(*, assignment: Assignment, by: Racer, reason: str, now: date
 @audited("assignment.regraded", _("Marks changed by a regrade"), target="assignment")
 @transaction.atomic
 def apply_regrade(*, assignment: Assignment, regrade: Regrade, by: Racer, now: datetime) -> Regrade:
-    """Write the marks as they were shown. Raises UserFault("assignment_not_yours" | "regrade_outdated")."""
+    """Write the marks as they were shown. Raises UserFault("assignment_not_yours" | "regrade_changed")."""
     _require_teacher(assignment, by)
     hold(assignment)
     assignment.refresh_from_db()
     regrade.refresh_from_db()
     outdated = regrade.applied_at is not None or regrade.rules_version != assignment.rules_version
     if outdated or not assignment.awaits_regrade or regrade.rows != changed_rows(assignment):
-        raise UserFault("regrade_outdated")
+        raise UserFault("regrade_changed")
     adopt_rules(assignment, now, changing=True)
     regrade.applied_at, regrade.applied_by = now, by
     regrade.save(update_fields=["applied_at", "applied_by"])

@@ -16,7 +16,7 @@ from .assignment import Assignment, PartTrack, SubmissionGroup
 
 
 class RefundKind(models.TextChoices):
-    """Who gave an attempt back."""
+    """The giver of an attempt back."""
 
     PLATFORM = "platform", _("the site, after its own fault")
     TEACHER = "teacher", _("a teacher")

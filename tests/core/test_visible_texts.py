@@ -19,6 +19,8 @@ REASONS = {
         accounts.ClassLearner.code_digest accounts.KnownAddress.digest accounts.ReservedAlias.digest
         accounts.Racer.avatar accounts.Racer.password
         accounts.Racer.record_id accounts.RacerGroup.code accounts.SignUpInvitation.code accounts.Team.code
+        courses.Assignment.draw_seed courses.Assignment.public_id courses.AssignmentPart.pass_rule
+        courses.Attempt.public_id
         core.Event.kind core.Event.once core.Event.subject core.EventCursor.reader evaluation.CarReport.direction
         evaluation.CarReport.engine evaluation.CarReport.grade evaluation.CarReport.public_id
         evaluation.CarReport.reason_code evaluation.CarReport.runs_sha256 evaluation.Evaluation.public_id
@@ -59,7 +61,7 @@ REASONS = {
         videos.Video.operator_detail videos.Video.worker
     """,
     "a copy of a checked text": """
-        accounts.Team.key league.RoundPoints.team league.WebhookDelivery.body races.RaceTerms.text
+        accounts.Team.key courses.Attempt.model_name league.RoundPoints.team league.WebhookDelivery.body races.RaceTerms.text
     """,
     "ASCII by its own validator": """
         accounts.PastAlias.alias
@@ -80,7 +82,7 @@ REASONS = {
         core.AuditEntry.target_name core.AuditEntry.request core.AuditEntry.network
     """,
     "the name of a time zone, from a list": """
-        league.Season.zone races.LiveEvent.time_zone
+        courses.Assignment.time_zone league.Season.zone races.LiveEvent.time_zone
     """,
     "source code: changing one character may change the reward": """
         training.TrainingJob.reward_code

@@ -91,7 +91,7 @@ def test_the_same_car_twice_in_a_row_is_refused(alice, now):
     assignment = an_assignment(group, now)
     model = a_model(bob)
     submit_attempt(assignment=assignment, racer=bob, model=model, now=now)
-    assert code(submit_attempt, assignment=assignment, racer=bob, model=model, now=now) == "attempt_same_car"
+    assert code(submit_attempt, assignment=assignment, racer=bob, model=model, now=now) == "attempt_already_submitted"
     hand_in(assignment, bob, now)
     submit_attempt(assignment=assignment, racer=bob, model=model, now=now)
 
@@ -99,13 +99,13 @@ def test_the_same_car_twice_in_a_row_is_refused(alice, now):
 def test_who_may_not_hand_in(alice, bob, now):
     group, (carol,) = a_group(alice, 1, now)
     draft = an_assignment(group, now, publish=False)
-    assert code(hand_in, draft, carol, now) == "attempt_not_student"
+    assert code(hand_in, draft, carol, now) == "attempt_students_only"
     assignment = an_assignment(group, now)
-    assert code(hand_in, assignment, bob, now) == "attempt_not_student"
-    assert code(hand_in, assignment, alice, now) == "attempt_not_student"
+    assert code(hand_in, assignment, bob, now) == "attempt_students_only"
+    assert code(hand_in, assignment, alice, now) == "attempt_students_only"
     other = a_model(bob)
     assert code(submit_attempt, assignment=assignment, racer=carol, model=other, now=now) == "model_not_yours"
-    assert code(hand_in, assignment, carol, now - 2 * HOUR) == "attempt_not_open"
+    assert code(hand_in, assignment, carol, now - 2 * HOUR) == "attempt_not_open_yet"
 
 
 def test_an_extension_moves_one_students_deadline(alice, now):

@@ -1,0 +1,364 @@
+"""Assignments: list, create, read, change, publish and delete them; extensions and submission groups."""
+
+from typing import Any
+
+from django.db.models import Prefetch, QuerySet
+from django.shortcuts import get_object_or_404
+from django.utils import timezone
+from drf_spectacular.utils import extend_schema, extend_schema_field, extend_schema_view
+from rest_framework import serializers
+from rest_framework.permissions import IsAuthenticated
+from rest_framework.request import Request
+
+from accounts.models import Racer, RacerGroup
+from accounts.request_racer import racer_of
+from accounts.scopes import ORGANISE
+from core.api.bodies import Body
+from core.api.fields import ZonedDateTimeField
+from core.api.operations import operation
+from core.api.views import APIView, ListAPIView
+from paddock.errors import UserFault
+from tracks.api import TrackField
+
+from ..grading.members import students_of
+from ..marking.pass_rules import PASS_RULES
+from ..models import Assignment, AssignmentPart, Counts, Extension, PartTrack, Shows, SubmissionGroup, TrackKind
+from . import services
+from .parts import MOST_PARTS, MOST_TRACKS
+from .selectors import assignments_visible_to, can_teach, can_teach_group
+from .wording import pass_rule_sentence
+
+POINTS: dict[str, Any] = {"max_digits": 6, "decimal_places": 2}
+MOST_MEMBERS = 20
+
+
+class PartTrackSerializer(serializers.Serializer):
+    """A track of a part."""
+
+    track = serializers.CharField(source="track.slug")
+    kind = serializers.ChoiceField(TrackKind.choices)
+
+
+class PartSerializer(serializers.Serializer):
+    """A part of an assignment, which is graded apart."""
+
+    number = serializers.IntegerField()
+    title = serializers.CharField()
+    points = serializers.DecimalField(**POINTS)
+    pass_rule = serializers.ChoiceField([*PASS_RULES])
+    pass_params = serializers.DictField()
+    sentence = serializers.SerializerMethodField(help_text="The rule for passing in words.")
+    rules = serializers.DictField(help_text="The race rules that are driven.")
+    tracks = serializers.SerializerMethodField(
+        help_text="Those that the caller may know: candidates are for teachers, drawn tracks for students too."
+    )
+    hidden_tracks = serializers.IntegerField(help_text="How many of the candidates are drawn at the deadline.")
+
+    def get_sentence(self, part: AssignmentPart) -> str:
+        return pass_rule_sentence(part.pass_rule, part.pass_params)
+
+    @extend_schema_field(PartTrackSerializer(many=True))
+    def get_tracks(self, part: AssignmentPart) -> Any:
+        known = [one for one in part.tracks.all() if self.context["teaches"] or one.kind != TrackKind.CANDIDATE]
+        return PartTrackSerializer(known, many=True).data
+
+
+class AssignmentSerializer(serializers.Serializer):
+    """An assignment."""
+
+    public_id = serializers.CharField()
+    group = serializers.CharField(source="group.slug")
+    title = serializers.CharField()
+    instructions = serializers.CharField(allow_blank=True)
+    time_zone = serializers.CharField()
+    opens_at = serializers.DateTimeField()
+    due_at = serializers.DateTimeField(help_text="What is accepted at this very moment is in time.")
+    last_at = serializers.DateTimeField(allow_null=True, help_text="Until when late attempts are accepted; null: none.")
+    late_points_a_day = serializers.DecimalField(**POINTS)
+    attempts_a_day = serializers.IntegerField(allow_null=True, help_text="On a calendar day of the time zone.")
+    attempts_in_all = serializers.IntegerField(allow_null=True)
+    counts = serializers.ChoiceField(Counts.choices)
+    first_k = serializers.IntegerField(allow_null=True)
+    shows = serializers.ChoiceField(Shows.choices)
+    published_at = serializers.DateTimeField(allow_null=True)
+    drawn_at = serializers.DateTimeField(allow_null=True)
+    final_at = serializers.DateTimeField(allow_null=True, help_text="Since when all marks are complete.")
+    awaits_regrade = serializers.BooleanField(help_text="Whether rules have changed that no mark is computed by yet.")
+    parts = serializers.SerializerMethodField()
+
+    @extend_schema_field(PartSerializer(many=True))
+    def get_parts(self, assignment: Assignment) -> Any:
+        teaches = can_teach(self.context["request"].user, assignment)
+        return PartSerializer(assignment.parts.all(), many=True, context={"teaches": teaches}).data
+
+
+class PartTrackBody(Body):
+    """A track of a part."""
+
+    track = TrackField()
+    kind = serializers.ChoiceField([TrackKind.SHOWN, TrackKind.CANDIDATE], default=TrackKind.SHOWN)
+
+
+class PartBody(Body):
+    """A part. Values that are left out of `pass_params` and `rules` have their defaults."""
+
+    title = serializers.CharField(max_length=80)
+    points = serializers.DecimalField(min_value=0, **POINTS)
+    pass_rule = serializers.ChoiceField([*PASS_RULES])
+    pass_params = serializers.DictField(required=False)
+    rules = serializers.DictField(required=False)
+    tracks = serializers.ListField(child=PartTrackBody(), min_length=1, max_length=MOST_TRACKS)
+    hidden_tracks = serializers.IntegerField(required=False, min_value=0, max_value=5)
+
+    def validate_tracks(self, tracks: list[dict[str, Any]]) -> list[tuple[Any, str]]:
+        return [(one["track"], one["kind"]) for one in tracks]
+
+
+class AssignmentChangeBody(Body):
+    """The fields to change; `parts` replaces all."""
+
+    title = serializers.CharField(max_length=80)
+    instructions = serializers.CharField(max_length=10_000, required=False, allow_blank=True)
+    time_zone = serializers.CharField(max_length=64, required=False, help_text="Such as `Europe/Berlin`.")
+    opens_at = ZonedDateTimeField()
+    due_at = ZonedDateTimeField()
+    last_at = ZonedDateTimeField(required=False, allow_null=True)
+    late_points_a_day = serializers.DecimalField(min_value=0, required=False, **POINTS)
+    attempts_a_day = serializers.IntegerField(min_value=1, max_value=1000, required=False, allow_null=True)
+    attempts_in_all = serializers.IntegerField(min_value=1, max_value=1000, required=False, allow_null=True)
+    counts = serializers.ChoiceField(Counts.choices, required=False)
+    first_k = serializers.IntegerField(min_value=1, max_value=1000, required=False, allow_null=True)
+    shows = serializers.ChoiceField(Shows.choices, required=False)
+    parts = serializers.ListField(child=PartBody(), required=False, max_length=MOST_PARTS)
+
+
+class AssignmentBody(AssignmentChangeBody):
+    """A new assignment."""
+
+    group = serializers.SlugRelatedField(slug_field="slug", queryset=RacerGroup.objects.all())
+
+
+class ExtensionSerializer(serializers.Serializer):
+    """A later deadline of a student."""
+
+    racer = serializers.CharField(source="racer.alias")
+    due_at = serializers.DateTimeField()
+    last_at = serializers.DateTimeField(allow_null=True)
+    reason = serializers.CharField(allow_blank=True)
+    granted_by = serializers.CharField(
+        source="granted_by.alias", default=None, allow_null=True, help_text="null: the site, after its own fault."
+    )
+    granted_at = serializers.DateTimeField()
+
+
+class ExtensionBody(Body):
+    """A later deadline of a student, in place of one given before."""
+
+    racer = serializers.CharField(max_length=150)
+    due_at = ZonedDateTimeField()
+    last_at = ZonedDateTimeField(required=False, allow_null=True)
+    reason = serializers.CharField(max_length=200, required=False, allow_blank=True)
+
+
+class SubmissionGroupSerializer(serializers.Serializer):
+    """Students who submit together."""
+
+    number = serializers.IntegerField(source="pk")
+    name = serializers.CharField()
+    racers = serializers.SerializerMethodField()
+
+    def get_racers(self, group: SubmissionGroup) -> list[str]:
+        return [member.racer.alias for member in group.members.all()]
+
+
+class SubmissionGroupBody(Body):
+    """Students who submit together from now on."""
+
+    name = serializers.CharField(max_length=40)
+    racers = serializers.ListField(child=serializers.CharField(max_length=150), min_length=1, max_length=MOST_MEMBERS)
+
+
+def visible_assignment(request: Any, public_id: str) -> Assignment:
+    """Raises Http404 for an assignment that the caller may not see."""
+    return get_object_or_404(_with_parts(assignments_visible_to(request.user)), public_id=public_id)
+
+
+def taught_assignment(request: Any, public_id: str) -> Assignment:
+    """Raises as :func:`visible_assignment`, and UserFault("assignment_not_yours") for students."""
+    assignment = visible_assignment(request, public_id)
+    if not can_teach(request.user, assignment):
+        raise UserFault("assignment_not_yours")
+    return assignment
+
+
+def given_extension(request: Any, public_id: str, alias: str) -> Extension:
+    """Raises as :func:`taught_assignment`, Http404."""
+    found = taught_assignment(request, public_id).extensions.select_related("racer", "assignment__group")
+    return get_object_or_404(found, racer__alias=alias)
+
+
+def made_submission_group(request: Any, public_id: str, number: int) -> SubmissionGroup:
+    """Raises as :func:`taught_assignment`, Http404."""
+    found = taught_assignment(request, public_id).submission_groups.select_related("assignment__group")
+    return get_object_or_404(found, pk=number)
+
+
+def _student(assignment: Assignment, alias: str) -> Racer:
+    student = students_of(assignment.group_id).filter(alias=alias).first()
+    if student is None:
+        raise UserFault("assignment_student_unknown")
+    return student
+
+
+def _with_parts(assignments: QuerySet[Assignment]) -> QuerySet[Assignment]:
+    tracks = PartTrack.objects.select_related("track").defer("track__npy")
+    return assignments.prefetch_related(Prefetch("parts__tracks", tracks))
+
+
+def _again(request: Request, assignment: Assignment) -> Assignment:
+    return visible_assignment(request, assignment.public_id)
+
+
+class AssignmentView(APIView):
+    token_scope = ORGANISE
+    permission_classes = [IsAuthenticated]
+
+    @operation("read_assignment", "An assignment", find=visible_assignment, answer=AssignmentSerializer)
+    def get(self, request: Request, assignment: Assignment) -> Assignment:
+        return assignment
+
+    @operation(
+        "change_assignment",
+        "Change an assignment",
+        find=taught_assignment,
+        body=AssignmentChangeBody,
+        answer=AssignmentSerializer,
+        partial=True,
+        description="After the first attempt, tracks and race rules stay. Marks that would change wait for a regrade.",
+    )
+    def patch(self, request: Request, assignment: Assignment, sent: dict[str, Any]) -> Assignment:
+        services.change_assignment(assignment=assignment, by=racer_of(request), now=timezone.now(), **sent)
+        return _again(request, assignment)
+
+    @operation(
+        "delete_assignment",
+        "Delete an assignment with its attempts, runs and marks",
+        find=taught_assignment,
+        answer="Deleted.",
+    )
+    def delete(self, request: Request, assignment: Assignment) -> None:
+        services.delete_assignment(assignment=assignment, by=racer_of(request))
+
+
+@extend_schema_view(get=extend_schema(operation_id="list_assignments", summary="Assignments that you see, by deadline"))
+class AssignmentsView(ListAPIView):
+    token_scope = ORGANISE
+    permission_classes = [IsAuthenticated]
+    serializer_class = AssignmentSerializer
+
+    def get_queryset(self) -> QuerySet[Assignment]:
+        return _with_parts(assignments_visible_to(self.request.user))
+
+    @operation(
+        "create_assignment",
+        "Create an assignment",
+        body=AssignmentBody,
+        answer=AssignmentSerializer,
+        status=201,
+        description="Students do not see it before it is published.",
+    )
+    def post(self, request: Request, sent: dict[str, Any]) -> Assignment:
+        by = racer_of(request)
+        if not can_teach_group(by, sent["group"]):
+            raise UserFault("assignment_not_yours")
+        return _again(request, services.make_assignment(by=by, now=timezone.now(), **sent))
+
+
+class PublicationView(APIView):
+    token_scope = ORGANISE
+    permission_classes = [IsAuthenticated]
+
+    @operation(
+        "publish_assignment",
+        "Publish an assignment",
+        find=taught_assignment,
+        answer=AssignmentSerializer,
+        description="Shows it to the students. A repeated request changes nothing.",
+    )
+    def post(self, request: Request, assignment: Assignment) -> Assignment:
+        services.publish_assignment(assignment=assignment, by=racer_of(request), now=timezone.now())
+        return _again(request, assignment)
+
+
+@extend_schema_view(get=extend_schema(operation_id="list_extensions", summary="Extensions of an assignment"))
+class ExtensionsView(ListAPIView):
+    token_scope = ORGANISE
+    permission_classes = [IsAuthenticated]
+    serializer_class = ExtensionSerializer
+
+    def get_queryset(self) -> QuerySet[Extension]:
+        assignment = taught_assignment(self.request, self.kwargs["public_id"])
+        return assignment.extensions.select_related("racer", "granted_by")
+
+    @operation(
+        "give_extension",
+        "Give a student a later deadline",
+        find=taught_assignment,
+        body=ExtensionBody,
+        answer=ExtensionSerializer,
+        status=201,
+    )
+    def post(self, request: Request, assignment: Assignment, sent: dict[str, Any]) -> Extension:
+        values = {"last_at": None, "reason": "", **sent}
+        values["racer"] = _student(assignment, values["racer"])
+        return services.extend(assignment=assignment, by=racer_of(request), now=timezone.now(), **values)
+
+
+class ExtensionView(APIView):
+    token_scope = ORGANISE
+    permission_classes = [IsAuthenticated]
+
+    @operation("end_extension", "Take an extension back", find=given_extension, answer="Taken back.")
+    def delete(self, request: Request, given: Extension) -> None:
+        services.end_extension(assignment=given.assignment, racer=given.racer, by=racer_of(request), now=timezone.now())
+
+
+@extend_schema_view(
+    get=extend_schema(operation_id="list_submission_groups", summary="Students who submit together, by name")
+)
+class SubmissionGroupsView(ListAPIView):
+    token_scope = ORGANISE
+    permission_classes = [IsAuthenticated]
+    serializer_class = SubmissionGroupSerializer
+
+    def get_queryset(self) -> QuerySet[SubmissionGroup]:
+        assignment = taught_assignment(self.request, self.kwargs["public_id"])
+        return assignment.submission_groups.prefetch_related("members__racer")
+
+    @operation(
+        "create_submission_group",
+        "Let students submit together",
+        find=taught_assignment,
+        body=SubmissionGroupBody,
+        answer=SubmissionGroupSerializer,
+        status=201,
+    )
+    def post(self, request: Request, assignment: Assignment, sent: dict[str, Any]) -> SubmissionGroup:
+        racers = [_student(assignment, alias) for alias in sent["racers"]]
+        return services.make_submission_group(
+            assignment=assignment, by=racer_of(request), name=sent["name"], racers=racers, now=timezone.now()
+        )
+
+
+class SubmissionGroupView(APIView):
+    token_scope = ORGANISE
+    permission_classes = [IsAuthenticated]
+
+    @operation(
+        "delete_submission_group",
+        "Let students submit alone again",
+        find=made_submission_group,
+        answer="Deleted.",
+    )
+    def delete(self, request: Request, group: SubmissionGroup) -> None:
+        services.delete_submission_group(group=group, by=racer_of(request), now=timezone.now())
