@@ -16,7 +16,20 @@ from .schema_view import schema_in
 
 METHODS = ("get", *WRITES)
 SUBJECTS = (
-    *("account", "programs", "groups", "teams", "classes", "notices", "webhooks", "models", "vehicles", "trainings"),
+    *(
+        "account",
+        "programs",
+        "groups",
+        "teams",
+        "classes",
+        "assignments",
+        "attempts",
+        "notices",
+        "webhooks",
+        "models",
+        "vehicles",
+        "trainings",
+    ),
     *(
         "sweeps",
         "tracks",

@@ -141,7 +141,6 @@ class AttemptsView(ListAPIView):
 
 
 class AttemptView(APIView):
-    token_scope = RACE
     permission_classes = [IsAuthenticated]
 
     @operation("read_attempt", "An attempt with its runs", find=visible_attempt, answer=AttemptSerializer)

@@ -118,7 +118,7 @@ def latest_of(attempts: Sequence[Attempt]) -> Attempt | None:
     )
 
 
-# Who sees runs of attempts besides their owners: registered with races.entries.selectors.visibility.
+# The audience of runs of attempts besides their owners, registered with races.entries.selectors.visibility:
 
 
 def sees_run(viewer: Racer, evaluation: Evaluation) -> bool:

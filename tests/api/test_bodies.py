@@ -35,6 +35,7 @@ from races.models import MeasuredLap, Race, RaceState, TimingSensor, Visibility
 from races.test_runs.services import drive_own
 from races.timing.services import make_sensor
 from tests.api.schema import SCHEMA
+from tests.courses.assignments import assigned_to_students
 from tests.evaluation.reports import a_report
 from tests.factories import a_model, a_race, a_racer, a_track, drive, laps
 from tests.kept import Kept
@@ -75,11 +76,15 @@ class Owned:
     guest: int
     shown: str
     learner: str
+    assigned: dict[str, dict[str, Any]]
 
     def fill(self, path: str) -> str:
         """An address with what it names filled in."""
         if "/live/" in path:
             return path.format(slug=self.shown)
+        if "/assignments/" in path:
+            room = path.removeprefix("/api/v1/assignments/{public_id}/").split("/")[0]
+            return path.format(**self.assigned["all"] | self.assigned.get(room, {}))
         if "/classes/" in path:
             return path.format(slug="tried-class", alias=self.learner if "/learners/" in path else "guest")
         if "/teams/" in path and "/invitations/" in path:
@@ -129,6 +134,8 @@ def _made_owned(alice: Racer, now: datetime) -> Owned:
         "vehicles": save_vehicle(owner=alice, name="Van", sensors=["STEREO_CAMERAS"]),
         "reports": a_report(alice, now),
     }
+    assigned, attempt = assigned_to_students(alice, now)
+    of["attempts"] = attempt
     return Owned(
         alice,
         names,
@@ -143,6 +150,7 @@ def _made_owned(alice: Racer, now: datetime) -> Owned:
         mia.pk,
         an_ended_show(now, alice, laps={"alice": (8_000,), "bob": (8_500,)}).race.slug,
         _belonging(alice, Racer.objects.get(alias="guest"), now),
+        assigned,
     )
 
 

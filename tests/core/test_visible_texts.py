@@ -61,7 +61,8 @@ REASONS = {
         videos.Video.operator_detail videos.Video.worker
     """,
     "a copy of a checked text": """
-        accounts.Team.key courses.Attempt.model_name league.RoundPoints.team league.WebhookDelivery.body races.RaceTerms.text
+        accounts.Team.key courses.Attempt.model_name league.RoundPoints.team league.WebhookDelivery.body
+        races.RaceTerms.text
     """,
     "ASCII by its own validator": """
         accounts.PastAlias.alias

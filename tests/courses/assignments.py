@@ -7,11 +7,18 @@ from datetime import datetime, timedelta
 from typing import Any
 
 from accounts.models import GroupMember, Racer, RacerGroup
-from courses.assignments.services import make_assignment, publish_assignment
-from courses.attempts.services import submit_attempt
+from courses.assignments.services import (
+    change_assignment,
+    extend,
+    make_assignment,
+    make_submission_group,
+    publish_assignment,
+)
+from courses.attempts.services import add_reference, submit_attempt
+from courses.marks.services import propose_regrade
 from courses.models import Assignment, Attempt, AttemptRun
 from evaluation.running.queue.jobs import finish_evaluation
-from tests.factories import a_model, a_racer, a_track, outcome, start
+from tests.factories import a_model, a_racer, a_track, laps, outcome, start
 
 HOUR, DAY = timedelta(hours=1), timedelta(days=1)
 PASS = {"title": "Laps", "points": 100, "pass_rule": "laps_in_row", "pass_params": {"laps": 3}}
@@ -59,3 +66,24 @@ def finish_all(attempt: Attempt, driven: Sequence[dict[str, Any]], now: datetime
     """Let all waiting runs of an attempt drive these laps."""
     for run in attempt.runs.filter(state="waiting"):
         finish_run(run, driven, now)
+
+
+def assigned_to_students(teacher: Racer, now: datetime) -> tuple[dict[str, dict[str, Any]], Attempt]:
+    """An assignment with one of everything that addresses may name, and an attempt: ``all`` has what every address
+    below the assignment takes, the others what those of a list take."""
+    group, (first, second) = a_group(teacher, 2, now, "Assigned")
+    assignment = an_assignment(group, now)
+    attempt = hand_in(assignment, first, now)
+    finish_all(attempt, laps(9000, 9000, 9000), now)
+    extend(assignment=assignment, racer=first, by=teacher, due_at=now + 2 * DAY, last_at=None, reason="", now=now)
+    together = make_submission_group(assignment=assignment, by=teacher, name="Red", racers=[second], now=now)
+    row = add_reference(assignment=assignment, by=teacher, label="Teacher", model=a_model(teacher), now=now)
+    change_assignment(assignment=assignment, by=teacher, now=now, parts=[a_part(points=50)])
+    regrade = propose_regrade(assignment=assignment, by=teacher, reason="too many points", now=now)
+    named = {
+        "all": {"public_id": assignment.public_id, "alias": first.alias},
+        "groups": {"number": together.pk},
+        "references": {"number": row.pk},
+        "regrades": {"number": regrade.pk},
+    }
+    return named, attempt
