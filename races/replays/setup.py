@@ -90,6 +90,7 @@ def words() -> dict[str, str]:
         "contextLost": _("The 3D view stopped. The map goes on."),
         "copied": _("Link copied"),
         "leads": _("leads"),
+        "follow": _("Follow %s"),
         "out": _("out"),
         "map": _("Map"),
         "chase": pgettext("camera", "Chase"),

@@ -141,7 +141,7 @@ class Show {
   add({ chunks, over, before }) {
     if (before) this.begins(this.slot.cars);
     for (const chunk of [...(before ? [before] : []), ...chunks]) {
-      this.replay.add(chunk);
+      this.replay.add(chunk, (chunk.n + 1) * this.state.chunk_ms);
       this.happened.push(...chunk.events);
     }
     if (over) this.replay.finish();

@@ -33,8 +33,8 @@ export class Stage {
 
   draw(now = this.now) {
     this.now = now;
-    for (const view of this.views) view.draw(this.replay, now);
     if (this.rows.length && this.part("tower") && (!this.isPlaying || Math.abs(now - (this.towerAt ?? -Infinity)) >= TOWER_MS)) this.drawTower(now);
+    for (const view of this.views) view.draw(this.replay, now);
   }
 
   // Another replay on the same road.
@@ -52,17 +52,19 @@ export class Stage {
     this.rows = ranked.length < 2 ? [] : ranked.map((run, number) => {
       const row = document.createElement("tr");
       row.dataset.run = number;
-      row.classList.toggle("focus", number === 0);
       for (let cell = 0; cell < 6; cell += 1) row.append(document.createElement(cell === 1 ? "th" : "td"));
       row.cells[1].scope = "row";
-      const dot = document.createElement("span");
+      const [follow, dot] = [document.createElement("button"), document.createElement("span")];
+      Object.assign(follow, { type: "button", title: this.words.follow.replace("%s", run.name) });
       dot.className = "dot";
       dot.style.background = run.look.colour;
-      row.cells[1].append(dot, run.name);
-      row.cells[1].title = run.name;
+      follow.append(dot, run.name);
+      follow.addEventListener("click", () => { this.chosen = number; this.draw(); });
+      row.cells[1].append(follow);
       for (const cell of [0, 2, 3, 4, 5]) row.cells[cell].className = "num";
       return row;
     });
+    this.chosen = 0;
     this.part("tower")?.querySelector("tbody").replaceChildren(...this.rows);
     if (this.part("tower")) this.part("tower").hidden = !this.rows.length;
   }
@@ -70,7 +72,12 @@ export class Stage {
   drawTower(now) {
     this.towerAt = now;
     const body = this.part("tower").querySelector("tbody");
-    this.replay.order(now).forEach(({ run, number, gap, interval, done }, at) => {
+    const order = this.replay.order(now);
+    // the car that was chosen; once it has stopped, the first that drives on
+    const { number: followed } = [order.find(({ number }) => number === this.chosen), ...order].find(({ done }) => !done) ?? order[0];
+    this.rows.forEach((row, number) => { if (row.classList.contains("focus") !== (number === followed)) row.classList.toggle("focus"); });
+    this.scene?.setFollow(Math.max(0, this.replay.runs.indexOf(this.replay.ranked[followed])));
+    order.forEach(({ run, number, gap, interval, done }, at) => {
       const { cells } = this.rows[number];
       const isOut = done && !run.complete;
       const texts = {

@@ -133,6 +133,8 @@ export class LiveRun extends Run {
   }
 
   add(columns) {
+    if (this.laterLap) this.laps.push(this.laterLap);
+    Object.assign(this, { grows: true, complete: false, laterLap: null });
     const { t, lap, progress } = this.columns;
     const begin = t.length;
     for (const name of COLUMNS) this.columns[name].push(...(columns[name] ?? []));
@@ -162,8 +164,9 @@ export class LiveRun extends Run {
     const { number, start_ms: ended } = this.laps[this.laps.length - 1];
     this.complete = number > 1 && ended >= this.end - STEP_MS;
     if (!this.complete) return;
-    this.laps.pop();
+    this.laterLap = this.laps.pop();
     this.until(ended);
+    for (; this.reachedMs.at(-1) > this.duration; this.reached.pop()) this.reachedMs.pop();
     this.reach(ended, 100 * this.laps.length);
   }
 }
@@ -285,10 +288,13 @@ export class LiveReplay extends Replay {
 
   get ranked() { return this.cars; }
 
-  add({ cars = [], bots = [], events }) {
+  // A chunk that ends at `until`: a car that has no step at its end drives no more.
+  add({ cars = [], bots = [], events }, until = 0) {
     for (const event of events) this.cars[event.car].happen(event);
     for (const columns of cars) {
-      if (columns.t.length) this.cars[columns.number].add(columns); else this.cars[columns.number].finish();
+      const car = this.cars[columns.number];
+      if (columns.t.length) car.add(columns);
+      if (!columns.t.length || columns.t.at(-1) < until - STEP_MS) car.finish();
     }
     bots.forEach((columns, at) => {
       this.bots[at] ??= this.bot({ x: [], y: [], yaw: [] });
