@@ -1,6 +1,6 @@
 """Personal data of courses: attempts and marks go with the account."""
 
-from core.personal_data.rules import OTHERS, SECRET, Leaving, PersonalData, register
+from core.personal_data.rules import NOBODY, OTHERS, SECRET, Leaving, PersonalData, register
 
 from .models import (
     Assignment,
@@ -8,6 +8,11 @@ from .models import (
     Attempt,
     AttemptRun,
     Extension,
+    LtiAccount,
+    LtiContext,
+    LtiLine,
+    LtiPlatform,
+    LtiScore,
     Mark,
     ReferenceRow,
     Regrade,
@@ -78,5 +83,17 @@ register(
         exported="title instructions time_zone marked_rules",
         withheld={SECRET: "draw_seed"},
     ),
+    PersonalData(LtiAccount, owner="racer", rows=True, section="learning_platforms", exported="sub"),
+    PersonalData(
+        LtiScore,
+        owner="racer",
+        rows=True,
+        section="sent_marks",
+        exported="reason_code",
+        withheld={"They are notes for operators.": "operator_detail", "They name a server.": "reason_params"},
+    ),
+    PersonalData(LtiContext, kept={_OF_THE_COURSE: "title lineitems_url scopes"}),
+    PersonalData(LtiLine, kept={_OF_THE_COURSE: "url"}),
+    PersonalData(LtiPlatform, kept={NOBODY: "name deployments authorize_url token_url jwks_url"}),
     erase=_erase,
 )

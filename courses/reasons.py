@@ -64,3 +64,44 @@ register(
         "regrade_changed": _("Rules or results have changed since this was computed. Look at the new marks first."),
     },
 )
+
+register(
+    "Learning platforms (LTI)",
+    invalid={
+        "lti_expired": _(
+            "This launch has expired, was used already, or was started in another browser. Open the link on your "
+            "learning platform again. If that fails, allow cookies or open it in a new window."
+        ),
+        "lti_log_in": _("The log-in request of the learning platform is incomplete. Ask its admin."),
+        "lti_message": _("This message of the learning platform cannot be read. Ask its admin."),
+        "lti_no_course": _("The link must be opened inside a course of the learning platform."),
+    },
+    unauthorized={
+        "lti_token": _("The learning platform's token is not valid. Open the link again; if it fails, ask an admin."),
+    },
+    forbidden={
+        "lti_account": _(
+            "A learning platform logs in no admin, no class account of another course, and no account with a second "
+            "factor. Use another account."
+        ),
+        "lti_deployment": _("This deployment of the learning platform is not registered here. Ask an admin."),
+        "lti_role": _("Only students and teachers of the course can open this link."),
+    },
+    not_found={
+        "lti_platform_unknown": _(
+            "No learning platform with this issuer and client ID is registered here, or it is not active. Ask an admin."
+        ),
+    },
+    conflict={
+        "lti_account_taken": _("This account or this person is linked with another one already. Ask an admin."),
+        "lti_address": _("The address of %(host)s is not one that this site may ask. Ask an admin."),
+        "lti_no_class": _("No class is linked with this course yet. Its teacher must open the link first."),
+        "lti_line": _("The course has no column for this assignment, and the platform lets the site create none."),
+        "lti_refused": _("The platform refused the mark with status %(status)s. Look at the column in its grade book."),
+        "lti_scope": _("The platform does not let the site send marks. Its admin allows the tool to send grades."),
+        "lti_token_refused": _("The platform gave no token for sending marks (status %(status)s). Ask its admin."),
+    },
+    unavailable={
+        "lti_unreachable": _("%(host)s does not answer. Try again later."),
+    },
+)

@@ -1,6 +1,6 @@
 """The periodic work of courses."""
 
-from celery import shared_task
+from celery import Task, shared_task
 
 from core.database.clock import database_now
 
@@ -12,3 +12,12 @@ def deadlines() -> dict[str, int]:
     """Draw the hidden tracks of assignments that are due, and complete the marks of those that are over."""
     now = database_now()
     return {"drawn": draw_hidden_tracks(now=now), "completed": complete_all_marks(now=now)}
+
+
+@shared_task(bind=True)
+def lti_scores(self: Task) -> int:
+    """Send marks that a learning platform does not have yet. Returns how many were tried."""
+    from .lti.scores import queue_scores, send_scores  # where PADDOCK_LTI is set
+
+    queue_scores(now=database_now())
+    return send_scores(worker=self.request.hostname or "local")

@@ -1,6 +1,7 @@
 """Addresses of the pages of courses."""
 
-from django.urls import path
+from django.conf import settings
+from django.urls import include, path
 
 from .classes import views as classes
 
@@ -9,4 +10,5 @@ urlpatterns = [
     path("classes/<slug:slug>/", classes.classroom, name="classroom"),
     path("class/", classes.class_log_in, name="class_log_in"),
     path("class/<str:code>/", classes.class_log_in, name="class_code"),
+    *([path("", include("courses.lti.urls"))] if settings.LTI else []),
 ]

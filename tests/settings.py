@@ -25,6 +25,7 @@ if DATABASES["default"]["ENGINE"] == "django.db.backends.sqlite3":
     DATABASES["default"]["TEST"] = {"NAME": str(DATA_DIR / "test.sqlite3")}
 
 CUP_TIME = ""  # no cup of the day but those that tests hold
+LTI = True  # its pages are there; a site without it is a test of its own
 TRAINING = True  # the site's side needs no torch; tests that really train are skipped where it is missing
 
 MFA_SUPPORTED_TYPES = ["totp", "recovery_codes", "webauthn"]  # their pages are there, whatever the site's address

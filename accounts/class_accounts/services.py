@@ -121,7 +121,7 @@ def add_learners(*, classroom: Classroom, by: Racer, names: Iterable[str], now: 
         if not name or student_id in taken:
             raise UserFault("class_student_id", id=student_id)
         taken |= {student_id} - {""}
-        racer = Racer.objects.create_user(*_free_alias(), None)
+        racer = Racer.objects.create_user(*free_alias(), None)
         code = _new_code()
         learner = ClassLearner(racer=racer, classroom=classroom, real_name=name, student_id=student_id)
         learner.code_digest = digest_of(code)
@@ -252,7 +252,7 @@ def _new_code() -> str:
     return "".join(secrets.choice(LETTERS) for _ in range(LENGTH))
 
 
-def _free_alias() -> tuple[str, str]:
+def free_alias() -> tuple[str, str]:
     while True:
         words = secrets.choice(_FIRST.split()), secrets.choice(_SECOND.split()), str(secrets.randbelow(900) + 100)
         alias = "-".join(words)

@@ -214,6 +214,11 @@ TRAINING_CONCURRENCY = env_int("PADDOCK_TRAINING_CONCURRENCY", 1, minimum=1)
 TRAININGS_AT_ONCE = env_int("PADDOCK_TRAININGS_AT_ONCE", 4, minimum=1)
 TRAINING_MINUTES_A_MONTH = env_int("PADDOCK_TRAINING_MINUTES_A_MONTH", 1440, minimum=0)
 
+# --- courses on a learning platform by LTI: its pages and its tasks are there only where it is set --------------------
+LTI = env_bool("PADDOCK_LTI", False)
+LTI_KEY_FILE = Path(env_str("PADDOCK_LTI_KEY_FILE", "") or DATA_DIR / "lti-key.pem")
+LTI_PRIVATE = env_bool("PADDOCK_LTI_PRIVATE", False)
+
 # --- videos of runs ------------------------------------------------------------------------------------------------
 VIDEOS = env_bool(
     "PADDOCK_VIDEOS",
@@ -221,6 +226,13 @@ VIDEOS = env_bool(
 )
 if VIDEOS:
     CELERY_BEAT_SCHEDULE["videos"] = {"task": "videos.tasks.sweep", "schedule": 15.0, "options": {"expires": 14}}
+if LTI:
+    CELERY_TASK_ROUTES["courses.tasks.lti_scores"] = {"queue": "messages"}
+    CELERY_BEAT_SCHEDULE["lti scores"] = {
+        "task": "courses.tasks.lti_scores",
+        "schedule": 30.0,
+        "options": {"expires": 29},
+    }
 for _entry in CELERY_BEAT_SCHEDULE.values():
     _entry["options"]["expiration"] = _entry["options"]["expires"]  # RabbitMQ drops what nobody reads
 VIDEO_SECONDS = env_int("PADDOCK_VIDEO_SECONDS", 600, minimum=1, maximum=600)

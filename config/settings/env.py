@@ -2,7 +2,6 @@
 
 import os
 import re
-import secrets
 import stat
 import sys
 from email.utils import parseaddr
@@ -33,6 +32,7 @@ _OURS = {
     "files",
     "health.json",
     "locks",
+    "lti-key.pem",
     "mail",
     "metrics",
     "paddock.sqlite3",
@@ -248,21 +248,3 @@ def private_folder(name: str, folder: Path) -> Path:
     closed = f"{name}: {folder} was open to other users of this machine; it is its owner's alone now."
     print(as_printed(closed), file=sys.stderr)
     return folder
-
-
-def secret_from_file(path: Path) -> str:
-    """The secret in ``path``, made on first use and readable by its owner only. Processes that start together agree on
-    one."""
-    if not path.exists():
-        make_private_folder(path.parent)
-        draft = path.with_name(f"{path.name}.{os.getpid()}")
-        descriptor = os.open(draft, os.O_WRONLY | os.O_CREAT | os.O_TRUNC, 0o600)
-        with os.fdopen(descriptor, "w") as file:
-            file.write(secrets.token_urlsafe(50))
-        try:
-            os.link(draft, path)
-        except FileExistsError:
-            pass
-        finally:
-            draft.unlink()
-    return path.read_text().strip()

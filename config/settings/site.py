@@ -3,6 +3,8 @@
 from pathlib import Path
 from urllib.parse import urlsplit
 
+from core.files.secret_files import secret_from_file
+
 from .env import (
     check_url,
     env_bool,
@@ -14,7 +16,6 @@ from .env import (
     env_token,
     env_url,
     private_folder,
-    secret_from_file,
 )
 
 BASE_DIR = Path(__file__).resolve().parent.parent.parent

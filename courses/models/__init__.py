@@ -13,4 +13,5 @@ from .assignment import (
     TrackKind,
 )
 from .attempt import Attempt, AttemptRun, RefundKind, RunState
+from .lti import LtiAccount, LtiContext, LtiLine, LtiPlatform, LtiScore, LtiScoreState
 from .mark import Mark, Regrade

@@ -1,4 +1,4 @@
-"""POST requests to racers' addresses, never to this machine or its network."""
+"""Requests to addresses that racers and platforms name, never to this machine or its network."""
 
 import http.client
 import ipaddress
@@ -7,6 +7,7 @@ import socket
 import ssl
 from collections.abc import Iterable, Mapping
 from contextlib import suppress
+from dataclasses import dataclass
 from threading import Thread, Timer
 from time import monotonic
 from urllib.parse import SplitResult, urlsplit
@@ -130,8 +131,31 @@ def public_addresses(host: str, *, allow_private: bool = False) -> list[str]:
     return found
 
 
+@dataclass(frozen=True)
+class OutgoingAnswer:
+    """What was answered; ``body`` is empty where none was wanted."""
+
+    status: int
+    headers: Mapping[str, str]
+    body: bytes = b""
+
+
 def post(url: str, body: bytes, headers: Mapping[str, str], *, allow_private: bool = False) -> int:
-    """POST ``body`` and return the status of the answer, within ten seconds.
+    """POST ``body`` and return the status of the answer. Raises as :func:`ask`."""
+    return ask("POST", url, body, headers, allow_private=allow_private).status
+
+
+def ask(
+    method: str,
+    url: str,
+    body: bytes | None,
+    headers: Mapping[str, str],
+    *,
+    allow_private: bool = False,
+    limit: int = 0,
+) -> OutgoingAnswer:
+    """Send a request and return the answer, with a body of at most ``limit`` bytes, within ten seconds. A redirect is
+    an answer.
 
     Raises UserFault("webhook_address" | "webhook_name" | "webhook_private"), OSError, ssl.SSLError,
     http.client.HTTPException.
@@ -158,8 +182,12 @@ def post(url: str, body: bytes, headers: Mapping[str, str], *, allow_private: bo
             sock = ssl.create_default_context().wrap_socket(sock, server_hostname=host)
         connection.sock = sock
         path = (parts.path or "/") + (f"?{parts.query}" if parts.query else "")
-        connection.request("POST", path, body, dict(headers))
-        return connection.getresponse().status
+        connection.request(method, path, body, dict(headers))
+        answer = connection.getresponse()
+        read = answer.read(limit + 1) if limit else b""
+        if len(read) > limit:
+            raise http.client.HTTPException("the answer is too long")
+        return OutgoingAnswer(answer.status, dict(answer.getheaders()), read)
     except (OSError, http.client.HTTPException) as error:
         if monotonic() >= until:
             raise TimeoutError("timeout") from error

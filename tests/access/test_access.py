@@ -25,6 +25,7 @@ REFUSED = {"401", "403", "404", "405", "login", "2fa", "class", "no"}
 INVALID = {"nonsense": "5"}
 # links of mails, a cookie of a language or a theme, and operations that take no session
 NO_CSRF = {
+    *("/lti/launch/", "/lti/choose/", "/lti/log-in/"),  # from platforms: the token and the cookie of the log-in count
     "/notices/stop/{stop}/",
     "/invitations/stop/{invited_stop}/",
     "/theme/",

@@ -44,10 +44,12 @@ REASONS = {
         training.Sweep.public_id training.Sweep.reason_code
         training.TrainingJob.action_space_type training.TrainingJob.evaluate_reason_code
         training.TrainingJob.public_id training.TrainingJob.reason_code training.TrainingJob.submit_reason_code
+        courses.LtiScore.reason_code
         training.Vehicle.public_id videos.Video.fingerprint videos.Video.language videos.Video.public_id
         videos.Video.reason_code videos.Video.sha256
     """,
     "read by operators only": """
+        courses.LtiScore.operator_detail courses.LtiScore.request_id courses.LtiScore.worker
         core.DiscardedFile.name
         evaluation.Evaluation.request_id evaluation.ReportChunk.request_id training.TrainingJob.request_id
         videos.Video.request_id
@@ -71,6 +73,12 @@ REASONS = {
     """,
     "an address, checked by Django, and seen by its owner and admins only": """
         accounts.Racer.email league.MailInvitation.email league.NoInvitations.email
+    """,
+    "an id or an address of a learning platform": """
+        courses.LtiAccount.sub courses.LtiContext.context_id courses.LtiContext.deployment_id
+        courses.LtiContext.lineitems_url courses.LtiLine.url courses.LtiPlatform.audience
+        courses.LtiPlatform.authorize_url courses.LtiPlatform.client_id courses.LtiPlatform.issuer
+        courses.LtiPlatform.jwks_url courses.LtiPlatform.token_url
     """,
     "an address; its owner alone reads it": """
         league.Webhook.host league.Webhook.url league.WebhookHost.host

@@ -38,6 +38,7 @@ SECTIONS = (
     "Reward functions",
     "Trainings",
     "Courses",
+    "Learning platforms (LTI)",
     "Texts",
     "Account",
     "Programs",

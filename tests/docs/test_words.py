@@ -19,6 +19,11 @@ GIVEN_UP = {
     r"film(s|ed|ing|er)?": {},  # a video
     r"course(?<!of course)": {
         "docs/architecture.md": "the glossary",
+        "courses": "what a platform calls the students of a term",
+        "templates/courses": "the same",
+        "docs/courses.md": "the same",
+        "docs/operators.md": "the same",
+        "docs/reference.md": "the same",
         "training/lessons/views.py": "the lessons",
         "training/templates": "the lessons",
         "templates/training/lessons": "the lessons",
