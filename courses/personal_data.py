@@ -92,8 +92,8 @@ register(
         exported="reason_code",
         withheld={"They are notes for operators.": "operator_detail", "They name a server.": "reason_params"},
     ),
-    PersonalData(LtiContext, kept={_OF_THE_COURSE: "title lineitems_url scopes"}),
-    PersonalData(LtiLine, kept={_OF_THE_COURSE: "url"}),
+    PersonalData(LtiContext, kept={_OF_THE_GROUP: "title lineitems_url scopes"}),
+    PersonalData(LtiLine, kept={_OF_THE_GROUP: "url"}),
     PersonalData(LtiPlatform, kept={NOBODY: "name deployments authorize_url token_url jwks_url"}),
     erase=_erase,
 )
