@@ -28,5 +28,7 @@ class CoursesConfig(AppConfig):
             {
                 "account.log_in": "courses/classes/parts/card_log_in.html",
                 "menu.account": "courses/classes/parts/menu.html",
+                "group.races": "courses/assignments/of_group.html",
+                "home.next": "courses/attempts/due.html",
             }
         )

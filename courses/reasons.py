@@ -42,6 +42,9 @@ register(
         "assignment_gone": _("The assignment was deleted."),
     },
     conflict={
+        "marks_not_exported": _(
+            "There are marks that nobody has downloaded as they are now. Download all marks first, then delete."
+        ),
         "submission_group_taken": _("A student is in another submission group of the assignment. Nothing was changed."),
         "submission_group_name_taken": _("Another submission group of the assignment has this name."),
         "attempt_not_open_yet": _("The assignment opens at %(opens)s."),

@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
-from datetime import datetime, timedelta
+from datetime import UTC, datetime, timedelta
 from typing import Any
-from zoneinfo import available_timezones
+from zoneinfo import ZoneInfo, available_timezones
 
 from django.core.exceptions import ValidationError
 from django.db import transaction
@@ -141,14 +141,15 @@ def delete_assignments(assignments: Sequence[int]) -> None:
 def copy_assignments(
     *, from_group: RacerGroup, to_group: RacerGroup, by: Racer, now: datetime, shift: timedelta
 ) -> list[Assignment]:
-    """Make drafts for another group from all assignments of one, without students and attempts, moved by ``shift``.
-    Raises as :func:`make_assignment`."""
+    """Make drafts for another group from all assignments of one, without students and attempts, moved by ``shift`` on
+    the clocks of their time zones. Raises as :func:`make_assignment`."""
     _require_teacher(from_group, by)
     copies = []
     for one in Assignment.objects.filter(group=from_group):
         values = {name: getattr(one, name) for name in COLUMNS}
         for name in ("opens_at", "due_at", "last_at"):
-            values[name] = values[name] and values[name] + shift
+            local = values[name] and values[name].astimezone(ZoneInfo(one.time_zone))
+            values[name] = local and (local + shift).astimezone(UTC)
         tracks = {track.pk: track for track in Track.objects.filter(assignment_parts__part__assignment=one)}
         parts = [
             {**vars(part), "tracks": [(tracks[track], kind) for track, kind in part.tracks]}

@@ -7,7 +7,7 @@ from django.shortcuts import get_object_or_404
 from django.urls import reverse
 from django.utils import timezone
 from django.utils.cache import set_response_etag
-from drf_spectacular.utils import extend_schema, extend_schema_view
+from drf_spectacular.utils import OpenApiParameter, extend_schema, extend_schema_view
 from rest_framework import serializers, status
 from rest_framework.permissions import IsAuthenticated
 from rest_framework.request import Request
@@ -211,11 +211,16 @@ class ClassView(Organised):
     @extend_schema(
         operation_id="delete_class",
         summary="Delete a class with the accounts of its learners",
-        description="With their models, runs, trainings and the races of the class. Nothing can be restored.",
+        description="With their models, runs, trainings, the races and the assignments of the class. Nothing can be "
+        "restored. A class with marks is deleted with `?marks_exported=true` only.",
+        parameters=[
+            OpenApiParameter("marks_exported", bool, description="Whether you have exported the marks."),
+        ],
     )
     @finds(led_class, fields=False)
     def delete(self, request: Request, classroom: Classroom) -> Response:
-        delete_class(classroom=classroom, by=racer_of(request))
+        exported = request.query_params.get("marks_exported") == "true"
+        delete_class(classroom=classroom, by=racer_of(request), marks_exported=exported)
         return Response(status=status.HTTP_204_NO_CONTENT)
 
 

@@ -1,4 +1,4 @@
-"""Deletes a class with its accounts, cars, runs, trainings, races and files.
+"""Deletes a class with its accounts, cars, runs, trainings, races, assignments and files, or a group's assignments.
 
 Learners race in races of their class alone and share no models, so that nothing of anybody else hangs on theirs.
 """
@@ -10,7 +10,7 @@ from django.utils.translation import gettext_lazy as _
 
 from accounts.class_accounts.services import can_lead_class, can_teach
 from accounts.leaving.services import delete_account
-from accounts.models import Classroom, Racer
+from accounts.models import Classroom, Racer, RacerGroup
 from core.audit.recording import audited
 from evaluation.models import Evaluation, TrainedModel
 from evaluation.running.results import files_of_runs
@@ -21,16 +21,22 @@ from training.jobs.services.deletion import delete_stored
 from training.models import TrainingJob
 from training.quotas import files_of
 
+from ..assignments.services import delete_assignments
+from ..grading.members import can_teach_group
+from ..models import Assignment, Attempt, Mark
+
 
 @audited("class.deleted", _("Class deleted"), target="classroom")
 @transaction.atomic
-def delete_class(*, classroom: Classroom, by: Racer) -> int:
-    """Delete a class with all content of its learners; the number of accounts. The next purge deletes unused networks.
+def delete_class(*, classroom: Classroom, by: Racer, marks_exported: bool = False) -> int:
+    """Delete a class with all content of its learners and its assignments; the number of accounts. The next purge
+    deletes unused networks. ``marks_exported``: whether the present marks were exported.
 
-    Raises UserFault("class_not_yours").
+    Raises UserFault("class_not_yours" | "marks_not_exported").
     """
     if not can_lead_class(by, classroom):
         raise UserFault("class_not_yours")
+    _delete_assignments(classroom.group, marks_exported)
     learners = list(classroom.learners.values_list("racer", flat=True))
     races = list(Race.objects.filter(group=classroom.group_id).values_list("pk", flat=True))
     _delete_left(learners, races)
@@ -44,11 +50,13 @@ def delete_class(*, classroom: Classroom, by: Racer) -> int:
 @audited("class.learner_removed", _("Learner removed from a class"), target="classroom")
 @transaction.atomic
 def remove_learner(*, classroom: Classroom, by: Racer, racer: Racer) -> None:
-    """Delete a learner's account with all its content, and rank the boards of the class anew. Where drawn duels, and so
-    the results of others, need their car, results stay without the name. Raises UserFault("class_not_yours")."""
+    """Delete a learner's account with all its content, and rank the boards of the class anew. Where drawn duels or
+    attempts of a submission group, and so the results of others, need their car, results stay without the name. Raises
+    UserFault("class_not_yours")."""
     if not can_teach(by, classroom) or not classroom.learners.filter(racer=racer).exists():
         raise UserFault("class_not_yours")
-    if DuelCompetitor.objects.filter(entry__racer=racer).exists():
+    together = Attempt.objects.filter(racer=racer, submission_group__isnull=False)
+    if DuelCompetitor.objects.filter(entry__racer=racer).exists() or together.exists():
         delete_account(racer=racer, by=by, now=timezone.now())
         return
     raced = list(Race.objects.filter(entries__racer=racer))
@@ -59,7 +67,31 @@ def remove_learner(*, classroom: Classroom, by: Racer, racer: Racer) -> None:
         recompute_race(race=race)
 
 
+@audited("group.assignments_deleted", _("All assignments of a group deleted"), target="group")
+@transaction.atomic
+def delete_group_assignments(*, group: RacerGroup, by: Racer, marks_exported: bool = False) -> int:
+    """Delete all assignments of a group with attempts, their runs, marks and exceptions; the number. Members keep their
+    accounts and cars. Raises UserFault("assignment_not_yours" | "marks_not_exported")."""
+    if not can_teach_group(by, group):
+        raise UserFault("assignment_not_yours")
+    return _delete_assignments(group, marks_exported)
+
+
+def has_marks(group: RacerGroup) -> bool:
+    """Whether marks would be lost with the assignments of a group."""
+    return Mark.objects.filter(assignment__group=group, attempt__isnull=False).exists()
+
+
+def _delete_assignments(group: RacerGroup, marks_exported: bool) -> int:
+    if has_marks(group) and not marks_exported:
+        raise UserFault("marks_not_exported")
+    found = list(Assignment.objects.filter(group=group).values_list("pk", flat=True))
+    delete_assignments(found)
+    return len(found)
+
+
 def _delete_left(learners: list[int], races: list[int]) -> None:
+    Attempt.objects.filter(racer__in=learners).delete()
     duels = Duel.objects.filter(race__in=races)
     submissions = Submission.objects.filter(Q(entry__race__in=races) | Q(entry__racer__in=learners))
     runs = set(duels.exclude(evaluation=None).values_list("evaluation", flat=True))

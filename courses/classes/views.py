@@ -17,7 +17,7 @@ from django.utils.translation import gettext as _
 from django.utils.translation import gettext_lazy
 from django.views.decorators.cache import never_cache
 from django.views.decorators.debug import sensitive_post_parameters
-from django.views.decorators.http import require_http_methods
+from django.views.decorators.http import require_http_methods, require_POST
 
 from accounts.class_accounts import services
 from accounts.models import ClassLearner, Classroom
@@ -29,9 +29,12 @@ from core.pages import form_nonce
 from paddock.errors import UserFault
 from races.entries.selectors.visibility import races_visible_to
 from races.spoilers.selectors import spoilers_of
+from races.web.views import faults_reported
 from training.lessons.catalogue import BY_SLUG, LESSONS
 
-from .deletion import delete_class, remove_learner
+from ..grading.members import groups_taught_by
+from ..marks.views import marks_are_downloaded
+from .deletion import delete_class, delete_group_assignments, has_marks, remove_learner
 from .selectors import progress_of, series_of
 
 
@@ -132,7 +135,7 @@ def classroom(request: HttpRequest, slug: str) -> HttpResponse:
             if request.POST.get("confirm") != shown.group.name:
                 messages.error(request, _("Write the name of the class to delete it."))
                 return redirect(shown)
-            delete_class(classroom=shown, by=by)
+            delete_class(classroom=shown, by=by, marks_exported=marks_are_downloaded(request, shown.group))
             messages.success(request, _("Class deleted with all its content."))
             return redirect("classrooms")
     except UserFault as fault:
@@ -148,9 +151,25 @@ def classroom(request: HttpRequest, slug: str) -> HttpResponse:
         "form": names,
         "once": form_nonce.new_nonce(),
         "plan": ClassForm(initial={"name": shown.group.name, "plan": shown.plan}),
+        "has_marks": has_marks(shown.group),
         "usage": usage_of(shown.group.leader or by, timezone.now(), only=[services.LEARNERS.name]),
     }
     return render(request, "courses/classes/class.html", context, status=422 if names.errors else 200)
+
+
+@login_required
+@require_POST
+def group_assignments_delete(request: HttpRequest, slug: str) -> HttpResponse:
+    """At the end of a term: delete all assignments of a group, once their marks were downloaded."""
+    group = get_object_or_404(groups_taught_by(request.user), slug=slug)
+    if request.POST.get("confirm", "").strip() != group.name:
+        messages.error(request, _("Write the name of the group to delete its assignments."))
+        return redirect(group)
+    with faults_reported(request):
+        exported = marks_are_downloaded(request, group)
+        delete_group_assignments(group=group, by=racer_of(request), marks_exported=exported)
+        messages.success(request, _("All assignments deleted."))
+    return redirect(group)
 
 
 def _change_teachers(request: HttpRequest, shown: Classroom, do: str) -> HttpResponse:

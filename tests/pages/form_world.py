@@ -15,7 +15,7 @@ from PIL import Image
 from accounts.class_accounts.services import add_learners, make_class
 from accounts.following import follow_racer
 from accounts.groups.services import ask_to_join, confirm_member, make_group
-from accounts.models import Racer
+from accounts.models import ClassLearner, Classroom, GroupMember, Racer, RacerGroup
 from accounts.teams.services import found_team, invite_to_team, join_by_link
 from accounts.tokens.services import create_token
 from evaluation.garage.services import share_model
@@ -30,10 +30,11 @@ from races.entries.services.entries import enter_race, remove_entry, withdraw
 from races.models import Guest, Race, Recheck
 from races.test_runs.services import drive_own
 from races.timing.services import carry_over, make_sensor
+from tests.courses.assignments import an_assignment, finish_all, hand_in
 from tests.drawn_runs import a_driven_run
 from tests.duels import a_duel_race, qualify
 from tests.evaluation.reports import a_report, drive, off_the_road
-from tests.factories import a_model, a_race, a_racer
+from tests.factories import a_model, a_race, a_racer, laps
 from tests.happened import tell_what_happened
 from tests.league.seasons import a_season, board, racers
 from tests.pages.conftest import World
@@ -52,6 +53,20 @@ def a_picture() -> bytes:
     out = BytesIO()
     Image.new("RGB", (64, 48), (10, 120, 60)).save(out, "PNG")
     return out.getvalue()
+
+
+def assign(world: World, classroom: Classroom, lab: RacerGroup) -> dict[str, str]:
+    """An assignment of alice's class with an attempt that is marked, a draft, and one that alice has to hand in."""
+    now, alice = world.now, world.alice
+    kim = ClassLearner.objects.filter(classroom=classroom).earliest("pk").racer
+    made = an_assignment(classroom.group, now, title="Three laps", shows="named")
+    attempt = hand_in(made, kim, now)
+    finish_all(attempt, laps(9_000, 9_100, 9_200), now)
+    draft = an_assignment(classroom.group, now, publish=False, title="Draft")
+    GroupMember.objects.create(group=lab, racer=alice, asked_at=now, confirmed_at=now, confirmed_by=world.admin)
+    task = an_assignment(lab, now, title="Lab task")
+    words = {"assignment": made, "attempt": attempt, "draft": draft, "task": task}
+    return {name: row.public_id for name, row in words.items()}
 
 
 class Cast:
@@ -143,6 +158,7 @@ class Cast:
                 confirm_member(member=asked, by=alice, now=now)
         seventh = make_class(teacher=alice, name="7c", plan=["agent"], now=now)
         add_learners(classroom=seventh, by=alice, names=["Kim Minji", "Ann Lee"], now=now)
+        assigned = assign(world, seventh, make_group(by=world.admin, name="Lab", now=now))
         real, mia = a_timed_race(now, alice, bob, beside=world.race)
         self.real, self.mia = real, mia
         self.lap = real.timed_sessions.get(entry__racer=bob).laps.get(number=1)
@@ -178,6 +194,7 @@ class Cast:
             "report": done.public_id,
             "report_waits": waiting.public_id,
             "report_listed": listed.public_id,
+            **assigned,
             "stop": stopping_token(alice.pk, notice_kinds.RESULT),
             "confirm": EmailConfirmationHMAC(fresh).key,
             "reset": key,
@@ -226,6 +243,11 @@ class Cast:
             "vehicles/<str:public_id>/": [{"public_id": said["vehicle"]}],
             "cups/": [],  # a page without a form; the form of the list has a case
             "classes/<": [{"slug": "7c"}],
+            "assignments/copy/<": [{"slug": "7c"}],
+            "assignments/of/<": [],
+            "assignments/<": [{"public_id": said[name]} for name in ("assignment", "draft", "task")],
+            "assignments/<str:public_id>/parts/<int:number>/": [{"public_id": said["draft"], "number": "1"}],
+            "attempts/<": [{"public_id": said["attempt"]}],
             "class/<": [{"code": "ABCDEFGHJKMN"}],
             "teams/<": [{"slug": "comets"}],
             "teams/join/<": [{"code": said["team_code"]}],

@@ -14,7 +14,7 @@ from django.urls import URLPattern, get_resolver, resolve
 from accounts.class_accounts.services import add_learners, make_class
 from accounts.following import follow_racer
 from accounts.groups.services import ask_to_join, confirm_member, make_group
-from accounts.models import RacerGroup, Team
+from accounts.models import Classroom, RacerGroup, Team
 from accounts.programs.services import make_program
 from accounts.teams.services import found_team, invite_to_team
 from evaluation.garage.services import share_model
@@ -35,6 +35,7 @@ from tests.factories import a_model, a_race, a_racer, drive, laps, outcome, star
 from tests.happened import tell_what_happened
 from tests.live_shows import a_live_race, a_show, begun
 from tests.pages.conftest import World, make_world
+from tests.pages.form_world import assign
 from tests.pages.test_training import end, run
 from tests.races.timing import a_timed_race
 from tests.reference_laps import a_reference
@@ -109,6 +110,8 @@ NO_PAGES = {
     "training_first",
     "track_file",
     "group_leave",
+    *("assignment_publish", "assignment_delete", "assignment_marks_csv", "attempt_refund"),
+    *("group_marks", "group_assignments_delete"),
     *("follow", "team_leave", "unfollow"),
     "invited",
     *("avatar", "picture_remove", "picture_set"),
@@ -221,6 +224,8 @@ def _paths(world, season, trained, training, pair, vehicle, token) -> dict[str, 
     timed_lap = real.timed_sessions.get(entry__racer=world.bob).laps.get(number=1)
     done, waits = (report.public_id for report in _reports(world))
     at = f"/seasons/{season.slug}/"
+    lab = make_group(by=world.admin, name="Lab", now=world.now)
+    assigned = assign(world, Classroom.objects.get(), lab)
     return {
         "anonymous": [
             *("/", "/status/", "/about/", "/accounts/login/", "/accounts/signup/", "/accounts/password/reset/"),
@@ -247,6 +252,13 @@ def _paths(world, season, trained, training, pair, vehicle, token) -> dict[str, 
             *("/races/show-race/live/overlay/tower/", "/races/robin/live/screen/"),
             *("/races/open-race/invited/", f"/invitations/stop/{stop_token('a@example.org')}/"),
             *("/classes/", "/classes/7c/", "/classes/7c/lti/", "/class/", "/class/ABCDEFGHJKMN/"),
+            *("/assignments/", "/assignments/new/", "/assignments/copy/7c/"),
+            *(f"/assignments/{assigned['task']}/", f"/assignments/{assigned['draft']}/parts/new/"),
+            f"/attempts/{assigned['attempt']}/",
+            *(
+                f"/assignments/{assigned['assignment']}/{page}"
+                for page in ("", "edit/", "parts/1/", "exceptions/", "marks/", "regrade/", "log/")
+            ),
             *("/teams/", "/teams/new/", "/teams/comets/", f"/teams/join/{Team.objects.get().code}/"),
             *("/races/open-race/?by=teams",),
             *("/groups/", "/groups/new/", "/groups/owls/", f"/groups/join/{RacerGroup.objects.get(name='Owls').code}/"),
