@@ -103,7 +103,7 @@ class Track(models.Model):
             raise UserFault("track_shape_unknown", name=self.name)
         found = _geometries.get(key := (self.fingerprint, self.slug))
         if found is None:  # only then are the points read, which lists of tracks defer
-            found = _geometries[key] = read_npy(bytes(self.npy), self.slug, is_open=None)
+            found = _geometries[key] = read_npy(bytes(self.npy), self.slug, is_open=None, is_known=True)
             for oldest in list(_geometries)[:-_MOST_GEOMETRIES]:
                 _geometries.pop(oldest, None)
         return found

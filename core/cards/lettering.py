@@ -33,10 +33,6 @@ def _has(font: ImageFont.FreeTypeFont, letter: str) -> bool:
     return mask.size != (0, 0) and (mask.size != absent.size or bytes(mask) != bytes(absent))
 
 
-_found: list[tuple[str, int]] = []  # system fonts in use, tried first
-_failures: list[Exception] = []  # of fontconfig, which is then not called again
-
-
 @cache
 def _font_for(letter: str) -> tuple[str, int] | None:
     """(file, index) of the typeface for a letter: ("", 0) for Pillow's own, a system font, or None for no font."""
@@ -45,32 +41,27 @@ def _font_for(letter: str) -> tuple[str, int] | None:
 
 def system_font(letter: str) -> tuple[str, int] | None:
     """(file, index) of a system font with the letter, None where there is none."""
-    for known in _found:
-        if _has(_other(*known, 20), letter):
-            return known
-    if _failures:
-        return None
+    return next((font for font in _system_fonts() if _can_write(font, letter)), None)
+
+
+@cache
+def _system_fonts() -> tuple[tuple[str, int], ...]:
+    """All that have letters of their own, in the order in which fontconfig takes them; asked for once, none where it
+    does not answer."""
+    command = ["fc-match", "--sort", "--format", "%{file}\n%{index}\n", "sans"]
     try:
-        answer = subprocess.run(
-            ["fc-match", "-f", "%{file}\n%{index}", f"sans:charset={ord(letter):x}"],
-            capture_output=True,
-            timeout=_PATIENCE_S,
-            check=True,
-            text=True,
-        )
-        file, index = answer.stdout.split("\n")[:2]
-        font = (file, int(index))
-        fits = _has(_other(*font, 20), letter)
-    except (FileNotFoundError, PermissionError, subprocess.TimeoutExpired) as error:
-        if not isinstance(error, subprocess.TimeoutExpired) and error.filename != "fc-match":
-            return None  # a font that cannot be read
-        _failures.append(error)
-        return None
+        answer = subprocess.run(command, capture_output=True, timeout=_PATIENCE_S, check=True, text=True)
+        files, indices = answer.stdout.split("\n")[0::2], answer.stdout.split("\n")[1::2]
+        return tuple((file, int(index)) for file, index in zip(files, indices, strict=False))
     except (OSError, ValueError, subprocess.SubprocessError):
-        return None  # no such font, or one of pictures
-    if fits:
-        _found.append(font)
-    return font if fits else None
+        return ()
+
+
+def _can_write(font: tuple[str, int], letter: str) -> bool:
+    try:
+        return _has(_other(*font, 20), letter)
+    except (OSError, ValueError):
+        return False  # a file that cannot be read, or a font of pictures
 
 
 def drawable(text: str) -> str:

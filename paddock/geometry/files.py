@@ -66,11 +66,13 @@ def _wide(rows: Points, least_m: float) -> Points:
     return np.hstack((centre, centre + (inner - centre) * factor, centre + (outer - centre) * factor))
 
 
-def read_npy(data: bytes, name: str, *, is_open: bool | None = False) -> TrackGeometry:
-    """A track from the bytes of a ``.npy`` file. ``is_open``: whether it must be an open track, None for either. Raises
-    UserFault with a ``track_...`` code."""
+def read_npy(data: bytes, name: str, *, is_open: bool | None = False, is_known: bool = False) -> TrackGeometry:
+    """A track from the bytes of a ``.npy`` file. ``is_open``: whether it must be an open track, None for either;
+    ``is_known``: it was read before, and is not checked for crossings again. Raises UserFault with a ``track_...``
+    code."""
     rows = read_rows(data)
-    return TrackGeometry.from_arrays(name, rows[:, 0:2], rows[:, 2:4], rows[:, 4:6], is_open=is_open)
+    lines = rows[:, 0:2], rows[:, 2:4], rows[:, 4:6]
+    return TrackGeometry.from_arrays(name, *lines, is_open=is_open, is_known=is_known)
 
 
 def read_rows(data: bytes) -> Points:

@@ -137,17 +137,27 @@ class TrackGeometry:
 
     @classmethod
     def from_arrays(
-        cls, name: str, centre: Any, inner: Any, outer: Any, *, is_open: bool | None = False
+        cls,
+        name: str,
+        centre: Any,
+        inner: Any,
+        outer: Any,
+        *,
+        is_open: bool | None = False,
+        is_known: bool = False,
     ) -> TrackGeometry:
         """Check three tables of points, each (N, 2) in metres, and build the track; repeated points are dropped, and
-        exchanged borders are swapped. ``is_open``: whether it must be an open track, None for either. Raises UserFault
-        with a ``track_...`` code, see :mod:`paddock.geometry.checks`.
+        exchanged borders are swapped. ``is_open``: whether it must be an open track, None for either; ``is_known``:
+        these points have passed all checks before. Raises UserFault with a ``track_...`` code, see
+        :mod:`paddock.geometry.checks`.
         """
         centre, inner, outer = clean_rows(centre, inner, outer, is_open)
         if ends_apart(centre):
-            cls._open.check(centre, inner, outer)
+            if not is_known:
+                cls._open.check(centre, inner, outer)
             return cls(name, centre, inner, outer)
-        check_road(centre, inner, outer)
+        if not is_known:
+            check_road(centre, inner, outer)
         if not inside(outer, inner[0]):
             inner, outer = outer, inner
         return cls(name, centre, inner, outer)

@@ -1,14 +1,16 @@
 """Tracks on pages: their maps and lengths."""
 
+import hashlib
 from collections.abc import Iterable
-from functools import lru_cache
+from pathlib import Path
 
 from django import template
+from django.core.cache import cache
 from django.utils.html import format_html
 from django.utils.safestring import SafeString, mark_safe
 from django.utils.translation import gettext as _
 
-from paddock.geometry.track import TrackGeometry
+from tracks.drawing import maps
 from tracks.drawing.maps import Trajectory, draw_svg
 from tracks.models import Track
 from tracks.selectors import TrackFigure
@@ -22,9 +24,26 @@ def dot_radius(size: tuple[float, float]) -> str:
     return f"{0.018 * max(size):.2f}"
 
 
-@lru_cache(maxsize=256)
-def _plain_map(track: TrackGeometry, direction: str, title: str) -> str:
-    return draw_svg(track.in_direction(direction), title=title)
+# Maps are kept by all that they are made of: the shape, and the program that draws.
+_DRAWN_BY = hashlib.sha256(Path(maps.__file__).read_bytes()).hexdigest()
+_KEPT_S = 7 * 24 * 3600
+_MOST_MAPS = 256  # of one process
+_maps: dict[str, str] = {}
+
+
+def _plain_map(track: Track, direction: str, title: str) -> str:
+    """Drawn once for all processes."""
+    parts = _DRAWN_BY, track.fingerprint, direction, title
+    key = f"map:{hashlib.sha256(repr(parts).encode()).hexdigest()}"
+    if key not in _maps:
+        found = cache.get(key)
+        if found is None:
+            found = draw_svg(track.geometry.in_direction(direction), title=title)
+            cache.set(key, found, _KEPT_S)
+        _maps[key] = found
+        for oldest in list(_maps)[:-_MOST_MAPS]:
+            _maps.pop(oldest, None)
+    return _maps[key]
 
 
 @register.filter
@@ -52,5 +71,5 @@ def track_map(track: Track, direction: str = "", lines: Iterable[Trajectory] = (
     if lines:
         drawing = draw_svg(track.geometry.in_direction(direction), lines=tuple(lines), title=title)
     else:
-        drawing = _plain_map(track.geometry, direction, title)
+        drawing = _plain_map(track, direction, title)
     return mark_safe(drawing)  # the only text in it is the title, which draw_svg escapes

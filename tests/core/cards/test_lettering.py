@@ -16,10 +16,8 @@ class TestLetters:
         self.forget()
 
     def forget(self):
-        for kept in (lettering._font_for, lettering.mask, lettering.shortened):
+        for kept in (lettering._font_for, lettering._system_fonts, lettering.mask, lettering.shortened):
             kept.cache_clear()
-        lettering._found.clear()
-        lettering._failures.clear()
 
     def test_text_without_system_fonts_is_reduced_to_plain_letters(self, monkeypatch):
         def absent(*args, **kwargs):
@@ -31,18 +29,36 @@ class TestLetters:
         assert not lettering.is_drawable("랩") and lettering.is_drawable("Lap 1")
         assert lettering.mask("한국어", 20).shape[0] == lettering.mask("Lap", 20).shape[0]
 
-    def test_a_hanging_or_lying_font_tool_is_ignored(self, monkeypatch):
+    @pytest.mark.parametrize(
+        "answer",
+        ["", "x", "/nowhere.ttf\n0\n", "/etc/passwd\n0\n", "a.ttf\nb\n", subprocess.TimeoutExpired("fc-match", 5)],
+    )
+    def test_a_hanging_or_lying_font_tool_is_ignored(self, monkeypatch, answer):
         self.forget()
-        answers = iter(["", "/nowhere.ttf\n0", "/etc/passwd\n0", "x", subprocess.TimeoutExpired("fc-match", 5)])
+        asked = self.answers(monkeypatch, answer)
+        assert lettering.drawable("가나다라마바사") == ""
+        assert len(asked) == 1, "once, whatever it said"
+
+    def test_fonts_are_asked_for_once_and_tried_in_their_order(self, monkeypatch, tmp_path):
+        self.forget()
+        bold = tmp_path / "plain.ttf"
+        bold.write_bytes(lettering.own_font(20).font_bytes)
+        asked = self.answers(monkeypatch, f"/nowhere.ttf\n0\n{bold}\n0\n")
+        assert lettering.system_font("a") == lettering.system_font("b") == (str(bold), 0)
+        assert lettering.drawable("a가나b") == "ab" and len(asked) == 1
+
+    @staticmethod
+    def answers(monkeypatch, answer) -> list:
+        asked = []
 
         def run(*args, **kwargs):
-            answer = next(answers)
+            asked.append(args)
             if isinstance(answer, Exception):
                 raise answer
             return subprocess.CompletedProcess(args, 0, answer)
 
         monkeypatch.setattr(subprocess, "run", run)
-        assert lettering.drawable("가나다라마바사") == ""  # after the last answer nobody asks again
+        return asked
 
     def test_a_long_text_is_shortened_to_fit(self):
         short = lettering.shortened("x" * 64, 20, True, 150)
