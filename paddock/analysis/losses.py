@@ -116,8 +116,12 @@ def losses_of(
     length_m = float(mine.metres[-1])
     losses: list[Loss] = []
     turns_after = 0  # the last loss
-    for stretch in stretches_of(turns, length_m, start_m, is_open=is_open):
-        loss = _loss(mine, other, stretch, start_m)
+    stretches = stretches_of(turns, length_m, start_m, is_open=is_open)
+    first, last = stretches[0], stretches[-1]
+    is_cut = first is not last and first.turn is not None and first.turn == last.turn
+    for stretch in stretches:
+        least = LEAST_MS / 2 if is_cut and stretch in (first, last) else LEAST_MS
+        loss = _loss(mine, other, stretch, start_m, least)
         turns_after += stretch.turn is not None
         if loss is None:
             continue
@@ -126,7 +130,16 @@ def losses_of(
         else:
             losses.append(loss)
             turns_after = 0
-    return sorted(losses, key=lambda loss: -loss.ms)[:LARGEST]
+    if is_cut and len(losses) > 1 and (losses[0].stretch, losses[-1].stretch) == (first, last):
+        losses = [_joined(losses[0], losses[-1]), *losses[1:-1]]
+    return sorted((loss for loss in losses if loss.ms >= LEAST_MS), key=lambda loss: -loss.ms)[:LARGEST]
+
+
+def _joined(one: Loss, other: Loss) -> Loss:
+    """The losses of the two parts of a turn that the start of the lap cuts, at the larger one's place."""
+    larger, smaller = (one, other) if one.ms >= other.ms else (other, one)
+    reasons = (larger.reasons + [each for each in smaller.reasons if each[0] not in dict(larger.reasons)])[:REASONS]
+    return replace(larger, ms=one.ms + other.ms, reasons=reasons)
 
 
 def _is_aftermath(loss: Loss, before: Loss) -> bool:
@@ -137,14 +150,14 @@ def _is_aftermath(loss: Loss, before: Loss) -> bool:
     return loss.ms < AFTERMATH * before.ms or same or slow_exit
 
 
-def _loss(mine: LapTelemetry, other: LapTelemetry, stretch: Stretch, start_m: float) -> Loss | None:
+def _loss(mine: LapTelemetry, other: LapTelemetry, stretch: Stretch, start_m: float, least_ms: float) -> Loss | None:
     reached = min(stretch.to_m, mine.reached_m, other.reached_m)
     rows = np.flatnonzero((mine.metres >= stretch.from_m - 1e-9) & (mine.metres <= reached + 1e-9))
     if len(rows) < 2:
         return None
     spent, theirs = np.diff(mine.ms[rows]), np.diff(other.ms[rows])
     lost = float(spent.sum() - theirs.sum())
-    if lost < LEAST_MS:
+    if lost < least_ms:
         return None
     faults = [status for metres, status in mine.faults if stretch.from_m - GRID_M <= metres < stretch.to_m - GRID_M]
     reasons = [(_FAULTS.get(faults[0], Mistake.STOPPED), lost / 1000.0)] if faults else []
@@ -179,7 +192,7 @@ def _reasons(
         if by_line >= SHARE:
             found += _of_line(mine, other, rows, turn, start_m)
         if 1.0 - by_line >= SHARE:
-            found += _of_speed(mine, other, rows, turn, start_m)
+            found += _of_speed(mine, other, rows, turn, start_m, is_exit=stretch.from_m == 0.0)
     found = sorted(
         ((mistake, value) for mistake, value in found if value >= LEAST[mistake]),
         key=lambda each: -each[1] / LEAST[each[0]],
@@ -215,20 +228,24 @@ def _of_line(
 
 
 def _of_speed(
-    mine: LapTelemetry, other: LapTelemetry, rows: np.ndarray, turn: TrackTurn, start_m: float
+    mine: LapTelemetry, other: LapTelemetry, rows: np.ndarray, turn: TrackTurn, start_m: float, *, is_exit: bool
 ) -> Iterator[tuple[Mistake, float]]:
+    """``is_exit``: the stretch begins with the lap."""
     metres = mine.metres[rows]
     speed, their = mine.driven_speed[rows], other.driven_speed[rows]
     slowest, their_slowest = int(speed.argmin()), int(their.argmin())
-    yield Mistake.BRAKED_TOO_MUCH, float(their[their_slowest] - speed[slowest])
-    braked, they_braked = (_braked_at(each) for each in (speed, their))
-    if braked is not None and they_braked is not None:
-        yield Mistake.BRAKED_EARLY, float(metres[they_braked] - metres[braked])
+    if is_exit and _row(metres, turn.apex_m, start_m, mine) is None:
+        their_slowest = 0  # the turn lies before the line: nobody brakes for it here
+    else:
+        yield Mistake.BRAKED_TOO_MUCH, float(their[their_slowest] - speed[slowest])
+        braked, they_braked = (_braked_at(each) for each in (speed, their))
+        if braked is not None and they_braked is not None:
+            yield Mistake.BRAKED_EARLY, float(metres[they_braked] - metres[braked])
+    # behind the slowest place, the way on which the other was fast again and this one was not
+    behind = slice(their_slowest, None)
     fast = 0.95 * their[-1]
-    if speed[slowest] < fast:
-        back = [int(np.flatnonzero(each < fast).max(initial=-1)) for each in (speed, their)]
-        if min(back) >= 0:
-            yield Mistake.ACCELERATED_LATE, float(metres[back[0]] - metres[back[1]])
+    late = (speed[behind] < fast) & (their[behind] >= fast)
+    yield Mistake.ACCELERATED_LATE, float(late.sum() * (metres[1] - metres[0]))
 
 
 def _braked_at(speed: np.ndarray) -> int | None:
