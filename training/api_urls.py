@@ -4,6 +4,7 @@ from django.urls import path
 
 from .jobs.api import files, trainings
 from .rewards import api as rewards
+from .rewards.audit import api as audit
 from .sweeps import api as sweeps
 from .vehicles import api as vehicles
 
@@ -11,6 +12,7 @@ urlpatterns = [
     path("vehicles/", vehicles.VehiclesView.as_view(), name="api-vehicles"),
     path("vehicles/<slug:public_id>/", vehicles.VehicleView.as_view(), name="api-vehicle"),
     path("reward-functions/validate/", rewards.RewardValidationView.as_view(), name="api-reward-validate"),
+    path("reward-functions/audit/", audit.RewardAuditView.as_view(), name="api-reward-audit"),
     path("sweeps/", sweeps.SweepsView.as_view(), name="api-sweeps"),
     path("sweeps/<slug:public_id>/", sweeps.SweepView.as_view(), name="api-sweep"),
     path("sweeps/<slug:public_id>/stop/", sweeps.SweepStopView.as_view(), name="api-sweep-stop"),

@@ -6,6 +6,7 @@ from .cloning import views as cloning
 from .jobs import views as trainings
 from .lessons import views as lessons
 from .rewards import views as rewards
+from .rewards.audit import views as audit
 from .rewards.laboratory import views as laboratory
 from .starter_training import views as starter_training
 from .sweeps import views as sweeps
@@ -17,6 +18,7 @@ urlpatterns = [
     path("train/new/", wizard.training_new, name="training_new"),
     path("train/first/", starter_training.training_first, name="training_first"),
     path("train/validate/", rewards.reward_validate, name="reward_validate"),
+    path("train/audit/", audit.reward_audit, name="reward_audit"),
     path("train/sweeps/<str:public_id>/", sweeps.sweep, name="sweep"),
     path("train/sweeps/<str:public_id>/stop/", sweeps.sweep_stop, name="sweep_stop"),
     path("train/sweeps/<str:public_id>/delete/", sweeps.sweep_delete, name="sweep_delete"),

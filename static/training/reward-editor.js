@@ -168,28 +168,39 @@
     reset.hidden = false;
     reset.addEventListener("click", () => { fill(view, taken); clear(); });
 
+    // what the wizard's form and the laboratory's have of it
+    const FIELDS = ["track", "direction", "race_type", "discount_factor", "csrfmiddlewaretoken"];
+    const sent = () => {
+      const form = new FormData(area.form);
+      const body = new URLSearchParams({ reward_code: area.value });
+      FIELDS.filter((name) => form.has(name)).forEach((name) => body.set(name, form.get(name)));
+      return body;
+    };
+
+    function onClick(button, busy, address, show) {
+      button.addEventListener("click", async (event) => {
+        event.preventDefault();
+        const idle = button.textContent;
+        button.disabled = true;
+        button.textContent = busy;
+        try {
+          const answer = await fetch(address, { method: "POST", body: sent(), headers: { Accept: "application/json" } });
+          const report = await answer.json();
+          show(report);
+          mark(view, report.problems, report.warnings);
+        } catch {
+          box.replaceChildren(element("p", root.dataset.failed, "bad"));
+        }
+        button.disabled = false;
+        button.textContent = idle;
+      });
+    }
     const check = root.querySelector("[data-check]");
-    check.addEventListener("click", async (event) => {
-      event.preventDefault();
-      const idle = check.textContent;
-      check.disabled = true;
-      check.textContent = root.dataset.busy;
-      try {
-        const body = new URLSearchParams({ reward_code: area.value });
-        const type = area.form.querySelector("[name='race_type']:checked");
-        if (type) body.set("race_type", type.value);
-        body.set("csrfmiddlewaretoken", area.form.elements.csrfmiddlewaretoken.value);
-        const answer = await fetch(root.dataset.validate, { method: "POST", body, headers: { Accept: "application/json" } });
-        const report = await answer.json();
-        tell(box, report, root.dataset.ok, view);
-        mark(view, report.problems, report.warnings);
-      } catch {
-        box.replaceChildren(element("p", root.dataset.failed, "bad"));
-      }
-      check.disabled = false;
-      check.textContent = idle;
+    onClick(check, root.dataset.busy, root.dataset.validate, (report) => tell(box, report, root.dataset.ok, view));
+    onClick(root.querySelector("[data-ask]"), root.dataset.driving, root.dataset.audit, (report) => {
+      box.replaceChildren(...new DOMParser().parseFromString(report.html, "text/html").body.childNodes);
     });
-    root.querySelectorAll("[data-report] .problems").forEach(() => check.click());
+    root.querySelectorAll("[data-report] > .problems").forEach(() => check.click());
   }
 
   if (CM) document.querySelectorAll("[data-reward-editor]").forEach(start);

@@ -46,6 +46,7 @@ SAME: dict[str, set[str]] = {
     "race_new": {"create_race"},
     "race_racer_remove": {"remove_entry"},
     "race_racer_restore": {"restore_entry"},
+    "reward_audit": {"audit_reward"},
     "reward_validate": {"validate_reward"},
     "season_continues": {"edit_season"},
     "season_copy": {"copy_season"},

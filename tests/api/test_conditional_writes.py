@@ -140,6 +140,7 @@ def test_nearly_every_write_of_the_schema_takes_a_condition():
     assert {path.removeprefix("/api/v1") for _, path in writes - set(CONDITIONAL)} == {
         "/auth/token/",
         "/invitations/{token}/",
+        "/reward-functions/audit/",
         "/reward-functions/validate/",
         "/timing/claims/",
         "/timing/crossings/",

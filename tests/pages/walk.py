@@ -70,6 +70,7 @@ NO_PAGES = {
         "own_again",
         "own_layout",
         "race_racer_restore",
+        "reward_audit",
         "reward_validate",
         "season_calendar_file",
         "season_continues",

@@ -33,12 +33,17 @@ _PUBLIC_CODE = {*(example.code for example in EXAMPLES), *LESSON_CODE.values()}
 
 
 def parts_of(
-    form: SettingsForm, tried: SweepForm, *, submitted: bool, checked: EditorReport | None
+    form: SettingsForm,
+    tried: SweepForm,
+    *,
+    submitted: bool,
+    checked: EditorReport | None,
+    audit: dict[str, Any] | None,
 ) -> dict[str, SafeString]:
     """The HTML of the parts by their names."""
     if form.is_bound:
         context = {"alike": form, "tried": tried, "layout": preview(form, submitted=submitted)}
-        context |= {"examples": EXAMPLES, "checked": checked}
+        context |= {"examples": EXAMPLES, "checked": checked, "audit": audit}
         return {name: render_to_string(_template(name), context) for name in (*_FIELDS, "sweep_fields")}
     sweep_fields = shared_piece(_template("sweep_fields"), lambda: {"tried": SweepForm(owner=None)}, key="wizard")
     return {"sweep_fields": sweep_fields} | {name: _unsent(name, form) for name in _FIELDS}

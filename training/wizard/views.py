@@ -20,6 +20,7 @@ from paddock.errors import PlatformFault, UserFault
 from paddock.rules.training import taken_from
 from training.jobs.services.creation import create_training, refusals_of, refuse_taken_name
 from training.models import TrainingJob, Vehicle
+from training.rewards.audit.views import audit_of
 from training.rewards.check_slots import refusals
 from training.rewards.views import report_of
 from training.wizard.fields import MOST, OwnRows
@@ -48,7 +49,7 @@ def training_new(request: HttpRequest) -> HttpResponse:
     """The wizard. Without a script some buttons come back to it: they fill in values or check the reward function."""
     now = timezone.now()
     owner = racer_of(request)
-    status, checked, lacking = 200, None, None
+    status, checked, audit, lacking = 200, None, None, None
     read = OwnRows(owner)
     tried = SweepForm(request.POST if request.method == "POST" else None, owner=owner, read=read)
     if request.method == "POST":
@@ -64,6 +65,9 @@ def training_new(request: HttpRequest) -> HttpResponse:
         elif step == "validate":
             form.errors.clear()
             checked = report_of(owner, request.POST)
+        elif step == "audit":
+            form.errors.clear()
+            audit, _status = audit_of(owner, request.POST)
         elif step == "sweep":
             sweep, status = begin_sweep(form, tried, owner, now)
             if sweep is not None:
@@ -82,7 +86,7 @@ def training_new(request: HttpRequest) -> HttpResponse:
         "form": form,
         "tried": tried,
         "opens_sweep": "sweep" in request.GET or request.POST.get("do") == "sweep",
-        "parts": parts_of(form, tried, submitted=status != 200, checked=checked),
+        "parts": parts_of(form, tried, submitted=status != 200, checked=checked, audit=audit),
         "original": Vehicle(),
         "steps": STEP_TITLES,
         "quotas": training_quotas(owner, now),

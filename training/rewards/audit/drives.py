@@ -3,7 +3,7 @@
 import math
 from collections.abc import Callable
 from dataclasses import dataclass
-from functools import lru_cache, partial
+from functools import partial
 from itertools import pairwise
 
 import numpy as np
@@ -37,14 +37,22 @@ _BEND = 0.35  # 1/m: a bend that is cut to the full
 @dataclass(frozen=True)
 class RecordedDrive:
     """One drive. ``states``: the params after each step, as a training has them; not to be changed. ``lap_ms``: None
-    without a whole lap. ``ended``: the status of the last state. ``seconds``: driven; ``progress``: percent reached."""
+    without a whole lap. ``ended``: the status of the last state. ``seconds``: driven."""
 
     name: str
     states: tuple[Params, ...]
     lap_ms: int | None
     ended: str
     seconds: float
-    progress: float
+
+    @property
+    def steps(self) -> int:
+        return len(self.states)
+
+    @property
+    def progress(self) -> float:
+        """Percent of the lap at the end."""
+        return float(self.states[-1]["progress"])
 
     @property
     def is_clean(self) -> bool:
@@ -98,7 +106,6 @@ class _CirclingPilot(CentreLinePilot):
         return action
 
 
-@lru_cache(maxsize=2)
 def eight_drives(track: TrackGeometry, direction: str, race_type: str = TIME_TRIAL) -> tuple[RecordedDrive, ...]:
     """The :data:`DRIVES` on a track, under the rules of a training's episode: one lap, 60 s, the first fault ends it.
     The same every time; one to two seconds of processor time. With boxes for race types with objects. ``track`` as the
@@ -186,5 +193,4 @@ def _drive(name: str, pilot: CentreLinePilot, track: TrackGeometry, rules: RaceR
         lap_ms=lap.time_ms if lap.complete else None,
         ended=str(result.trace.columns["episode_status"][-1]),
         seconds=lap.time_ms / 1000.0,
-        progress=states[-1]["progress"],
     )

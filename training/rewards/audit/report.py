@@ -8,6 +8,7 @@ from itertools import accumulate, combinations
 
 from paddock.errors import UserFault
 
+from ..laboratory.heat_map import number
 from ..sandbox.client import ask
 from ..sandbox.function import name_state
 from ..sandbox.static_checks import MAX_CHARACTERS
@@ -249,8 +250,3 @@ def _traps(rows: Sequence[AuditRow]) -> list[AuditFinding]:
     if not found and {STANDING, CRASH, CIRCLES} <= named.keys():
         found.append(AuditFinding(GOOD, UserFault("reward_no_traps")))
     return found
-
-
-def number(value: float) -> str:
-    """A value for people: three digits that count, a real minus sign."""
-    return f"{value:.3g}".replace("-", "\N{MINUS SIGN}")

@@ -27,6 +27,7 @@ from tracks.models import Direction, Track
 from training.rewards.check_slots import one_check
 from training.rewards.examples import DEFAULT, EXAMPLES
 
+from ..audit.views import audit_of
 from ..sandbox.function import Params
 from ..sandbox.static_checks import MAX_CHARACTERS
 from ..views import RewardCodeField, report_of
@@ -79,6 +80,9 @@ def reward_lab(request: HttpRequest) -> HttpResponse:
     if request.POST.get("do") == "validate":
         form.errors.clear()
         context["checked"] = report_of(racer_of(request), request.POST)
+    elif request.POST.get("do") == "audit":
+        form.errors.clear()
+        context["audit"], status = audit_of(racer_of(request), request.POST)
     elif request.method == "POST":
         status = 422
         if form.is_valid():

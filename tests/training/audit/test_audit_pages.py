@@ -1,0 +1,90 @@
+"""The audit from the wizard and the laboratory, and the drives that they keep."""
+
+from __future__ import annotations
+
+from functools import cache as cache_of_calls
+
+import pytest
+from django.core.cache import cache
+
+from tests.factories import a_track
+from training.rewards.audit import drives as recorded
+from training.rewards.audit.services import drives_on
+from training.rewards.check_slots import one_check
+
+from .shapes import SHAPES
+
+pytestmark = pytest.mark.django_db
+CONSTANT = SHAPES["a constant"]
+
+
+_driven = cache_of_calls(recorded.eight_drives)
+
+
+@pytest.fixture(autouse=True)
+def driven_once(monkeypatch):
+    monkeypatch.setattr(recorded, "eight_drives", _driven)
+
+
+@pytest.fixture
+def page(alice, client):
+    client.force_login(alice, backend="django.contrib.auth.backends.ModelBackend")
+    return client
+
+
+def test_a_track_is_driven_once_and_then_comes_from_the_cache_unchanged(monkeypatch):
+    track = a_track()
+    first = drives_on(track, "cw", "time_trial")
+    monkeypatch.setattr(recorded, "eight_drives", lambda *_: pytest.fail("driven again"))
+    assert drives_on(track, "cw", "time_trial") == first
+
+
+def test_tracks_directions_and_objects_have_drives_of_their_own():
+    track = a_track()
+    plain = drives_on(track, "ccw", "time_trial")
+    assert drives_on(track, "cw", "time_trial") != plain
+    assert drives_on(track, "ccw", "head_to_head") != plain
+    assert drives_on(track, "ccw", "head_to_head") == drives_on(track, "ccw", "object_avoidance")
+
+
+def test_the_editor_gets_a_table_a_chart_and_sentences(page):
+    sent = {"reward_code": CONSTANT, "track": a_track().slug, "race_type": "time_trial"}
+    html = page.post("/train/audit/", sent).json()["html"]
+    assert html.count('<th scope="row">') == 8
+    assert html.count('class="audit-drive') == 8
+    assert '<li class="bad">Almost standing still is worth' in html
+
+
+def test_the_editor_has_it_in_korean(page):
+    sent = {"reward_code": CONSTANT, "track": a_track().slug}
+    html = page.post("/train/audit/", sent, headers={"Accept-Language": "ko"}).json()["html"]
+    assert "거의 서 있을 때의 가치" in html
+    assert "Almost standing" not in html
+
+
+def test_the_laboratory_shows_it_without_a_script(page):
+    sent = {"reward_code": SHAPES["speed alone"], "track": a_track().slug, "do": "audit"}
+    html = page.post("/learn/laboratory/", sent).content.decode()
+    assert '<li class="good">A fast lap is worth' in html
+
+
+def test_one_check_or_audit_of_a_racer_at_a_time(alice, page):
+    with one_check(alice):
+        answer = page.post("/train/audit/", {"reward_code": CONSTANT, "track": a_track().slug})
+    assert answer.status_code == 409
+    assert answer.json()["problems"][0]["code"] == "reward_check_runs"
+
+
+def test_the_editors_page_asks_for_nothing_before_the_button_is_pressed(page, monkeypatch):
+    monkeypatch.setattr(cache, "get", _refusing(cache.get))
+    html = page.get("/train/new/").content.decode()
+    assert 'value="audit"' in html
+    assert "audit-chart" not in html
+
+
+def _refusing(get):
+    def checked(key, *args, **kwargs):
+        assert not str(key).startswith("reward-drives")
+        return get(key, *args, **kwargs)
+
+    return checked
