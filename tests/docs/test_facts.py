@@ -17,6 +17,7 @@ from paddock.packages.gate.operators import OPERATORS
 from paddock.packages.inputs import CAMERAS, SENSOR_NAMES
 from paddock.packages.limits import DEFAULT_LIMITS, MEGABYTE
 from paddock.packages.metadata import ALGORITHMS, MAX_ACTIONS, NETWORKS
+from paddock.packages.own import read_car
 from paddock.rules.race import RACE_TYPES
 from paddock.simulator import lidar
 from paddock.simulator.camera.optics import FRONT_CAMERA, STEREO_LEFT
@@ -123,7 +124,8 @@ def test_the_observation_space_of_every_sensor_is_correct(name):
 
 
 @pytest.mark.slow
-def test_the_environment_snippet_runs():
+def test_the_environment_snippet_runs(monkeypatch, tmp_path):
+    monkeypatch.chdir(tmp_path)
     snippets = [block for block in code_blocks(text("environments.md"), "python")]
     names: dict = {}
     for snippet in snippets:
@@ -133,6 +135,8 @@ def test_the_environment_snippet_runs():
             exec(snippet.replace("n_steps=128", "n_steps=2, batch_size=32, n_epochs=1").replace("100_000", "1"), names)
     names["env"].close()
     assert names["observation"]["FRONT_FACING_CAMERA"].shape == (120, 160, 1)
+    if (tmp_path / "car.zip").exists():
+        assert read_car([tmp_path / "car.zip"]).metadata["sensor"] == ["STEREO_CAMERAS", "LIDAR"]
     names["cars"].close()
     assert names["observations"]["FRONT_FACING_CAMERA"].shape == (16, 120, 160, 1)
 
