@@ -39,4 +39,4 @@ class RegradeAdmin(ReadOnlyAdmin):
 
 
 if settings.LTI:
-    pass
+    from .lti import admin as lti_admin  # noqa: F401  # registers its pages

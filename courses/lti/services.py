@@ -140,6 +140,7 @@ def enter_course(*, launch: Launch, context: LtiContext, racer: Racer, now: date
     if launch.lines or launch.line:
         context.lineitems_url, context.scopes = launch.lines, list(launch.scopes)
     context.save(update_fields=["title", "lineitems_url", "scopes"])
+    context.lines.update(looked_at=None)  # somebody new may have a mark already
     assignment = Assignment.objects.filter(group=context.group, public_id=launch.assignment or None).first()
     if assignment is not None and SCORE in launch.scopes:
         line, _made = LtiLine.objects.get_or_create(context=context, assignment=assignment)

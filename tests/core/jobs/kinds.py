@@ -3,13 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable
-from datetime import datetime
+from datetime import datetime, timedelta
 from typing import Any
 
 import pytest
 
+from accounts.models import RacerGroup
 from core.jobs.kinds import JobKind
 from core.jobs.models import Leased
+from courses.lti.scores import SCORES
+from courses.models import Assignment, LtiContext, LtiLine, LtiPlatform, LtiScore
 from evaluation.reports.jobs import CHUNKS
 from evaluation.reports.services import request_report
 from evaluation.running.queue.jobs import EVALUATIONS
@@ -73,6 +76,16 @@ def a_reference(racer: Any, track: Any, now: datetime) -> Leased:
     return ReferenceLap.objects.create(track=track, direction="ccw", engine=engine, queued_at=now)
 
 
+def a_score(racer: Any, track: Any, now: datetime) -> Leased:
+    platform, _made = LtiPlatform.objects.get_or_create(name="University", issuer="https://example.org", client_id="1")
+    group = RacerGroup.objects.create(slug=f"group-{LtiScore.objects.count()}", name="Course", made_at=now)
+    context = LtiContext.objects.create(platform=platform, deployment_id="1", context_id=group.slug, group=group)
+    due = {"opens_at": now, "due_at": now + timedelta(days=1)}
+    assignment = Assignment.objects.create(group=group, title="First", **due)
+    line = LtiLine.objects.create(context=context, assignment=assignment)
+    return LtiScore.objects.create(line=line, racer=racer, queued_at=now)
+
+
 MAKERS: dict[JobKind[Any], Callable[..., Leased]] = {
     EVALUATIONS: an_evaluation,
     TRAININGS: a_training,
@@ -83,6 +96,7 @@ MAKERS: dict[JobKind[Any], Callable[..., Leased]] = {
     INVITATIONS: an_invitation,
     RECHECKS: a_recheck,
     REFERENCES: a_reference,
+    SCORES: a_score,
 }
 
 
