@@ -1,4 +1,4 @@
-"""The replay of a live event: for each run the spectators' documents during and after it, timed by the page's clock."""
+"""The replay of a live event: for each run the spectators' documents during and after it; the page has the clock."""
 
 from collections.abc import Sequence
 from datetime import datetime
@@ -18,8 +18,6 @@ from ..live.document import (
 from ..live.selectors.events import LiveRow, live_racers, rows_by_time
 from ..live.selectors.runs import DrivenRun, best_sectors, best_sectors_by_racer, driven_runs
 from ..models import (
-    PLAYED_BEHIND,
-    REVEALED_AFTER,
     DuelCompetitor,
     LiveEvent,
     LiveRacer,
@@ -28,18 +26,14 @@ from ..models import (
     SlotPhase,
 )
 
-COUNTDOWN_MS = 5_000
-BETWEEN_MS = 4_000  # how long the standings after a run stay before the next is announced
 NEXT = 3
 
 
 class AgainStep(TypedDict):
-    """A run: the states while it is played and after it, and its start and end on the page's clock."""
+    """A run: the states while it is played and after it."""
 
     state: LiveEventDocument
     after: LiveEventDocument
-    starts_ms: int
-    ends_ms: int
 
 
 class AgainDocument(TypedDict):
@@ -65,8 +59,8 @@ def require_ended(event: LiveEvent) -> None:
 
 
 def again_document(event: LiveEvent, now: datetime) -> AgainDocument:
-    """For each shown run its states (:func:`races.live.document.live_document`) and its start and end on the page's
-    clock; and the state with the podium. Raises UserFault("results_not_yet")."""
+    """For each shown run its states (:func:`races.live.document.live_document`), and the state with the podium. Raises
+    UserFault("results_not_yet")."""
     require_ended(event)
     last = live_document(event, now) | {"message": "", "order": [], "next": [], "reactions": {}}
     runs = driven_runs(event)
@@ -77,22 +71,15 @@ def again_document(event: LiveEvent, now: datetime) -> AgainDocument:
     ]
     racers = live_racers(event)
     steps: list[AgainStep] = []
-    at = 0
     for number, slot in enumerate(slots):
         before = [run for run in runs if run.slot in slots[:number]]
-        starts_ms = at + COUNTDOWN_MS
-        assert slot.starts_at is not None
-        assert slot.ends_at is not None
-        played = slot.ends_at - slot.starts_at + PLAYED_BEHIND + REVEALED_AFTER
-        ends_ms = starts_ms + round(played.total_seconds() * 1000)
         quiet = last | {"phase": LiveState.RUNNING.value, "podium": [], "winner": None, "current": None, "bracket": []}
         coming = [each | {"state": "waiting"} for each in documents[number + 1 : number + 1 + NEXT]]
-        current = documents[number] | {"starts_at": starts_ms}
         since = [*before, *(run for run in runs if run.slot == slot)]
+        current = documents[number]
         state: LiveEventDocument = {**quiet, **_standing(event, before, racers), "current": current, "next": coming}
         after: LiveEventDocument = {**quiet, **_standing(event, since, racers), "next": coming}
-        steps.append({"state": state, "after": after, "starts_ms": starts_ms, "ends_ms": ends_ms})
-        at = ends_ms + BETWEEN_MS
+        steps.append({"state": state, "after": after})
     return {"steps": steps, "end": last | {"current": None}}
 
 

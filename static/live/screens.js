@@ -1,6 +1,6 @@
 // Draws the screens of a live event from the events of live/show.js: timing tower, sectors, the leader's ghost, next
 // cars, countdown and podium.
-import { Ghost } from "../viewer/store.js";
+import { Ghost } from "../viewer/live-replay.js";
 
 const COUNT_MS = 200;
 const GHOST_MS = 4000; // all pages ask for the ghost of a new leader; before the next start there is time

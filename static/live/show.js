@@ -2,7 +2,8 @@
 // viewer (viewer/stage.js) where the page has one, and dispatches "show:state", "show:reactions", "show:frame",
 // "show:event" and "show:again" (what happened is told anew) on [data-show].
 import { clock, isStill, Stage } from "../viewer/stage.js";
-import { fetchDocument, LiveReplay } from "../viewer/store.js";
+import { LiveReplay } from "../viewer/live-replay.js";
+import { fetchDocument } from "../viewer/store.js";
 
 const STILL_MS = 1000;
 const FIGURES_MS = 100; // nobody reads faster

@@ -3,7 +3,8 @@ import { DrivenCar } from "./car.js";
 import { Controls } from "./driving-controls.js";
 import { DrivingReferee, Road } from "./driving-referee.js";
 import { createFlatMap } from "./flat-map.js";
-import { fetchDocument, Ghost, NOSE_M, Run } from "./store.js";
+import { Ghost } from "./live-replay.js";
+import { fetchDocument, NOSE_M, Run } from "./store.js";
 import { clock } from "./stage.js";
 import { hasWebGL } from "./webgl.js";
 

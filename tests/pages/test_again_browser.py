@@ -88,6 +88,7 @@ def test_from_no_spoilers_to_the_podium(browser, live_server, event):
     page.get_by_role("button", name="Play", exact=True).press("Enter")
     page.get_by_role("button", name="To its end").click()
     expect(page.locator("[data-tower] li").first).to_contain_text("carl")
+    moved_about_in(page)
     page.get_by_role("combobox", name="Run").select_option(label="Run 3: dora")
     expect(page.locator("[data-who]")).to_have_text("dora")
     assert not WatchedRace.objects.exists()
@@ -100,6 +101,34 @@ def test_from_no_spoilers_to_the_podium(browser, live_server, event):
     expect(page.locator("#board")).to_contain_text("2.400")
     expect(page.locator(".bell-count")).to_contain_text("1")
     assert not wrong
+
+
+def moved_about_in(page) -> None:
+    """The run can be searched, at another speed and step by step; what comes later in it is not told before."""
+    from playwright.sync_api import expect
+
+    seek, tower = page.locator("[data-seek]"), page.locator("ol[data-tower] li")
+    page.get_by_role("button", name="Pause").click()
+    seek.fill("3500")  # half a second after its start
+    expect(page.locator("[data-who]")).to_have_text("carl")
+    expect(tower.first).to_contain_text("bob")
+    expect(page.locator("[data-last-lap]")).to_have_text("–")
+    expect(page.locator("[data-sectors] li")).to_have_count(0)
+    seek.fill("5450")
+    expect(page.locator("[data-last-lap]")).to_have_text("0:02.400")
+    expect(page.locator("[data-sectors] li")).to_have_count(3)
+    expect(tower.first).to_contain_text("carl")
+    seek.fill("4000")
+    expect(page.locator("[data-last-lap]")).to_have_text("–")
+    expect(tower.first).to_contain_text("bob")
+    before = page.locator('[data-car="0"]').get_attribute("style")
+    page.get_by_role("button", name="A step on").click()
+    assert 4_000 < int(seek.input_value()) <= 4_067
+    expect(page.locator('[data-car="0"]')).not_to_have_attribute("style", before)
+    page.get_by_label("Speed of the replay").select_option("8")
+    page.get_by_role("button", name="Play", exact=True).click()
+    expect(page.locator("[data-who]")).to_have_text("dora")  # the next begins by itself
+    page.get_by_label("Speed of the replay").select_option("1")
 
 
 def test_a_guest_hides_and_shows(browser, live_server, event):

@@ -15,7 +15,7 @@ playwright = pytest.importorskip("playwright.sync_api", reason="Playwright is no
 
 pytestmark = [*IN_A_BROWSER, pytest.mark.django_db(transaction=True)]
 MOST_BYTES = 200_000
-PLACE = "document.querySelector('.replay-car').getAttribute('transform')"
+PLACE = "document.querySelector('.replay-car')?.style.transform"
 
 
 @pytest.fixture(scope="module")

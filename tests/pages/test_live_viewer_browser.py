@@ -48,7 +48,7 @@ ALL_STOPPED = """() => {
 }"""
 # Eight cars, chunk by chunk as pages get them, drawn at each step: [car, t, x, y].
 EIGHT = """async ({ scene, chunks, names, long }) => {
-  const { LiveReplay } = await import("/static/viewer/store.js");
+  const { LiveReplay } = await import("/static/viewer/live-replay.js");
   const { createScene } = await import("/static/viewer/scene.js");
   const look = { shell: "wedge", colour: "#ef4444", above: "" };
   const replay = new LiveReplay(scene, names.map((name, number) => ({ number, name, look })));

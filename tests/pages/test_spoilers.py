@@ -292,9 +292,6 @@ def test_watching_again_tells_nothing_by_itself_and_everything_to_its_script(ali
     leaders = [step["after"]["standings"][0]["racer"] for step in told["steps"]]
     assert leaders == ["bob", "carl", "carl"]
     assert told["steps"][0]["state"]["standings"][0]["rank"] is None
-    first, second = told["steps"][:2]
-    assert first["ends_ms"] - first["starts_ms"] >= 18_400
-    assert second["starts_ms"] > first["ends_ms"]
     assert all(step["state"]["podium"] == [] and step["state"]["winner"] is None for step in told["steps"])
     assert told["steps"][1]["state"]["leader"]["racer"] == "bob"
 
