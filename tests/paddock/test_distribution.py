@@ -125,6 +125,23 @@ def test_an_install_alone_makes_the_environments_known(home):
     assert compiled == bool(list((CHECKOUT / "paddock/simulator").glob("*.so")))
 
 
+def test_the_module_names_of_the_original_run_there(home, tmp_path):
+    (wheel,) = (path for path in build(tmp_path, "paddock_deepracer") if path.suffix == ".whl")
+    packages = tmp_path / "packages"
+    zipfile.ZipFile(wheel).extractall(packages)
+    program = f"""if True:
+    import sys; sys.path.append({str(packages)!r})
+    import gymnasium as gym
+    env = gym.make("deepracer_gym:deepracer-v0", port=8888)
+    seen, info = env.reset(seed=1)
+    import deepracer
+    print(seen["STEREO_CAMERAS"].shape, len(deepracer.running()), "torch" in sys.modules)
+    """
+    done = run(home, "-c", program)
+    assert done.returncode == 0, done.stderr
+    assert done.stdout.strip().split("\n")[-1] == "(2, 120, 160) 1 False"
+
+
 def test_nothing_of_the_site_is_there(home):
     program = f"import importlib.util as u; print([n for n in {SITES_OWN!r} if u.find_spec(n)])"
     assert run(home, "-c", program).stdout.strip().split("\n")[-1] == "[]"

@@ -456,6 +456,11 @@ def test_the_package_is_offered_where_it_was_built(world: World, settings, tmp_p
         (tmp_path / "dist" / name).write_bytes(name.encode())
     body = client.get(page).content.decode()
     assert f"paddock-racing[training] @ http://testserver{page}{wheel}" in body and "notes.whl" not in body
+    assert "deepracer" not in body
+    names = "paddock_deepracer-0.1.0-py3-none-any.whl"
+    (tmp_path / "dist" / names).write_bytes(b"names")
+    assert f"paddock-deepracer @ http://testserver{page}{names}" in client.get(page).content.decode()
+    assert b"".join(client.get(page + names).streaming_content) == b"names"
     answer = client.get(page + wheel)
     assert b"".join(answer.streaming_content) == wheel.encode()
     assert client.get(f"{page}notes.whl").status_code == 404

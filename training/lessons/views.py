@@ -58,13 +58,15 @@ def _language() -> str:
 
 @require_safe
 def elsewhere(request: HttpRequest) -> HttpResponse:
-    context = {"code": (EXAMPLES / EXAMPLE).read_text(), "packages": _packages()}
+    code = (EXAMPLES / EXAMPLE).read_text()
+    context = {"code": code, "packages": _packages("paddock_racing"), "names": _packages("paddock_deepracer")}
     return render(request, "training/lessons/elsewhere.html", context)
 
 
-def _packages() -> list[str]:
+def _packages(name: str = "paddock_*") -> list[str]:
+    """The files of a package that were built here, its wheel first."""
     return sorted(
-        (path.name for path in (settings.BASE_DIR / "dist").glob("paddock_racing-*") if path.suffix in PACKAGE_TYPES),
+        (path.name for path in (settings.BASE_DIR / "dist").glob(f"{name}-*") if path.suffix in PACKAGE_TYPES),
         key=lambda name: (not name.endswith(".whl"), name),
     )
 
