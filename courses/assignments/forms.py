@@ -155,15 +155,20 @@ class AssignmentForm(_Moments):
 
 def _initial(assignment: Assignment | None, now: datetime) -> dict[str, Any]:
     if assignment is None:
-        evening = timezone.localtime(now + TWO_WEEKS).replace(hour=23, minute=59, second=0, microsecond=0)
-        opens = timezone.localtime(now).replace(second=0, microsecond=0)
         named = timezone.get_current_timezone_name()
         known = named if named in dict(_zones()) else "UTC"
+        opens = _on_its_clock(now, zoneinfo.ZoneInfo(known)).replace(second=0, microsecond=0)
+        evening = (opens + TWO_WEEKS).replace(hour=23, minute=59)
         usually = {"time_zone": known, "counts": Counts.BEST, "shows": Shows.OWN, "late_points_a_day": 0}
         return {**usually, "opens_at": opens, "due_at": evening}
     zone = zoneinfo.ZoneInfo(assignment.time_zone)
     values = {name: getattr(assignment, name) for name in AssignmentForm.base_fields if name != "group"}
-    return values | {name: values[name] and values[name].astimezone(zone) for name in MOMENTS}
+    return values | {name: values[name] and _on_its_clock(values[name], zone) for name in MOMENTS}
+
+
+def _on_its_clock(moment: datetime, zone: zoneinfo.ZoneInfo) -> datetime:
+    """As a zone's clock shows it, without a time zone, so that the form does not turn it into the reader's."""
+    return moment.astimezone(zone).replace(tzinfo=None)
 
 
 # --- parts ------------------------------------------------------------------------------------------------------------
@@ -399,7 +404,7 @@ class ExtensionForm(_Moments):
     def __init__(self, *args: Any, assignment: Assignment, students: Iterable[tuple[str, str]], **kwargs: Any) -> None:
         """``students``: aliases and names."""
         self.zone = zoneinfo.ZoneInfo(assignment.time_zone)
-        later = {"due_at": assignment.due_at.astimezone(self.zone) + timedelta(days=7)}
+        later = {"due_at": _on_its_clock(assignment.due_at, self.zone) + timedelta(days=7)}
         kwargs["initial"] = later | kwargs.get("initial", {})
         super().__init__(*args, **kwargs)
         self.fields["racer"].choices = list(students)  # type: ignore[attr-defined]

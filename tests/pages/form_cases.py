@@ -187,7 +187,13 @@ CASES = [
     Case("alice", "/assignments/{assignment}/exceptions/", "css=[value=reference]", "Saved.", {"Label": "Ours"}),
     Case("alice", "/assignments/{assignment}/exceptions/", "css=[value=remove-reference]", "Saved."),
     Case("alice", "/assignments/{assignment}/parts/1/", "css=[value=save]", "Saved.", {"Points": "50"}),
-    Case("alice", "/assignments/{assignment}/regrade/", "css=[value=propose]", "New marks", {"Reason": "Half"}),
+    Case(
+        "alice",
+        "/assignments/{assignment}/regrade/",
+        "css=[value=propose]",
+        "Nothing has changed yet.",
+        {"Reason": "Half"},
+    ),
     Case("alice", "/assignments/{assignment}/regrade/", "css=[value=apply]", "Marks changed."),
     Case("alice", "/attempts/{attempt}/", "Give it back", "Given back.", {"Reason": "Wrong track"}),
     Case("alice", "/assignments/copy/7c/", "Copy", "Drafts created", {"Name of the new class": "7d"}),
@@ -196,7 +202,7 @@ CASES = [
         "admin",
         "/groups/lab/",
         "Delete all assignments",
-        "All assignments deleted.",
+        "There are marks that nobody has downloaded",
         {"Type the name of the group to confirm": "Lab"},
     ),
     Case(
