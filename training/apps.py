@@ -25,9 +25,11 @@ class TrainingConfig(AppConfig):
         from accounts.usage import storage
         from core.pages.registry import register_slots
         from evaluation.running import proof
+        from races.telemetry.rewards import register_rewards
 
         # register the kinds of events and the reasons of sandboxed processes
         from . import events, sb3  # noqa: F401
+        from .jobs.run_rewards import rewards_of_runs
         from .jobs.selectors import register_topics
         from .jobs.services.queue import register_operators_queue
         from .quotas import AT_ONCE, FILES, MINUTES
@@ -41,6 +43,7 @@ class TrainingConfig(AppConfig):
         register_sweep_topic()
         _read_policies_of_sb3()
         proof.register(_prove)
+        register_rewards(rewards_of_runs)
         register_slots(
             {
                 "ways_to_a_car": "training/starter_training/parts/ways_to_a_car.html",

@@ -207,7 +207,7 @@ def lap_telemetry(trace: DrivenTrace, line: LapLine, track: TrackGeometry) -> La
         metres=metres,
         ms=line.ms_at(percent),
         offset=line.at(percent, offsets),
-        reward=line.at(percent, trace.reward) if trace.reward.any() else None,
+        reward=line.at(percent, trace.reward) if np.nan_to_num(trace.reward).any() else None,
         faults=[(float(trace.percent[row]) / _END * track.length, str(trace.status[row])) for row in rows.tolist()],
         **{
             name: line.at(percent, getattr(trace, name))

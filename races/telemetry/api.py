@@ -23,6 +23,7 @@ class TelemetryView(APIView):
         parameters=[
             OpenApiParameter("lap", int, description="Of the run; its best one unless it is given."),
             OpenApiParameter("with", str, description="Up to seven others: `id`, `id:2` with a lap, `reference`."),
+            OpenApiParameter("reward", int, description="1: with the rewards of runs of your trainings' models."),
         ],
         responses=serializer_of(TelemetryDocument),
         tags=["evaluations"],

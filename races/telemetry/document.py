@@ -3,7 +3,7 @@
 import gzip
 import json
 from collections.abc import Callable, Hashable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Annotated, Any, TypedDict, cast
 
 import numpy as np
@@ -28,6 +28,7 @@ from paddock.geometry.track import TrackGeometry
 from races.replays.responses import compressed
 from tracks.models import Track
 
+from .rewards import RewardFunction
 from .sentences import loss_sentence
 
 TELEMETRY_FORMAT = 2
@@ -72,7 +73,10 @@ class RunTelemetryDocument(TypedDict):
     driven_steer: Annotated[list[float | None], "The angle of the driven curvature."]
     offset: Annotated[list[float | None], "Metres to the left of the centre line, of the nose."]
     curvature: Annotated[list[float | None], "Of the driven path, 1/m, above 0 to the left."]
-    reward: Annotated[list[float | None] | None, "Null where the trace has no rewards: only training writes them."]
+    reward: Annotated[
+        list[float | None] | None,
+        "With `reward=1`: of each step, by the function of the training that made the model; null unless you see it.",
+    ]
     best_ms: Annotated[int | None, "The theoretical best lap: the sum of the fastest times in all mini-sectors."]
     laps: Annotated[int, "Complete ones."]
     mean_ms: Annotated[int | None, "Their mean time."]
@@ -139,7 +143,8 @@ class TelemetryDocument(TypedDict):
 
 @dataclass(frozen=True)
 class AskedLap:
-    """Lap ``number`` of a run with its ``laps``, and the run's id and name in the document; ``read``: its steps."""
+    """Lap ``number`` of a run with its ``laps``, and the run's id and name in the document; ``read``: its steps;
+    ``rewards``: what rewards them, if that is asked for."""
 
     run: str
     name: str
@@ -149,6 +154,7 @@ class AskedLap:
     laps: Sequence[DrivenLapDocument]
     trace_sha256: str
     read: Callable[[], DrivenTrace]
+    rewards: RewardFunction | None = None
 
 
 @dataclass(frozen=True)
@@ -177,7 +183,7 @@ def telemetry_part(laps: Sequence[AskedLap]) -> tuple[Hashable, Callable[[], dic
 
 def document_key(laps: Sequence[AskedLap]) -> tuple[Any, ...]:
     """Everything that a document is made of, but for the language."""
-    runs = ((lap.run, lap.trace_sha256, lap.number, lap.name) for lap in laps)
+    runs = ((lap.run, lap.trace_sha256, lap.number, lap.name, lap.rewards and lap.rewards.key) for lap in laps)
     return "telemetry", TELEMETRY_FORMAT, laps[0].track.slug, laps[0].direction, *runs
 
 
@@ -205,6 +211,8 @@ def _document(laps: Sequence[AskedLap]) -> TelemetryDocument:
 
 def _driven(asked: AskedLap, track: TrackGeometry) -> _Laps:
     trace = asked.read()
+    if asked.rewards is not None:
+        trace = _rewarded(trace, asked.number, asked.rewards)
     lines = {
         lap["number"]: line for lap in asked.laps if (line := lap_line(trace, asked.laps, lap["number"])) is not None
     }
@@ -213,6 +221,19 @@ def _driven(asked: AskedLap, track: TrackGeometry) -> _Laps:
     lap = lap_telemetry(trace, lines[asked.number], track)
     off_road = excursions(trace, track.length)
     return _Laps(asked, start_of(trace, track), lines, trace, lap, pace_of(list(lines.values())), off_road)
+
+
+def _rewarded(trace: DrivenTrace, lap: int, function: RewardFunction) -> DrivenTrace:
+    """A trace with the rewards of a lap; a step without one has that of the next."""
+    rewards = np.full(len(trace.ms), np.nan)
+    known = function.along(lap)
+    rows = np.array(sorted(known), int)
+    rewards[rows] = [known[row] for row in rows.tolist()]
+    if len(rows):
+        steps = np.flatnonzero(trace.lap == lap)
+        following = np.searchsorted(rows, steps).clip(max=len(rows) - 1)
+        rewards[steps] = rewards[rows[following]]
+    return replace(trace, reward=rewards)
 
 
 def _own_best(run: _Laps, track: TrackGeometry) -> LapTelemetry | None:

@@ -16,6 +16,7 @@ from tracks.models import ReferenceLap
 from tracks.reference.selectors import reference_ms
 
 from .document import AskedLap
+from .rewards import RewardFunction, reward_functions
 
 MOST_RUNS = 8
 REFERENCE = "reference"
@@ -23,8 +24,8 @@ REFERENCE = "reference"
 
 def asked_laps(request: HttpRequest | Request, shown: Evaluation) -> list[AskedLap]:
     """The lap ``lap`` of a finished run and those of ``with``, each an id, an id and its lap (``id:2``), or
-    ``reference``; the best lap of each unless the address has its number. Raises UserFault ``compare_unknown``,
-    ``compare_lap`` and those of :func:`refuse_incomparable`."""
+    ``reference``; the best lap of each unless the address has its number; ``reward=1``: with the rewards that the
+    reader may see. Raises UserFault ``compare_unknown``, ``compare_lap`` and those of :func:`refuse_incomparable`."""
     if shown.state != State.FINISHED:
         raise UserFault("compare_no_result")
     wanted: dict[str, str] = {}
@@ -33,7 +34,8 @@ def asked_laps(request: HttpRequest | Request, shown: Evaluation) -> list[AskedL
         if public_id:
             wanted.setdefault(public_id[:64], lap)
     known = visible_evaluations(request, [each for each in wanted if each != REFERENCE][: MOST_RUNS - 1])
-    laps = [asked_lap(shown, _number(shown, request.GET.get("lap", "")))]
+    rewards = reward_functions([shown, *known.values()], request.user) if request.GET.get("reward") == "1" else {}
+    laps = [asked_lap(shown, _number(shown, request.GET.get("lap", "")), rewards.get(shown.pk))]
     for public_id, lap in list(wanted.items())[: MOST_RUNS - 1]:
         if public_id == REFERENCE and (reference := asked_reference(shown)):
             laps.append(reference)
@@ -41,11 +43,12 @@ def asked_laps(request: HttpRequest | Request, shown: Evaluation) -> list[AskedL
         if public_id not in known:
             raise UserFault("compare_unknown")
         refuse_incomparable(shown, known[public_id])
-        laps.append(asked_lap(known[public_id], _number(known[public_id], lap)))
+        run = known[public_id]
+        laps.append(asked_lap(run, _number(run, lap), rewards.get(run.pk)))
     return laps
 
 
-def asked_lap(run: Evaluation, number: int = 0) -> AskedLap:
+def asked_lap(run: Evaluation, number: int = 0, rewards: RewardFunction | None = None) -> AskedLap:
     """A lap of a run, its best one for 0."""
     result = run.result
     return AskedLap(
@@ -57,6 +60,7 @@ def asked_lap(run: Evaluation, number: int = 0) -> AskedLap:
         laps=result.laps,
         trace_sha256=result.trace_sha256,
         read=lambda: driven_trace(result),
+        rewards=rewards,
     )
 
 

@@ -6,6 +6,7 @@ from typing import Any
 
 from django import template
 from django.http import QueryDict
+from django.template import Context
 from django.template.loader import render_to_string
 from django.templatetags.static import static
 from django.urls import reverse
@@ -24,15 +25,16 @@ from races.telemetry.document import (
     document_key,
     telemetry_document,
 )
+from races.telemetry.rewards import reward_functions
 from races.telemetry.selectors import REFERENCE, asked_lap, asked_reference
 
 register = template.Library()
 
 
-@register.simple_tag
-def telemetry_panel(runs: Sequence[ReplayedRun]) -> SafeString:
+@register.simple_tag(takes_context=True)
+def telemetry_panel(context: Context, runs: Sequence[ReplayedRun]) -> SafeString:
     """Charts, mini-sectors and losses of the laps of ``runs``, of the best lap of a run that is shown whole, drawn once
-    for all readers. Nothing where a trace cannot be read."""
+    for all readers of the same charts. Nothing where a trace cannot be read."""
     if not all(each.run.result.laps for each in runs):
         return SafeString()
     laps = [asked_lap(each.run, each.lap) for each in runs]
@@ -41,26 +43,29 @@ def telemetry_panel(runs: Sequence[ReplayedRun]) -> SafeString:
         laps.append(reference)
         names.append(reference.name)
     shown = _shown_lap(runs, laps[0])
-    key = "telemetry panel", document_key(laps), tuple(names), shown
+    rewarded = bool(reward_functions([each.run for each in runs], context["user"]))
+    key = "telemetry panel", document_key(laps), tuple(names), shown, rewarded
     try:
-        return lasting_value(key, lambda: render_to_string("races/telemetry/panel.html", _panel(laps, names, shown)))
+        panel = "races/telemetry/panel.html"
+        return lasting_value(key, lambda: render_to_string(panel, _panel(laps, names, shown, rewarded)))
     except PaddockError:
         return SafeString()
 
 
-def _panel(laps: Sequence[AskedLap], names: Sequence[str], shown_lap: str) -> dict[str, Any]:
+def _panel(laps: Sequence[AskedLap], names: Sequence[str], shown_lap: str, rewarded: bool) -> dict[str, Any]:
     document = telemetry_document(laps)
     query = _query(laps)
     first = laps[0].run
     setup = {
         "url": f"{reverse('telemetry', args=[first])}?{query}",
+        "rewarded": rewarded,
         "plot": static("vendor/uplot.iife.min.js"),
         "words": _words(),
     }
     against = document["against"]
     return {
         "setup": json.dumps(setup),
-        "csv": f"{reverse('telemetry_csv', args=[first])}?{query}",
+        "csv": f"{reverse('telemetry_csv', args=[first])}?{query}{'&reward=1' * rewarded}",
         "document": document,
         "runs": [
             {"number": number, "name": name, "telemetry": shown, "sectors": _row(document["sectors"], number)}
@@ -139,4 +144,6 @@ def _words() -> dict[str, str]:
         "later": _("above 0: later"),
         "left": _("above 0: left"),
         "failed": _("The telemetry could not be loaded."),
+        "rewarding": _("Computing the rewards…"),
+        "unrewarded": _("The rewards could not be computed."),
     }

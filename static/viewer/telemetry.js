@@ -129,6 +129,22 @@ class Telemetry {
     if (this.wanted === lap && this.known.get(lap)) this.showLap(this.known.get(lap));
   }
 
+  // Rewards take the server a while, so they come after all else.
+  async addRewards() {
+    this.url = `${this.url}&reward=1`;
+    const note = this.part("rewards");
+    [note.hidden, note.textContent] = [false, this.words.rewarding];
+    const answer = await fetch(this.url, { headers: { Accept: "application/json" } }).catch(() => ({ ok: false }));
+    const found = await answer.json?.().catch(() => null);
+    note.hidden = answer.ok;
+    if (!answer.ok) { note.textContent = found?.detail ?? this.words.unrewarded; return; }
+    this.known?.set(found.runs[0].lap, found);
+    if (found.runs[0].lap !== this.data.runs[0].lap) return; // the replay has come to another lap
+    this.data = found;
+    this.build();
+    this.follow();
+  }
+
   showLap(data) {
     this.data = data;
     const [run] = data.runs;
@@ -514,11 +530,12 @@ function load(src) {
 
 // The charts in `root` (templates/races/telemetry/panel.html) for a replay and its player.
 export async function createTelemetry(root, replay, player) {
-  const { url, plot, words } = JSON.parse(root.dataset.telemetry);
+  const { url, plot, rewarded, words } = JSON.parse(root.dataset.telemetry);
   const [answer] = await Promise.all([fetch(url, { headers: { Accept: "application/json" } }), "uPlot" in window || load(plot)]);
   if (!answer.ok) throw Object.assign(new Error(words.failed), { status: answer.status });
   const telemetry = new Telemetry(root, replay, player, words, await answer.json(), url);
   root.telemetry = telemetry;
+  if (rewarded) telemetry.addRewards();
   root.dispatchEvent(new CustomEvent("telemetry:ready", { bubbles: true, detail: telemetry }));
   return telemetry;
 }

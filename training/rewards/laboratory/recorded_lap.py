@@ -87,10 +87,7 @@ def params_along(
     waypoints = [(float(x), float(y)) for x, y in track.centre]
     states: list[Params] = []
     hint: int | None = None
-    for row in range(1, len(columns["X"])):
-        driven = columns["throttle"][row - 1] > 0.0  # a car that stands out a penalty has no command
-        if not driven or (episode is not None and columns["episode"][row] != episode):
-            continue
+    for row in driven_rows(columns, episode):
         now = {name: values[row] for name, values in columns.items()}
         command = Action(columns["steer"][row - 1], columns["throttle"][row - 1], None)
         place = track.project(now["X"], now["Y"], hint)
@@ -117,9 +114,15 @@ def params_along(
         params = reward_params(cast(Competitor, seen), waypoints, track.direction == "cw", around)
         params["x"], params["y"] = now["X"], now["Y"]  # to the last bit, instead of there and back
         states.append(params)
-        if len(states) == MAX_POINTS:
-            break
     return states
+
+
+def driven_rows(columns: Mapping[str, Any], episode: int | None = None) -> list[int]:
+    """The rows of a trace that :func:`params_along` has params of."""
+    throttle, episodes = columns["throttle"], columns["episode"]
+    # a car that stands out a penalty has no command
+    rows = (row for row in range(1, len(throttle)) if throttle[row - 1] > 0.0)
+    return [row for row in rows if episode is None or episodes[row] == episode][:MAX_POINTS]
 
 
 def rewards_along(code: str, states: Sequence[Params]) -> Rewarded:

@@ -143,8 +143,7 @@ def _drive(form: LabForm) -> tuple[Any, list[Params]]:
         return track.in_direction(direction), states
     from training.rewards.laboratory.recorded_lap import params_along
 
-    rows = list(csv.DictReader(io.StringIO(read_trace(run.result).decode())))
-    columns = {name: [_value(row[name]) for row in rows] for name in rows[0]} if rows else {}
+    columns = trace_columns(read_trace(run.result))
     solids = [box(each["x"], each["y"], each["yaw"]) for each in read_layout(run.result).get("boxes", ())]
     track = run.track.geometry.in_direction(run.spec["rules"].get("direction", "ccw"))
     return track, params_along(track, columns, solids=solids, episode=0)
@@ -155,6 +154,12 @@ def _lap(track: Any, direction: str, offset_m: float, sway_m: float) -> list[Par
     from training.rewards.laboratory.recorded_lap import record_lap
 
     return record_lap(track, direction, offset_m=offset_m, sway_m=sway_m)
+
+
+def trace_columns(trace_csv: bytes) -> dict[str, list[Any]]:
+    """The columns of a sim-trace with numbers and truth values."""
+    rows = list(csv.DictReader(io.StringIO(trace_csv.decode())))
+    return {name: [_value(row[name]) for row in rows] for name in rows[0]} if rows else {}
 
 
 def _value(text: str) -> Any:
