@@ -5,7 +5,7 @@ import { DrivingReferee, Road } from "./driving-referee.js";
 import { createFlatMap } from "./flat-map.js";
 import { Ghost } from "./live-replay.js";
 import { fetchDocument, NOSE_M, Run } from "./store.js";
-import { clock } from "./stage.js";
+import { clock, offerFullScreen } from "./stage.js";
 import { hasWebGL } from "./webgl.js";
 
 const STEP_MS = 1000 / 15;
@@ -45,6 +45,7 @@ export class Drive {
     this.views = [this.map];
     this.part("again").addEventListener("click", () => { this.restart(); this.draw(); });
     this.part("ghost").addEventListener("change", () => this.race());
+    this.fillScreen = offerFullScreen(root, this.part("full"));
     this.part("camera").addEventListener("change", ({ target }) => { this.view?.setCamera(target.value); this.draw(); });
     this.part("tilt").addEventListener("click", async ({ currentTarget }) => {
       const wasUsed = this.controls.tilt !== null, isUsed = await this.controls.useTilt();
@@ -70,6 +71,7 @@ export class Drive {
     if (event.ctrlKey || event.metaKey || event.altKey || event.target.closest("select, input, textarea")) return;
     const select = this.part("camera");
     if (event.key === "r" || event.key === "R") { this.restart(); this.draw(); }
+    if (event.key === "f" || event.key === "F") this.fillScreen();
     if ((event.key === "c" || event.key === "C") && this.view) {
       select.value = CAMERAS[(CAMERAS.indexOf(select.value) + 1) % CAMERAS.length];
       this.view.setCamera(select.value);

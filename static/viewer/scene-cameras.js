@@ -7,6 +7,12 @@ const RAD = Math.PI / 180;
 const LAG_MS = [0, 90, 180, 270, 360]; // the chase camera looks where the car went in the last third of a second
 const POST_M = 5.5; // between two cameras beside the road
 
+// Where along the road the cameras beside it stand.
+export function postsOf(line) {
+  const count = Math.max(4, Math.round(line.length / POST_M));
+  return Array.from({ length: count }, (_, k) => ((k + 0.5) * line.length) / count);
+}
+
 export class Cameras {
   constructor(line, { calm, canvas, onMoved }) {
     this.line = line;
@@ -37,9 +43,9 @@ export class Cameras {
 
   // Posts on the outer side of the road, at a height of a person's knee as a car of this size sees it.
   placePosts() {
-    const { line } = this, count = Math.max(4, Math.round(line.length / POST_M));
-    return Array.from({ length: count }, (_, k) => {
-      const metres = ((k + 0.5) * line.length) / count, out = line.bend(metres, 0.5) > 0 ? 1 : -1;
+    const { line } = this;
+    return postsOf(line).map((metres) => {
+      const out = line.bend(metres, 0.5) > 0 ? 1 : -1;
       const wide = line.width(metres);
       for (const [side, away] of [[out, 0.75], [-out, 0.75], [out, 0.45], [-out, 0.45]]) {
         const [x, y] = line.place(metres, side > 0 ? 1 + away / wide : -away / wide);

@@ -1,6 +1,7 @@
 // What stands around the road: sky, hills, trees, tyre walls, boards, a stand and the arch over the finish line. All of
 // it is one lit mesh and a few pictures; nothing of it moves.
 import * as THREE from "../vendor/three.module.min.js";
+import { postsOf } from "./scene-cameras.js";
 import { GRASS_Z, Triangles, canvasTexture, numbers } from "./scene-road.js";
 
 const LIGHT = new THREE.Vector3(-0.45, -0.5, 0.74).normalize();
@@ -182,8 +183,9 @@ function addArch(solid, pictures, line, look) {
 
 function addBoards(pictures, shade, line) {
   let last = -9;
+  const posts = postsOf(line); // no board hides the road from a camera
   for (let d = 1.2, k = 0; d < line.length - 1; d += 0.2) {
-    if (Math.abs(line.bend(d, 0.7)) > 0.22 || d - last < 2.6) continue;
+    if (Math.abs(line.bend(d, 0.7)) > 0.22 || d - last < 2.6 || posts.some((post) => Math.abs(post - d) < 1)) continue;
     const side = k % 2, wide = line.width(d), away = 0.62, [x, y] = line.place(d, side ? 1 + away / wide : -away / wide);
     if (![-0.6, 0, 0.6].every((along) => {
       const p = line.place(d + along, side ? 1 + away / wide : -away / wide);

@@ -13,6 +13,15 @@ export function clock(ms) {
   return `${Math.floor(whole / 60000)}:${String(Math.floor(whole / 1000) % 60).padStart(2, "0")}.${String(whole % 1000).padStart(3, "0")}`;
 }
 
+// Fills the screen with `root`, or leaves it; `button` is offered where a browser can.
+export function offerFullScreen(root, button) {
+  if (!button || !document.fullscreenEnabled) return () => {};
+  const act = () => (document.fullscreenElement ? document.exitFullscreen() : root.requestFullscreen()).catch(() => {});
+  button.hidden = false;
+  button.addEventListener("click", act);
+  return act;
+}
+
 const seconds = (ms) => (ms === null ? "–" : `+${(ms / 1000).toFixed(3)}`);
 
 export class Stage {

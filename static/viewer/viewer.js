@@ -1,7 +1,7 @@
 // Brings each viewer of a page to life: loads its documents, draws them from above or in three dimensions, and joins
 // them with the controls. A run that ends while its page is open plays by itself and stops at its result.
 import { Player, RATES } from "./player.js";
-import { clock, isStill, Stage } from "./stage.js";
+import { clock, isStill, offerFullScreen, Stage } from "./stage.js";
 import { loadReplay } from "./store.js";
 
 const SEEN_MS = 350; // between two frames of what the car saw
@@ -105,6 +105,7 @@ export class Viewer extends Stage {
       this.part("clip").href = this.setup.clip;
     }
     this.part("player").hidden = this.setup.quiet;
+    this.fillScreen = offerFullScreen(this.root, this.part("full"));
     if (!this.setup.quiet) this.root.addEventListener("keydown", (event) => this.press(event));
     // a click plays, but not the end of a drag, which moves the free camera
     let from = null;
@@ -154,7 +155,7 @@ export class Viewer extends Stage {
       " ": () => player.toggle(), k: () => player.toggle(), Home: () => player.seek(0), End: () => this.toEnd(),
       ArrowLeft: () => (shiftKey ? player.seek(player.now - far) : player.step(-1)), ",": () => player.step(-1),
       ArrowRight: () => (shiftKey ? player.seek(player.now + far) : player.step(1)), ".": () => player.step(1),
-      "[": () => this.faster(-1), "]": () => this.faster(1), c: () => this.nextCamera(),
+      "[": () => this.faster(-1), "]": () => this.faster(1), c: () => this.nextCamera(), f: () => this.fillScreen(),
       ...Object.fromEntries(Object.entries(JUMPS).map(([kind, letter]) => [letter, () => this.jump(kind, shiftKey ? -1 : 1)])),
     };
     const act = acts[key.length === 1 ? key.toLowerCase() : key];

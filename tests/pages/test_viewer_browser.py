@@ -5,6 +5,7 @@ from __future__ import annotations
 import csv
 import io
 from collections.abc import Iterator
+from urllib.parse import parse_qs, urlsplit
 
 import pytest
 from django.urls import reverse
@@ -134,10 +135,9 @@ def test_a_link_to_a_moment_opens_there(open_page, pair):
     playwright.expect(page.locator("[data-out]")).to_contain_text("Lap 3 · 0:03.200")
     page.locator("[data-stage]").focus()
     page.keyboard.press("ArrowRight")
-    page.keyboard.press("k")
-    page.keyboard.press("k")
     address = page.evaluate("document.querySelector('[data-viewer]').viewer.address")
-    assert f"with={pair[1].public_id}" in address and "lap=3" in address and "t=3." in address
+    query = parse_qs(urlsplit(address).query)
+    assert query["with"] == [pair[1].public_id] and query["lap"] == ["3"] and 3.2 < float(query["t"][0]) < 3.3
 
 
 def test_runs_are_added_and_removed_and_their_laps_chosen(open_page, pair):
@@ -258,3 +258,24 @@ def test_a_clip_of_this_moment_has_lap_moment_and_camera_filled_in(open_page, pa
     assert typed == pytest.approx([start_s + 2.0, start_s + 7.0], abs=0.02)
     values = [form.locator(f"[name={name}]").input_value() for name in ("what", "camera")]
     assert values == ["0:2", "onboard"]
+
+
+def test_the_viewer_fills_the_screen_by_button_and_key(open_page, pair):
+    page = open_page(beside(*pair))
+    before = page.locator("[data-stage]").bounding_box()
+    page.get_by_role("button", name="Full screen").click()
+    page.wait_for_function("() => document.fullscreenElement?.matches('[data-viewer]')")
+    playwright.expect(page.get_by_role("button", name="Play")).to_be_in_viewport()
+    assert page.locator("[data-stage]").bounding_box()["width"] > before["width"]
+    page.locator("[data-stage]").focus()
+    page.keyboard.press("f")
+    page.wait_for_function("() => document.fullscreenElement === null")
+
+
+def test_in_three_dimensions_the_tower_lies_over_the_picture(open_page, pair):
+    page = open_page(beside(*pair, "&camera=chase"))
+    playwright.expect(page.locator("[data-scene]")).to_be_visible()
+    stage, tower = (page.locator(part).bounding_box() for part in ("[data-stage]", "[data-tower]"))
+    assert stage["x"] < tower["x"] and tower["x"] + tower["width"] < stage["x"] + stage["width"] / 2
+    assert stage["y"] < tower["y"] and tower["y"] + tower["height"] < stage["y"] + stage["height"]
+    playwright.expect(page.locator("[data-tower] td:nth-child(5)").nth(1)).to_be_visible()
