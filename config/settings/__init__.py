@@ -83,6 +83,7 @@ CELERY_TIMEZONE = "UTC"
 # what waits for servers of others has a worker of its own, so that no car waits for them
 CELERY_TASK_ROUTES = {f"league.tasks.{name}": {"queue": "messages"} for name in ("notices", "webhooks", "deliver")}
 CELERY_TASK_ROUTES["core.events.tasks.*"] = {"queue": "messages"}
+CELERY_TASK_ROUTES["courses.tasks.lti_scores"] = {"queue": "messages"}
 # a show waits for no run and no video
 CELERY_TASK_ROUTES["races.tasks.live"] = {"queue": "messages"}
 # a busy worker delays no other kind. The messenger sweeps: an idle trainer or video-worker has no process for it
@@ -227,7 +228,6 @@ VIDEOS = env_bool(
 if VIDEOS:
     CELERY_BEAT_SCHEDULE["videos"] = {"task": "videos.tasks.sweep", "schedule": 15.0, "options": {"expires": 14}}
 if LTI:
-    CELERY_TASK_ROUTES["courses.tasks.lti_scores"] = {"queue": "messages"}
     CELERY_BEAT_SCHEDULE["lti scores"] = {
         "task": "courses.tasks.lti_scores",
         "schedule": 30.0,

@@ -13,6 +13,7 @@ from paddock.errors import UserFault
 
 from ..models import Assignment
 from . import services
+from .frames import framed
 from .launches import DEEP_LINKING, Launch
 
 if TYPE_CHECKING:
@@ -40,9 +41,7 @@ def choice(request: HttpRequest, launch: Launch, message: "Message") -> HttpResp
     rows = Assignment.objects.filter(group=classroom.group).annotate(points=Sum("parts__points")).order_by("-due_at")
     links = [(one, _signed(request, one, message, asked)) for one in rows[:MOST]]
     answer = render(request, "courses/lti/choice.html", {"links": links, "back": back, "launch": launch})
-    answer._csp_replace = {"frame-ancestors": [origin], "form-action": [origin]}  # type: ignore[attr-defined]
-    answer.xframe_options_exempt = True
-    return answer
+    return framed(answer, origin)
 
 
 def _return_address(asked: dict[str, Any]) -> tuple[str, str]:

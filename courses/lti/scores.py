@@ -44,7 +44,6 @@ class Scores(RetriedKind[LtiScore]):
     waiting, working, finished = "due", "sending", "sent"
     order, since = ("queued_at", "pk"), "queued_at"
     related = ("line__context__platform", "line__assignment")
-    needs = ()
     lost_code, gave_up_code = "lease_expired", "platform_gave_up"
 
     @property

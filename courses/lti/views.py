@@ -4,9 +4,8 @@ import secrets
 from collections.abc import Callable
 from functools import wraps
 from typing import Any
-from urllib.parse import urlsplit
+from urllib.parse import urlencode, urlsplit
 
-from csp.decorators import csp_replace
 from django.conf import settings
 from django.contrib import messages
 from django.contrib.auth import login
@@ -19,7 +18,6 @@ from django.urls import reverse
 from django.utils import timezone
 from django.utils.translation import gettext as _
 from django.views.decorators.cache import never_cache
-from django.views.decorators.clickjacking import xframe_options_exempt
 from django.views.decorators.csrf import csrf_exempt
 from django.views.decorators.debug import sensitive_post_parameters
 from django.views.decorators.http import require_GET, require_http_methods, require_POST
@@ -32,6 +30,7 @@ from paddock.errors import PaddockError, UserFault
 
 from ..models import LtiContext, LtiPlatform
 from . import scores, services
+from .frames import framed
 from .launches import Launch
 from .selectors import lines_of
 from .tool import tool_addresses, tool_configuration
@@ -50,15 +49,13 @@ def refused_in_words(view: View) -> View:
             return view(request, *args, **kwargs)
         except PaddockError as fault:
             context = {"code": fault.code, "reason": explain(fault)}
-            return render(request, "courses/lti/refused.html", context, status=fault.reason.status)
+            return framed(render(request, "courses/lti/refused.html", context, status=fault.reason.status))
 
     return inner
 
 
 @csrf_exempt
 @never_cache
-@xframe_options_exempt
-@csp_replace({"frame-ancestors": ["*"]})  # one button at most, which opens a window
 @require_http_methods(["GET", "POST"])
 @refused_in_words
 def begin(request: HttpRequest) -> HttpResponse:
@@ -69,8 +66,10 @@ def begin(request: HttpRequest) -> HttpResponse:
     wanted = request.GET.get("target_link_uri") or request.POST.get("target_link_uri") or ""
     chooses = urlsplit(wanted).path == reverse("lti_choose")
     if request.headers.get("Sec-Fetch-Dest") in ("iframe", "frame") and not chooses:
+        # a link: a form may lead to this site only, not even by a redirect
         sent = {name: request.GET.get(name) or request.POST.get(name) for name in PARAMETERS}
-        return render(request, "courses/lti/new_window.html", {"sent": {k: v for k, v in sent.items() if v}})
+        address = f"{request.path}?{urlencode({name: value for name, value in sent.items() if value})}"
+        return framed(render(request, "courses/lti/new_window.html", {"address": address}))
     return log_in(request, request.build_absolute_uri(reverse("lti_launch")))
 
 

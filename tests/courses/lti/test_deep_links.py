@@ -120,9 +120,14 @@ class TestFrames:
         asked = {"iss": platform.base, "login_hint": "t-1", "target_link_uri": f"{SITE}/lti/choose/"}
         assert Client().get("/lti/log-in/", asked, headers={"Sec-Fetch-Dest": "iframe"}).status_code == 302
 
-    @pytest.mark.parametrize("path", ["/lti/arrival/", "/lti/launch/"])
-    def test_no_other_page_is_shown_in_a_frame(self, registered, path):
-        answer = Client().post(path) if path.endswith("launch/") else Client().get(path)
+    def test_a_refusal_is_shown_in_a_frame_without_any_button(self, registered):
+        answer = Client().post("/lti/launch/")
+        assert "X-Frame-Options" not in answer.headers
+        assert b"<button" not in answer.content
+        assert b"<form" not in answer.content
+
+    def test_no_other_page_is_shown_in_a_frame(self, registered, platform):
+        _client, answer = launched(platform, "t-1")
         assert answer["X-Frame-Options"] == "DENY"
         assert "frame-ancestors 'none'" in answer["Content-Security-Policy"]
 
