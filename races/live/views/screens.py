@@ -213,7 +213,7 @@ def live_watch(request: HttpRequest, token: str, page: str = "", piece: str = ""
         return _unkept(render(request, "races/live/nothing.html", {"race": race}))
     page = page or ("phone" if has_event else "screen")
     address = reverse(WATCHED[page], args=[race.slug, piece] if piece else [race.slug])
-    chosen = {name: request.GET[name] for name in ("language", "theme") if name in request.GET}
+    chosen = {name: request.GET[name] for name in ("camera", "language", "theme") if name in request.GET}
     response = redirect(f"{address}?{urlencode(chosen)}" if chosen else address)
     keep_token(request, response, token)
     return _unkept(response)
