@@ -5,6 +5,7 @@ PyTorch is imported by the functions alone: the module itself needs none.
 
 from __future__ import annotations
 
+import copy
 import io
 import json
 import warnings
@@ -25,12 +26,16 @@ if TYPE_CHECKING:
 _OPSET = 17
 
 
-def model_metadata(env: Any, frames: int = 1) -> dict[str, Any]:
-    """The ``model_metadata.json`` of an environment, wrapped or not, single or many. ``frames``: of a policy over
-    stacked frames. Put it beside the zip of stable-baselines3's ``model.save()``."""
+def model_metadata(env: Any, frames: int | None = None) -> dict[str, Any]:
+    """The ``model_metadata.json`` of an environment, wrapped or not, single or many, for the zip of
+    stable-baselines3's ``model.save()``. ``frames``: how many observations a wrapper joins, by default those of
+    ``VecFrameStack``."""
     metadata = dict(_agent_config(env))
-    if FRONT in metadata["sensor"]:
-        metadata["colour"] = True
+    frames = frames or _frames_of(env)
+    space = _space_of(env)
+    seen = space[FRONT] if FRONT in getattr(space, "spaces", ()) else space
+    if FRONT in metadata["sensor"] and seen.shape[0] == SPACES[FRONT].shape[0] * frames:
+        metadata["colour"] = True  # a wrapper may have made it grey, which is what a race shows
     return metadata | ({"frame_stack": frames} if frames > 1 else {})
 
 
@@ -94,6 +99,15 @@ def _space_of(env: Any) -> Any:
     return getattr(env, "single_observation_space", env.observation_space)
 
 
+def _frames_of(env: Any) -> int:
+    """The number of observations that ``VecFrameStack`` joins round these environments."""
+    while env is not None:
+        if hasattr(env, "stacked_obs"):
+            return env.stacked_obs.n_stack
+        env = getattr(env, "venv", None)
+    return 1
+
+
 def _race_shape(name: str, shape: tuple[int, ...], frames: int) -> tuple[int, ...]:
     """The shape of a batch in a race, whose front camera is grey."""
     channels = 1 if name == FRONT else shape[0]
@@ -107,7 +121,7 @@ def _car(policy: torch.nn.Module, sensors: list[str], frames: int, *, in_a_dict:
     class Car(torch.nn.Module):
         def __init__(self) -> None:
             super().__init__()
-            self.policy = policy
+            self.policy = copy.deepcopy(policy)  # the program's own stays on its device and in its mode
             self.colours = torch.nn.Buffer(torch.from_numpy(colours().astype(np.float32)))
 
         def forward(self, *readings: torch.Tensor) -> torch.Tensor:
@@ -140,14 +154,14 @@ def _of_stable_baselines3(model: Any, boxes: Mapping[str, tuple[int, ...]]) -> t
         )
     normal = model.get_vec_normalize_env()
     normal = normal if normal is not None and normal.norm_obs else None
-    net = model.policy
 
     class Policy(torch.nn.Module):
         def __init__(self) -> None:
             super().__init__()
-            self.net = net
+            self.net = model.policy
 
         def forward(self, seen: Any) -> torch.Tensor:
+            net: Any = self.net
             if normal is not None:
                 seen = _normalised(seen, normal, shapes)
             if hasattr(net, "q_net"):

@@ -16,6 +16,7 @@ import pytest
 pytest.importorskip("stable_baselines3", reason="training is not installed: make training")
 
 import torch
+from PIL import Image
 from stable_baselines3 import DQN, PPO, SAC
 from stable_baselines3.common.vec_env import DummyVecEnv, VecEnv, VecFrameStack, VecNormalize
 
@@ -50,6 +51,7 @@ KINDS = {
     "colours of three frames and a lidar": (PPO, LIST | {"sensor": ["FRONT_FACING_CAMERA", "LIDAR"]}, 3, False, "zip"),
     "normalised": (PPO, LIST | {"sensor": ["STEREO_CAMERAS"]}, 2, True, "export"),
     "continuous": (SAC, CONTINUOUS | {"sensor": ["STEREO_CAMERAS", "LIDAR"]}, 1, False, "zip"),
+    "colour of an exported DQN": (DQN, LIST | {"sensor": ["FRONT_FACING_CAMERA"]}, 2, False, "export"),
     "continuous in colour": (SAC, CONTINUOUS | {"sensor": ["FRONT_FACING_CAMERA"]}, 2, True, "export"),
 }
 
@@ -253,6 +255,45 @@ def test_a_zip_that_does_not_tell_enough_is_refused(kind, change, code, here):
     with pytest.raises(UserFault) as fault:
         upload(saved(kind), model_metadata(cars_of(kind)) | change)
     assert fault.value.code == code
+
+
+class Grey(gymnasium.ObservationWrapper):
+    """The front camera in grey, as Pillow has it: what a race shows."""
+
+    def __init__(self, env: gymnasium.Env) -> None:
+        super().__init__(env)
+        self.observation_space = gymnasium.spaces.Box(0, 255, (1, 120, 160), np.uint8)
+
+    def observation(self, observation):
+        picture = observation["FRONT_FACING_CAMERA"].transpose(1, 2, 0)
+        return np.asarray(Image.fromarray(np.ascontiguousarray(picture)).convert("L"))[None]
+
+
+@pytest.mark.parametrize(
+    ("wrap", "frames", "told"),
+    [
+        (lambda env: env, 1, {"colour": True}),
+        (lambda env: env, 3, {"colour": True, "frame_stack": 3}),
+        (Grey, 1, {}),
+        (Grey, 3, {"frame_stack": 3}),
+    ],
+)
+def test_the_metadata_tell_colours_from_frames(wrap, frames, told, here):
+    agent = LIST | {"sensor": ["FRONT_FACING_CAMERA"]}
+    cars = DummyVecEnv([lambda: wrap(gymnasium.make("deepracer-v0", agent_config=agent))])
+    cars = VecFrameStack(cars, frames) if frames > 1 else cars
+    metadata, file = model_metadata(cars), io.BytesIO()
+    assert {name: metadata[name] for name in ("colour", "frame_stack") if name in metadata} == told
+    policy = "CnnPolicy" if wrap is Grey else "MultiInputPolicy"
+    PPO(policy, cars, device="cpu", **FEW).save(file)
+    assert upload(file.getvalue(), metadata).metadata.frame_stack == frames
+
+
+def test_an_export_leaves_the_programs_network_as_it_is(tmp_path):
+    env = Camera(gymnasium.make("deepracer-v0", agent_config={"sensor": ["STEREO_CAMERAS"]}), 1)
+    net = Net(2, 5).train()
+    export(net, tmp_path / "car.zip", env)
+    assert net.training and net.head.training
 
 
 def test_a_policy_that_does_not_fit_is_refused_at_home(tmp_path):
