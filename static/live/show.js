@@ -39,7 +39,11 @@ class Show {
     this.stage = root.viewer = new (window.paddockFeed.Stage ?? Stage)(root, setup, this.replay, []);
     if (this.feed.mount) { this.feed.mount(this.stage); return; }
     this.stage.offerCameras(new URLSearchParams(location.search).get("camera") ?? "");
-    root.addEventListener("keydown", ({ key, target }) => { if (key === "c" && !target.closest("select")) this.stage.nextCamera(); });
+    root.addEventListener("keydown", ({ key, target }) => {
+      if (target.closest("select")) return;
+      if (key === "c") this.stage.nextCamera();
+      if (key === "f") this.stage.fillScreen();
+    });
   }
 
   // An element of the page; a screen shows some of them.
@@ -140,7 +144,7 @@ class Show {
 
   // Poses have come. before: what happened in the part of the run that this page never saw.
   add({ chunks, over, before }) {
-    if (before) this.begins(this.slot.cars);
+    if (before) { this.begins(this.slot.cars); this.tell("again"); this.tellState(); }
     for (const chunk of [...(before ? [before] : []), ...chunks]) {
       this.replay.add(chunk, (chunk.n + 1) * this.state.chunk_ms);
       this.happened.push(...chunk.events);

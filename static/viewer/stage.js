@@ -30,6 +30,7 @@ export class Stage {
     this.part = (name) => root.querySelector(`[data-${name}]`);
     this.map = createFlatMap(this.part("map"), replay);
     this.views = [this.map];
+    this.fillScreen = offerFullScreen(root, this.part("full"));
     this.tower();
     this.resized = new ResizeObserver(() => { this.views.forEach((view) => view.resize()); this.draw(); });
     this.resized.observe(this.part("stage"));
@@ -63,7 +64,8 @@ export class Stage {
       row.dataset.run = number;
       for (let cell = 0; cell < 6; cell += 1) row.append(document.createElement(cell === 1 ? "th" : "td"));
       row.cells[1].scope = "row";
-      const [follow, dot] = [document.createElement("button"), document.createElement("span")];
+      // a big screen has no controls
+      const [follow, dot] = [this.part("cameras") ? "button" : "span", "span"].map((tag) => document.createElement(tag));
       Object.assign(follow, { type: "button", title: this.words.follow.replace("%s", run.name) });
       dot.className = "dot";
       dot.style.background = run.look.colour;

@@ -1,7 +1,7 @@
 // Brings each viewer of a page to life: loads its documents, draws them from above or in three dimensions, and joins
 // them with the controls. A run that ends while its page is open plays by itself and stops at its result.
 import { Player, RATES } from "./player.js";
-import { clock, isStill, offerFullScreen, Stage } from "./stage.js";
+import { clock, isStill, Stage } from "./stage.js";
 import { loadReplay } from "./store.js";
 
 const SEEN_MS = 350; // between two frames of what the car saw
@@ -105,7 +105,6 @@ export class Viewer extends Stage {
       this.part("clip").href = this.setup.clip;
     }
     this.part("player").hidden = this.setup.quiet;
-    this.fillScreen = offerFullScreen(this.root, this.part("full"));
     if (!this.setup.quiet) this.root.addEventListener("keydown", (event) => this.press(event));
     // a click plays, but not the end of a drag, which moves the free camera
     let from = null;

@@ -139,6 +139,10 @@ def test_the_tower_of_a_heat_has_its_order_and_follows_who_is_chosen(opened):
     page.get_by_role("button", name="Dora").click()
     playwright.expect(page.locator("[data-viewer] tr.focus")).to_contain_text("Dora")
     page.wait_for_function("() => document.querySelector('[data-show]').show.stage.scene.follow === 3")
+    big = opened("live/screen/", viewport={"width": 1920, "height": 1080})
+    big.wait_for_function(IN_3D)
+    playwright.expect(big.locator("[data-viewer] tbody tr")).to_have_count(MAX_CARS)
+    assert big.locator("a, button, input, select").count() == 0, "a screen has no controls"
     # to the end: the order is the referee's
     slot = slots(opened.event)[0]
     type(slot).objects.filter(pk=slot.pk).update(starts_at=slot.starts_at - timedelta(minutes=1))
