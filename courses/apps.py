@@ -1,4 +1,5 @@
 from django.apps import AppConfig
+from django.conf import settings
 from django.utils.translation import gettext_lazy as _
 
 
@@ -32,3 +33,7 @@ class CoursesConfig(AppConfig):
                 "home.next": "courses/attempts/due.html",
             }
         )
+        if settings.LTI:
+            from .lti.scores import SCORES  # noqa: F401  # registers its kind of job
+
+            register_slots({"class.head": "courses/lti/class_link.html"})

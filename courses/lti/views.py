@@ -131,7 +131,7 @@ def arrival(request: HttpRequest) -> HttpResponse:
     if request.user != racer:
         login(request, racer, backend="django.contrib.auth.backends.ModelBackend")
         request.session.set_expiry(settings.SSO_SESSION_HOURS * 3600)
-    answer = redirect(assignment or (context.group.classroom if came.is_teacher else "class_log_in"))
+    answer = redirect(assignment or (context.group.classroom if came.is_teacher else "assignments"))
     answer.delete_cookie(COOKIE, path=reverse("lti_arrival"))
     return answer
 

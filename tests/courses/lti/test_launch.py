@@ -68,7 +68,7 @@ class TestStudents:
     def test_a_first_launch_makes_a_class_account(self, course, platform):
         client, answer = launched(platform, "s-1")
         racer = racer_in(client)
-        assert answer["Location"] == "/class/"
+        assert answer["Location"] == "/assignments/"
         assert ClassLearner.objects.get(racer=racer).real_name == "Ada Lovelace"
         assert racer.learner.classroom == course.group.classroom
         assert "ada" not in racer.alias.lower()

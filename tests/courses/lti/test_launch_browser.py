@@ -46,7 +46,7 @@ def test_a_teacher_and_a_student_come_from_another_site(browser, live_server, re
     page = student.new_page()
     page.goto(f"{platform.base}/course?as=s-1")
     page.click("form[target=_self] button")
-    page.wait_for_url(f"{site}/class/")
+    page.wait_for_url(f"{site}/assignments/")
     assert page.evaluate("document.documentElement.scrollWidth") <= 360
     assert context.group.classroom.learners.get().real_name == "Ada Lovelace"
 
