@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable
 from dataclasses import dataclass
 from datetime import datetime
 from decimal import Decimal
 from typing import Any
 
-from django.db.models import Count, Q, QuerySet, Sum
+from django.db.models import Count, Exists, OuterRef, Q, QuerySet, Sum
 
 from accounts.models import GroupMember, Racer
 from core.streams.shared_pieces import shared_value
@@ -58,7 +58,7 @@ def state_of(opens_at: datetime, due_at: datetime, last_at: datetime | None, now
 
 
 def tasks_of(racer: Racer, assignments: QuerySet[Assignment], now: datetime) -> list[Task]:
-    """These assignments for a student, what is due next first and what is over last. Five queries."""
+    """These assignments for a student, what is due next first and what is over last. Four queries."""
     found = list(
         assignments.select_related("group__classroom")
         .annotate(full=Sum("parts__points", default=Decimal(0)), parts_count=Count("parts"))
@@ -66,14 +66,14 @@ def tasks_of(racer: Racer, assignments: QuerySet[Assignment], now: datetime) -> 
     )
     if not found:
         return []
-    groups = dict(SubmissionGroupMember.objects.filter(racer=racer).values_list("assignment", "group"))
-    mine = Q(racer=racer, submission_group=None) | Q(submission_group__in=groups.values())
+    groups = SubmissionGroupMember.objects.filter(racer=racer)
+    mine = Q(racer=racer, submission_group=None) | Q(submission_group__in=groups.values("group"))
     attempts: dict[int, list[datetime]] = {}
     kept = Attempt.objects.filter(mine, assignment__in=found, refunded_at=None, is_reference=False)
     for assignment, accepted_at in kept.values_list("assignment", "accepted_at"):
         attempts.setdefault(assignment, []).append(accepted_at)
     marks = {mark.assignment_id: mark for mark in Mark.objects.filter(assignment__in=found, racer=racer)}
-    extended = extensions_of(racer, groups)
+    extended = extensions_of(racer)
     tasks = [
         task_of(one, attempts.get(one.pk, ()), marks.get(one.pk), extended.get(one.pk), now, one.full, one.parts_count)
         for one in found
@@ -85,10 +85,13 @@ def tasks_of(racer: Racer, assignments: QuerySet[Assignment], now: datetime) -> 
     return tasks
 
 
-def extensions_of(racer: Racer, groups: Mapping[int, int]) -> dict[int, Extension]:
+def extensions_of(racer: Racer) -> dict[int, Extension]:
     """The extensions that count for a student by assignment: their own, or the latest of their submission group."""
-    fellows = Q(assignment__in=groups, racer__submission_groups__group__in=groups.values())
-    granted = Extension.objects.filter(Q(racer=racer) | fellows).distinct()
+    mine = SubmissionGroupMember.objects.filter(racer=racer)
+    fellows = SubmissionGroupMember.objects.filter(
+        group__in=mine.values("group"), assignment=OuterRef("assignment"), racer=OuterRef("racer")
+    )
+    granted = Extension.objects.filter(Q(racer=racer) | Exists(fellows))
     latest: dict[int, Extension] = {}
     for one in sorted(granted, key=lambda each: (each.due_at, each.last_at or each.due_at)):
         latest[one.assignment_id] = one

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from datetime import datetime
 from decimal import Decimal
 from typing import Any
@@ -72,7 +72,7 @@ class AttemptRow:
 
 @dataclass
 class BoardLine:
-    """A line of an assignment's board; ``place`` None for a reference row."""
+    """A line of an assignment's board; ``place`` None for a reference row; ``racers``: ids of those whose it is."""
 
     name: str
     points: Decimal
@@ -80,7 +80,7 @@ class BoardLine:
     place: int | None = None
     racer: Racer | None = None
     is_me: bool = False
-    parts: list[dict[str, Any]] = field(default_factory=list)
+    racers: set[int] = field(default_factory=set)
 
 
 def parts_of(assignment: Assignment) -> list[AssignmentPart]:
@@ -103,7 +103,7 @@ def attempt_rows(
     assignment: Assignment, attempts: Iterable[Attempt], mark: Mark | None, due_at: datetime
 ) -> list[AttemptRow]:
     """Rows for ``attempts`` of one student, with their runs (:func:`.selectors.with_runs`)."""
-    rules = rules_of(assignment)
+    rules = rules_of(assignment, shown=parts_of(assignment))
     parts = {part.number: part for part in parts_of(assignment)}
     return [_row(assignment, rules, parts, one, mark, due_at) for one in attempts]
 
@@ -155,22 +155,30 @@ def board_of(assignment: Assignment, unit: Unit | None) -> list[BoardLine]:
     A submission group has one line; reference rows stand where their points place them, unranked."""
     if assignment.shows == Shows.OWN:
         return []
+    lines = shared_value(("board of an assignment", assignment.pk, assignment.shows), lambda: _board(assignment))
+    mine = set(unit.racers) if unit is not None else set()
+    return [replace(line, is_me=bool(mine & line.racers)) for line in lines]
+
+
+def _board(assignment: Assignment) -> list[BoardLine]:
+    """The board, read once for all readers."""
     named = assignment.shows == Shows.NAMED
     members = SubmissionGroupMember.objects.filter(assignment=assignment).select_related("group")
     group_of = {member.racer_id: member.group for member in members}
     marks = Mark.objects.filter(assignment=assignment, attempt__isnull=False).select_related("racer")
     lines: list[BoardLine] = []
-    seen = set()
+    of_group: dict[int, BoardLine] = {}
     for mark in marks.order_by("-points", "attempt__accepted_at", "pk"):
         group = group_of.get(mark.racer_id)
-        if group is not None and group.pk in seen:
+        if group is not None and group.pk in of_group:
+            of_group[group.pk].racers.add(mark.racer_id)
             continue
-        seen.add(group.pk if group else None)
-        is_me = unit is not None and (mark.racer_id in unit.racers)
         passed = sum(bool(part["passed"]) for part in mark.parts)
         name = group.name if group else mark.racer.shown_name
         racer = mark.racer if named and group is None else None
-        lines.append(BoardLine(name if named else "", mark.points, passed, racer=racer, is_me=is_me, parts=mark.parts))
+        lines.append(BoardLine(name if named else "", mark.points, passed, racer=racer, racers={mark.racer_id}))
+        if group is not None:
+            of_group[group.pk] = lines[-1]
     for at, line in enumerate(lines):
         line.place = lines[at - 1].place if at and lines[at - 1].points == line.points else at + 1
     for line in reference_lines(assignment):
@@ -185,11 +193,11 @@ def reference_lines(assignment: Assignment) -> list[BoardLine]:
     if not rows:
         return []
     attempts = {one.pk: one for one in with_runs(Attempt.objects.filter(reference_row__in=rows))}
-    rules = rules_of(assignment)
+    rules = rules_of(assignment, shown=parts_of(assignment))
     lines = []
     for row in rows:
         attempt = attempts[row.attempt_id]
         found = mark_of(rules, [facts_of(attempt)], due_at=max(attempt.accepted_at, rules.due_at))
         passed = sum(bool(part.passed) for part in found.parts)
-        lines.append(BoardLine(row.label, found.before_late, passed, parts=[part.to_dict() for part in found.parts]))
+        lines.append(BoardLine(row.label, found.before_late, passed))
     return lines

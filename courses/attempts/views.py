@@ -7,7 +7,7 @@ from typing import Any
 from django.contrib import messages
 from django.contrib.auth.decorators import login_required
 from django.core.exceptions import ValidationError
-from django.db.models import Case, Count, Exists, OuterRef, Q, Value, When
+from django.db.models import Case, Count, Q, Value, When
 from django.http import HttpRequest, HttpResponse, HttpResponseRedirect
 from django.shortcuts import get_object_or_404, redirect, render
 from django.utils import timezone
@@ -30,11 +30,11 @@ from ..assignments.students import Student, names_of, students_named
 from ..assignments.views import taught_assignment
 from ..grading.members import groups_taught_by, taught_by, unit_of, unit_of_attempt
 from ..grading.services import deadline_of
-from ..models import Assignment, Attempt, Extension, Mark, ReferenceRow
+from ..models import Assignment, Extension, Mark, ReferenceRow
 from . import services
 from .overview import handed_in_by, task_of, tasks_of
 from .pages import attempt_rows, board_of, parts_of, sentences, shown_tracks
-from .selectors import attempts_of, attempts_visible_to, with_runs
+from .selectors import attempts_visible_to, with_runs
 
 
 @login_required
@@ -43,20 +43,19 @@ from .selectors import attempts_of, attempts_visible_to, with_runs
 def assignments(request: HttpRequest) -> HttpResponse:
     """What the reader has to hand in, and the assignments that they teach."""
     racer, now = racer_of(request), timezone.now()
-    tried = Attempt.objects.filter(assignment=OuterRef("pk"), is_reference=False)
     taught = (
         assignments_taught_by(racer)
         .annotate(
             parts_count=Count("parts", distinct=True),
             tried=Count("attempts__racer", filter=Q(attempts__is_reference=False), distinct=True),
-            is_driven=Exists(tried),
         )
         .order_by("-due_at", "-pk")
     )
+    tasks = tasks_of(racer, handed_in_by(racer), now)
     context = {
-        "tasks": tasks_of(racer, handed_in_by(racer), now),
+        "tasks": tasks,
         "taught": taught,
-        "teaches": bool(taught) or groups_taught_by(racer).exists(),
+        "teaches": bool(taught) or (not tasks and groups_taught_by(racer).exists()),
         "now": now,
     }
     return render(request, "courses/attempts/list.html", context)
@@ -87,7 +86,7 @@ def assignment(request: HttpRequest, public_id: str) -> HttpResponse:
     unit = None
     if not is_taught:
         unit = unit_of(shown, racer)
-        attempts = list(attempts_of(shown, racer))
+        attempts = list(with_runs(unit.attempts(shown)))
         mark = Mark.objects.filter(assignment=shown, racer=racer).first()
         due_at, last_at = deadline_of(shown, unit)
         extension = Extension(due_at=due_at, last_at=last_at) if due_at != shown.due_at else None

@@ -1,12 +1,12 @@
 """From rows to what marks are computed from."""
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from datetime import datetime
 from decimal import Decimal
 from typing import Any
 
 from ..marking.facts import AssignmentRules, AttemptFacts, PartRules, TrackRun
-from ..models import Assignment, Attempt, TrackKind
+from ..models import Assignment, AssignmentPart, Attempt, TrackKind
 
 
 def stored_rules(assignment: Assignment) -> dict[str, Any]:
@@ -29,10 +29,15 @@ def stored_rules(assignment: Assignment) -> dict[str, Any]:
     }
 
 
-def rules_of(assignment: Assignment, stored: Mapping[str, Any] | None = None) -> AssignmentRules:
-    """``stored`` rules, by default those that marks are computed by, with the tracks as they are."""
+def rules_of(
+    assignment: Assignment,
+    stored: Mapping[str, Any] | None = None,
+    shown: Iterable[AssignmentPart] | None = None,
+) -> AssignmentRules:
+    """``stored`` rules, by default those that marks are computed by, with the tracks as they are. ``shown``: the parts
+    with their tracks, if they were read."""
     stored = stored or assignment.marked_rules or stored_rules(assignment)
-    by_number = {part.number: part for part in assignment.parts.prefetch_related("tracks")}
+    by_number = {part.number: part for part in shown or assignment.parts.prefetch_related("tracks")}
     parts = []
     for one in stored["parts"]:
         part = by_number[one["number"]]

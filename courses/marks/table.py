@@ -43,14 +43,19 @@ class MarkRow:
 
 
 def mark_table(assignment: Assignment, sort: str = "name", *, backwards: bool = False) -> list[MarkRow]:
-    """All students, and former members with an attempt. Five queries."""
+    """All students, and former members with an attempt."""
     marks = {one.racer_id: one for one in Mark.objects.filter(assignment=assignment).select_related("attempt")}
     kept = Q(refunded_at=None, is_reference=False)
     members = SubmissionGroupMember.objects.filter(assignment=assignment).select_related("group")
     group_of = {one.racer_id: one.group for one in members}
     counted = Attempt.objects.filter(kept, assignment=assignment).order_by()
-    alone = dict(counted.filter(submission_group=None).values_list("racer").annotate(Count("pk")))
-    together = dict(counted.exclude(submission_group=None).values_list("submission_group").annotate(Count("pk")))
+    alone: dict[int, int] = {}
+    together: dict[int, int] = {}
+    for racer, of_group, count in counted.values_list("racer", "submission_group").annotate(Count("pk")):
+        if of_group is None:
+            alone[racer] = count
+        else:
+            together[of_group] = together.get(of_group, 0) + count
     numbers = [part.number for part in assignment.parts.all()]
     rows = []
     for student in students_named(assignment.group, marks):

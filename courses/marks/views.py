@@ -7,6 +7,7 @@ from datetime import datetime
 
 from django.contrib import messages
 from django.contrib.auth.decorators import login_required
+from django.db.models import prefetch_related_objects
 from django.http import Http404, HttpRequest, HttpResponse
 from django.shortcuts import get_object_or_404, redirect, render
 from django.utils import timezone
@@ -37,6 +38,7 @@ PAST = 20  # regrades shown
 def assignment_marks(request: HttpRequest, public_id: str) -> HttpResponse:
     """All students with their marks, sorted by a column."""
     assignment = taught_assignment(request, public_id)
+    prefetch_related_objects([assignment], "parts")
     sort = request.GET.get("sort", "name")
     sort, backwards = sort.removeprefix("-"), sort.startswith("-")
     rows = mark_table(assignment, sort if sort in SORTS else "name", backwards=backwards)

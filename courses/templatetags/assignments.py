@@ -41,7 +41,7 @@ def deadline(when: datetime, zone: str) -> SafeString:
     """A deadline in words: ``in 2 days, Sunday 29 November 23:59 Berlin``."""
     words = until(when, timezone.now())
     clock = in_zone(when, zone)
-    return format_html('<time datetime="{}">{}</time>', when.isoformat(), f"{words}, {clock}" if words else clock)
+    return _time(when, f"{words}, {clock}" if words else clock)
 
 
 @register.simple_tag
@@ -49,7 +49,11 @@ def clock_in(when: datetime | None, zone: str) -> SafeString | str:
     """A moment by the clocks of an assignment's time zone: ``Sunday 29 November 23:59 Berlin``."""
     if when is None:
         return "–"
-    return format_html('<time datetime="{}">{}</time>', when.isoformat(), in_zone(when, zone))
+    return _time(when, in_zone(when, zone))
+
+
+def _time(when: datetime, text: str) -> SafeString:
+    return format_html('<time class="deadline" datetime="{}">{}</time>', when.isoformat(), text)
 
 
 def in_zone(when: datetime, zone: str) -> str:

@@ -1,4 +1,4 @@
-"""Who sees and does what with assignments: each predicate with its queryset twin, and every page as each of the cast."""
+"""The cast of assignments: each predicate with its queryset twin, and every page as each of them."""
 
 from __future__ import annotations
 

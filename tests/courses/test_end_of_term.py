@@ -1,4 +1,4 @@
-"""A term ends: its assignments are copied for the next one, and its personal data are deleted once marks were exported."""
+"""A term ends: assignments are copied for the next one, personal data are deleted once marks were exported."""
 
 from __future__ import annotations
 
