@@ -35,7 +35,7 @@ class RewardAuditBody(RewardBody):
 class AuditProblemSerializer(ProblemSerializer):
     """A problem of the function in an audit."""
 
-    kind = serializers.CharField(help_text="syntax, import or test, as in validation.")
+    kind = serializers.CharField(help_text="syntax, import or test.")  # type: ignore[assignment]
     state = None  # type: ignore[assignment]
     count = serializers.IntegerField(help_text="In how many steps it came.")
     drive = serializers.ChoiceField(DRIVES, allow_null=True, help_text="In which it came first.")

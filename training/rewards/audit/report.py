@@ -247,6 +247,6 @@ def _traps(rows: Sequence[AuditRow]) -> list[AuditFinding]:
         step = max(max(row.step, _step_until(row, circles.drive.progress)) for row in driving)
         if _is_more(value, step):
             found.append(AuditFinding(BAD, UserFault("reward_circles_pay", value=number(value), lap=number(step))))
-    if not found and {STANDING, CRASH, CIRCLES} <= named.keys():
+    if not found and all(name in named and not _is_more(named[name].worth, lap) for name in (STANDING, CRASH, CIRCLES)):
         found.append(AuditFinding(GOOD, UserFault("reward_no_traps")))
     return found
