@@ -8,7 +8,7 @@ from operator import itemgetter
 from core.pages.charts import Chart
 
 LINE_PX = 26
-CHART = Chart("audit-chart", 364, 42, left=142, right=142, top=34, bottom=8)  # without a drive
+CHART = Chart("audit-chart", 376, 42, left=148, right=148, top=34, bottom=8)  # without a drive
 
 
 def rank_chart(rows: Sequence[tuple[str, int, int]], *, title: str, by_time: str, by_reward: str) -> str:
