@@ -8,6 +8,8 @@ class CoursesConfig(AppConfig):
     verbose_name = _("Courses")
 
     def ready(self) -> None:
+        from django.db.models.signals import pre_delete
+
         from accounts.quotas import register
         from core.events import register_audience
         from core.pages.registry import register_slots
@@ -15,6 +17,7 @@ class CoursesConfig(AppConfig):
         from races.entries.selectors.visibility import RunAudience, register_run_audience
 
         from .assignments.selectors import event_audience
+        from .assignments.services import take_runs_along
         from .attempts.selectors import runs_seen, sees_run
         from .attempts.services import take_ended_evaluation
         from .events import ASSIGNMENT
@@ -23,6 +26,7 @@ class CoursesConfig(AppConfig):
         register(ASSIGNMENTS)
         register_audience(ASSIGNMENT, can_see=event_audience.can_see, seen=event_audience.seen)
         register_run_audience("attempts", RunAudience(sees_run, runs_seen))
+        pre_delete.connect(take_runs_along, sender="courses.Assignment", dispatch_uid="courses.take_runs_along")
         evaluation_ended.connect(take_ended_evaluation, dispatch_uid="courses.take_ended_evaluation")
 
         register_slots(

@@ -117,11 +117,11 @@ class PartBody(Body):
 class AssignmentChangeBody(Body):
     """The fields to change; `parts` replaces all."""
 
-    title = serializers.CharField(max_length=80)
+    title = serializers.CharField(max_length=80, required=False)
     instructions = serializers.CharField(max_length=10_000, required=False, allow_blank=True)
     time_zone = serializers.CharField(max_length=64, required=False, help_text="Such as `Europe/Berlin`.")
-    opens_at = ZonedDateTimeField()
-    due_at = ZonedDateTimeField()
+    opens_at = ZonedDateTimeField(required=False)
+    due_at = ZonedDateTimeField(required=False)
     last_at = ZonedDateTimeField(required=False, allow_null=True)
     late_points_a_day = serializers.DecimalField(min_value=0, required=False, **POINTS)
     attempts_a_day = serializers.IntegerField(min_value=1, max_value=1000, required=False, allow_null=True)
@@ -135,6 +135,9 @@ class AssignmentChangeBody(Body):
 class AssignmentBody(AssignmentChangeBody):
     """A new assignment."""
 
+    title = serializers.CharField(max_length=80)
+    opens_at = ZonedDateTimeField()
+    due_at = ZonedDateTimeField()
     group = serializers.SlugRelatedField(slug_field="slug", queryset=RacerGroup.objects.all())
 
 
@@ -233,7 +236,6 @@ class AssignmentView(APIView):
         find=taught_assignment,
         body=AssignmentChangeBody,
         answer=AssignmentSerializer,
-        partial=True,
         description="After the first attempt, tracks and race rules stay. Marks that would change wait for a regrade.",
     )
     def patch(self, request: Request, assignment: Assignment, sent: dict[str, Any]) -> Assignment:

@@ -9,6 +9,7 @@ from zoneinfo import ZoneInfo, available_timezones
 
 from django.core.exceptions import ValidationError
 from django.db import transaction
+from django.db.models import QuerySet
 from django.utils.translation import gettext_lazy as _
 
 from accounts.models import Racer, RacerGroup
@@ -128,12 +129,19 @@ def delete_assignment(*, assignment: Assignment, by: Racer) -> None:
 
 def delete_assignments(assignments: Sequence[int]) -> None:
     """Delete assignments by ids, with runs and files. Call it in a transaction."""
-    runs = list(
-        Evaluation.with_sealed.filter(attempt_run__attempt__assignment__in=assignments).values_list("pk", flat=True)
-    )
+    Assignment.objects.filter(pk__in=assignments).delete()
+
+
+def take_runs_along(sender: object, *, instance: Assignment, **kwargs: object) -> None:
+    """Receiver of ``pre_delete`` of an assignment, also when its group goes: runs and files go with it."""
+    delete_runs(Evaluation.with_sealed.filter(attempt_run__attempt__assignment=instance))
+
+
+def delete_runs(evaluations: QuerySet[Evaluation]) -> None:
+    """Delete runs of attempts in any state; a worker that drives one finds its lease gone."""
+    runs = list(evaluations.values_list("pk", flat=True))
     files = files_of_runs(runs)
     Evaluation.with_sealed.filter(pk__in=runs).delete()
-    Assignment.objects.filter(pk__in=assignments).delete()
     after_commit(delete_files, files)
 
 

@@ -17,6 +17,7 @@ from evaluation.models import Evaluation, Result, TrainedModel
 from evaluation.selectors import can_see_model, can_use_model
 from paddock.errors import UserFault
 
+from ..assignments.services import delete_runs
 from ..events import ATTEMPT_REFUNDED
 from ..grading.members import Unit, can_teach_group, hold_units, is_student, unit_of, unit_of_attempt
 from ..grading.services import deadline_of, recompute_marks, reopen_marks
@@ -92,6 +93,7 @@ def remove_reference(*, assignment: Assignment, row: ReferenceRow, by: Racer) ->
     """Take a reference row off the board, with its attempt. Raises UserFault("assignment_not_yours")."""
     if not can_teach_group(by, assignment.group):
         raise UserFault("assignment_not_yours")
+    delete_runs(Evaluation.with_sealed.filter(attempt_run__attempt=row.attempt))
     row.attempt.delete()
 
 

@@ -1,6 +1,7 @@
 """Assignments, their parts and tracks, reference rows, submission groups and extensions."""
 
 import secrets
+from decimal import Decimal
 
 from django.conf import settings
 from django.core.validators import MaxValueValidator, MinValueValidator
@@ -141,7 +142,9 @@ class AssignmentPart(models.Model):
     assignment = models.ForeignKey(Assignment, models.CASCADE, related_name="parts", verbose_name=_("assignment"))
     number = models.PositiveSmallIntegerField(_("number"))
     title = OneLineField(_("title"), max_length=80)
-    points = models.DecimalField(_("points"), max_digits=6, decimal_places=2)
+    points = models.DecimalField(
+        _("points"), max_digits=6, decimal_places=2, validators=[MinValueValidator(Decimal("0.01"))]
+    )
     pass_rule = models.CharField(_("rule for passing"), max_length=16)
     pass_params = models.JSONField(_("values of the rule"), default=dict, blank=True)
     rules = models.JSONField(_("race rules"))
