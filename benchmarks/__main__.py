@@ -31,6 +31,8 @@ PARTS: dict[str, tuple[str, tuple[str, ...], tuple[str, ...]]] = {
     ),
     "queue": ("queue", (), ("--runs", "9")),
     "queue_postgres": ("queue", ("--postgres",), ("--postgres", "--runs", "9")),
+    "deadline": ("deadline", ("--students", "100"), ("--students", "20")),
+    "deadline_postgres": ("deadline", ("--postgres",), ("--postgres", "--students", "20")),
     "season": ("season", (), ("--results", "1000,3000")),
     "season_postgres": ("season", ("--postgres",), ("--postgres", "--results", "1000,3000")),
     "training": (

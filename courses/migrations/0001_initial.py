@@ -2,6 +2,8 @@
 
 import core.ids
 import courses.models.assignment
+from decimal import Decimal
+
 import django.core.validators
 import django.db.models.deletion
 import django.utils.timezone
@@ -61,7 +63,7 @@ class Migration(migrations.Migration):
                 ('id', models.BigAutoField(auto_created=True, primary_key=True, serialize=False, verbose_name='ID')),
                 ('number', models.PositiveSmallIntegerField(verbose_name='number')),
                 ('title', models.CharField(max_length=80, verbose_name='title')),
-                ('points', models.DecimalField(decimal_places=2, max_digits=6, verbose_name='points')),
+                ('points', models.DecimalField(decimal_places=2, max_digits=6, validators=[django.core.validators.MinValueValidator(Decimal('0.01'))], verbose_name='points')),
                 ('pass_rule', models.CharField(max_length=16, verbose_name='rule for passing')),
                 ('pass_params', models.JSONField(blank=True, default=dict, verbose_name='values of the rule')),
                 ('rules', models.JSONField(verbose_name='race rules')),

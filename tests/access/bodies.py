@@ -50,6 +50,13 @@ OPERATIONS: dict[str, dict[str, Any]] = {
     "POST /api/v1/groups/join/": {"code": "{group_code}"},
     "POST /api/v1/teams/join/": {"code": "{team_code}"},
     "POST /api/v1/classes/": {"name": "8a"},
+    "POST /api/v1/assignments/": {
+        **{"group": "7c", "title": "Second"},
+        **{"opens_at": "2099-01-01T00:00:00Z", "due_at": "2099-01-08T00:00:00Z"},
+    },
+    "PATCH /api/v1/assignments/{assignment}/": {"title": "Renamed"},
+    "POST /api/v1/assignments/{assignment}/extensions/": {"racer": "{learner}", "due_at": "2099-01-08T00:00:00Z"},
+    "POST /api/v1/assignments/{assignment}/groups/": {"name": "Blue", "racers": ["{student}"]},
     "POST /api/v1/programs/": {"name": "other", "purpose": "Results", "owner": "alice"},
     "PATCH /api/v1/programs/{program}/": {"purpose": "Other results"},
 }
@@ -118,6 +125,8 @@ def _worded(cast: Cast, value: Any, viewer: str) -> Any:
     """A value with the words of the cast, or the files that it describes."""
     if isinstance(value, str):
         return cast.fill(value, viewer) if value.startswith("{") else value
+    if isinstance(value, list) and value and isinstance(value[0], str):
+        return [_worded(cast, one, viewer) for one in value]
     files = [value] if isinstance(value, dict) else value
     if isinstance(files, list) and files and isinstance(files[0], dict) and "buffer" in files[0]:
         made = [SimpleUploadedFile(file["name"], file["buffer"], file["mimeType"]) for file in files]

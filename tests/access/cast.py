@@ -26,6 +26,10 @@ from accounts.programs.services import make_program, make_program_token
 from accounts.tokens.services import create_token, note_use
 from core.events import waking
 from core.wakeups import workers as wakeup
+from courses.assignments.services import change_assignment, extend, make_submission_group
+from courses.attempts.services import add_reference
+from courses.marks.services import propose_regrade
+from courses.models import Assignment
 from evaluation.models import Evaluation
 from evaluation.running.queue.jobs import finish_evaluation
 from league.models import Cup, Notice, Round, Season, Stage
@@ -37,6 +41,7 @@ from races.test_runs.services import drive_own
 from races.timing.services import make_sensor
 from races.web.spectator_links import spectator_token
 from tests.clients import logged_in
+from tests.courses.assignments import a_part
 from tests.drawn_runs import a_drawing
 from tests.duels import drawn
 from tests.factories import a_model, a_race, a_racer, laps, start
@@ -214,6 +219,7 @@ def _made_cast() -> Cast:
     program_token, _ = make_program_token(program=program, by=world.admin, scopes=["read"], days=7, now=now)
     sensor, sensor_token = make_sensor(race=forms.real, name="Line", by=alice, now=now)
     a_reference(world.track, 20_000, now, world.track.direction)
+    exceptions = exceptions_of(alice, forms.words["assignment"], now)
     uid, key = forms.words["reset"].split("-", 1)
     words = forms.words | {
         "open": "open-race",
@@ -264,6 +270,7 @@ def _made_cast() -> Cast:
         "guest": str(forms.tom.pk),
         "uid": uid,
         "key": key,
+        **exceptions,
     }
     racers = {
         "guest": None,
@@ -284,6 +291,20 @@ def _made_cast() -> Cast:
         words,
         sensor_token,
     )
+
+
+def exceptions_of(teacher: Racer, public_id: str, now: datetime) -> dict[str, str]:
+    """An extension and a submission group of the latest learner, a reference row, and a regrade; their numbers."""
+    assignment = Assignment.objects.get(public_id=public_id)
+    ann, by = ClassLearner.objects.latest("pk").racer, {"assignment": assignment, "by": teacher, "now": now}
+    extend(racer=ann, due_at=assignment.due_at + timedelta(days=2), last_at=None, reason="ill", **by)
+    together = make_submission_group(name="Red", racers=[ann], **by)
+    reference = add_reference(label="Teacher", model=a_model(teacher), **by)
+    change_assignment(parts=[a_part(points=50)], **by)
+    regrade = propose_regrade(reason="half", **by)
+    student = ClassLearner.objects.earliest("pk").racer.alias
+    numbers = {"together": str(together.pk), "reference": str(reference.pk), "regrade": str(regrade.pk)}
+    return numbers | {"student": student}
 
 
 def run_of(slot: LiveSlot) -> str:
