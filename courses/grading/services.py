@@ -94,7 +94,8 @@ def deadline_of(assignment: Assignment, unit: Unit) -> tuple[datetime, datetime 
     granted = max(extensions, key=lambda one: (one.due_at, one.last_at or one.due_at), default=None)
     if granted is None:
         return assignment.due_at, assignment.last_at
-    return granted.due_at, granted.last_at
+    lasts = [one for one in (granted.last_at, assignment.last_at) if one is not None and one > granted.due_at]
+    return granted.due_at, max(lasts, default=None)
 
 
 def write_marks(assignment: Assignment, marks: Mapping[int, MarkFacts], now: datetime) -> int:

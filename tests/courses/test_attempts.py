@@ -120,6 +120,16 @@ def test_an_extension_moves_one_students_deadline(alice, now):
     assert code(hand_in, assignment, carol, late) == "attempt_too_late"
 
 
+def test_an_extension_does_not_take_the_late_days_of_others_away(alice, now):
+    group, (bob,) = a_group(alice, 1, now)
+    assignment = an_assignment(group, now, last_at=now + 5 * DAY, late_points_a_day=20)
+    due = assignment.due_at + DAY
+    extend(assignment=assignment, racer=bob, by=alice, due_at=due, last_at=None, reason="ill", now=now)
+    assert left_of(assignment, bob, now).last_at == assignment.last_at
+    finish_all(hand_in(assignment, bob, due + HOUR), laps(9000, 9000, 9000), due + HOUR)
+    assert (Mark.objects.get().points, Mark.objects.get().late_days) == (80, 1)
+
+
 def test_a_submission_group_shares_attempts_and_marks(alice, now):
     group, (bob, carol, dave) = a_group(alice, 3, now)
     assignment = an_assignment(group, now, attempts_in_all=2)
