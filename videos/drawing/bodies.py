@@ -32,13 +32,13 @@ _ROUND, _SPOKES = 14, 5
 
 class Mesh(NamedTuple):
     """Flat faces in metres around the middle of a thing, z up. ``corners`` (n, 3); face k has those from ``starts[k]``
-    on. ``normals`` (faces, 3); ``paints`` (faces,). ``above``: painted after all other faces."""
+    on. ``normals`` (faces, 3); ``paints`` (faces,). ``layers`` (faces,): those of a higher one are painted later."""
 
     corners: np.ndarray
     starts: np.ndarray
     normals: np.ndarray
     paints: np.ndarray
-    above: np.ndarray
+    layers: np.ndarray
 
     def moved(self, x: float, y: float, yaw: float, z: float = 0.0, size: float = 1.0) -> Mesh:
         cos, sin = math.cos(yaw), math.sin(yaw)
@@ -53,9 +53,9 @@ class Faces:
         self._outlines: list[np.ndarray] = []
         self._normals: list[np.ndarray] = []
         self._paints: list[int] = []
-        self._above: list[bool] = []
+        self._layers: list[int] = []
 
-    def add(self, outline: np.ndarray | Sequence, paint: int, outwards: Sequence[float], above: bool = False) -> None:
+    def add(self, outline: np.ndarray | Sequence, paint: int, outwards: Sequence[float], layer: int = 0) -> None:
         """A face, which looks to the side of ``outwards``."""
         outline = np.array(outline, float)
         normal = np.cross(outline - outline[0], np.roll(outline, -1, axis=0) - outline[0]).sum(axis=0)
@@ -65,7 +65,7 @@ class Faces:
         self._outlines.append(outline)
         self._normals.append(normal * (math.copysign(1.0, float(normal @ np.array(outwards))) / size))
         self._paints.append(paint)
-        self._above.append(above)
+        self._layers.append(layer)
 
     def block(self, low: Sequence[float], high: Sequence[float], paint: int) -> None:
         """An upright block between two corners."""
@@ -84,14 +84,14 @@ class Faces:
         sizes = [len(outline) for outline in self._outlines]
         starts = np.concatenate(([0], np.cumsum(sizes)[:-1]))
         corners = np.concatenate(self._outlines)
-        return Mesh(corners, starts, np.array(self._normals), np.array(self._paints), np.array(self._above))
+        return Mesh(corners, starts, np.array(self._normals), np.array(self._paints), np.array(self._layers))
 
 
 def joined(meshes: Sequence[Mesh]) -> Mesh:
     """Several meshes as one."""
     offsets = np.cumsum([0, *(len(mesh.corners) for mesh in meshes)])
     starts = [mesh.starts + offset for mesh, offset in zip(meshes, offsets, strict=False)]
-    rest = [np.concatenate([getattr(mesh, name) for mesh in meshes]) for name in ("normals", "paints", "above")]
+    rest = [np.concatenate([getattr(mesh, name) for mesh in meshes]) for name in ("normals", "paints", "layers")]
     return Mesh(np.concatenate([mesh.corners for mesh in meshes]), np.concatenate(starts), *rest)
 
 
@@ -152,14 +152,14 @@ def body(shell: str) -> Mesh:
                 corners = [(back.x, *rear[k]), (front.x, *fore[k]), (front.x, *fore[k + 1]), (back.x, *rear[k + 1])]
                 faces.add(corners, BODY, outwards)
                 faces.add([(x, -y, z) for x, y, z in corners], BODY, (outwards[0], -outwards[1], outwards[2]))
-        if back.x > -0.14 and front.x < 0.14:
+        if shell not in _OPEN and back.x > -0.14 and front.x < 0.14:
             for stripe in _STRIPES:
                 left, right = (y * UNIT_M for y in stripe)
                 ends = [
                     (one.x, y, one.top + 0.001)
                     for one, y in ((back, left), (back, right), (front, right), (front, left))
                 ]
-                faces.add(ends, WHITE, (0.0, 0.0, 1.0), above=True)
+                faces.add(ends, WHITE, (0.0, 0.0, 1.0), layer=1)
     _ends(faces, sections)
     _windows(faces, sections, side, above)
     _dark_parts(faces, sections, side, above)
@@ -183,7 +183,7 @@ def _ends(faces: Faces, sections: Sequence[_Section]) -> None:
         for sign in (-1.0, 1.0):
             low, far = sign * 0.92 * end.wide, sign * 0.44 * end.wide
             lamp = [(x, low, middle - high), (x, far, middle - high), (x, far, middle + high), (x, low, middle + high)]
-            faces.add(lamp, light, (way, 0.0, 0.0), above=True)
+            faces.add(lamp, light, (way, 0.0, 0.0), layer=2)
 
 
 def _windows(faces: Faces, sections: Sequence[_Section], side: shapes.Side, above: shapes.Above) -> None:
@@ -197,12 +197,12 @@ def _windows(faces: Faces, sections: Sequence[_Section], side: shapes.Side, abov
         nearest = [sections[int(np.abs(places - one).argmin())] for one in x.tolist()]
         y = np.array([np.interp(up, one.wall[:, 1], one.wall[:, 0]) for one, up in zip(nearest, z, strict=True)])
         for sign in (-1.0, 1.0):
-            faces.add(np.column_stack((x, sign * (y + 0.001), z)), GLASS, (0.0, sign, 0.0), above=True)
+            faces.add(np.column_stack((x, sign * (y + 0.001), z)), GLASS, (0.0, sign, 0.0), layer=2)
     for part, paint in [(part, GLASS) for part in above.glass] + [(part, DARK) for part in above.dark]:
         x, y = part.T
         top, wide = at("top", x), at("wide", x)
         lowered = top - 0.06 * wide * np.clip(np.abs(y) / np.maximum(wide, 1e-6), 0.0, 1.0) ** 2 + 0.0012
-        faces.add(np.column_stack((x, y, lowered)), paint, (0.0, 0.0, 1.0), above=True)
+        faces.add(np.column_stack((x, y, lowered)), paint, (0.0, 0.0, 1.0), layer=2)
 
 
 def _dark_parts(faces: Faces, sections: Sequence[_Section], side: shapes.Side, above: shapes.Above) -> None:
@@ -296,13 +296,13 @@ def _wheel(radius: float, width: float, side: float) -> tuple[Mesh, np.ndarray]:
     y, out = side * width / 2, (0.0, side, 0.0)
     faces.add(ring(radius, -y), TYRE, (0.0, -side, 0.0))
     faces.add(ring(radius, y), TYRE, out)
-    faces.add(ring(0.66 * radius, y + 0.0005 * side), RIM, out, above=True)
-    faces.add(ring(0.58 * radius, y + 0.0006 * side), TYRE, out, above=True)
+    faces.add(ring(0.66 * radius, y + 0.0005 * side), RIM, out, layer=2)
+    faces.add(ring(0.58 * radius, y + 0.0006 * side), TYRE, out, layer=2)
     for k in range(_SPOKES):
         a = 2 * math.pi * k / _SPOKES
         along, across = np.array((math.cos(a), math.sin(a))), np.array((-math.sin(a), math.cos(a))) * 0.09 * radius
         flat = [across, 0.62 * radius * along + across, 0.62 * radius * along - across, -across]
-        faces.add([(x, y + 0.0008 * side, z) for x, z in flat], RIM, out, above=True)
+        faces.add([(x, y + 0.0008 * side, z) for x, z in flat], RIM, out, layer=2)
     mesh = faces.mesh()
     return mesh, np.arange(len(mesh.corners)) >= mesh.starts[-_SPOKES]
 
@@ -329,16 +329,14 @@ def box() -> Mesh:
     long, wide, high = solid.half_length, solid.half_width, solid.height
     faces.block((-long, -wide, 0.0), (long, wide, high), BODY)
     top = high + 0.001
-    faces.add(
-        [(-long, -0.022, top), (long, -0.022, top), (long, 0.022, top), (-long, 0.022, top)], WHITE, (0, 0, 1), True
-    )
+    faces.add([(-long, -0.022, top), (long, -0.022, top), (long, 0.022, top), (-long, 0.022, top)], WHITE, (0, 0, 1), 2)
     for way in (-1.0, 1.0):
         x = way * (long + 0.001)
         faces.add(
             [(x, -0.022, 0.6 * high), (x, 0.022, 0.6 * high), (x, 0.022, high), (x, -0.022, high)],
             WHITE,
             (way, 0, 0),
-            True,
+            2,
         )
     return faces.mesh()
 
@@ -372,5 +370,5 @@ def arch(width: float) -> Mesh:
                     continue
                 y, z = -half + column * half / 6, 0.76 + 0.085 * row
                 side = [(x, y, z), (x, y + half / 6, z), (x, y + half / 6, z + 0.085), (x, y, z + 0.085)]
-                faces.add(side, WHITE, (way, 0.0, 0.0), above=True)
+                faces.add(side, WHITE, (way, 0.0, 0.0), layer=2)
     return faces.mesh()

@@ -33,7 +33,8 @@ _FOG_FROM_M, _FOG_M = 9.0, 61.0
 _REACH_M = 22.0
 _STRIPE_M = 1.5
 _SHADOW_M = (0.17, 0.105)
-_TREES, _TREES_SEEN = 60, 24
+_TREES = 60
+_ROUND_M = 1.0  # around the middle of every thing
 _CLOSE_M = 0.72  # nothing stands between the camera and its car
 _SWATCHES = {
     bodies.DARK: bgr("#1b1e24"), bodies.GLASS: bgr("#22303d"), bodies.RED: bgr("#ff2a2a"), bodies.WHITE: bgr("#f4f6f8"),
@@ -89,9 +90,10 @@ class PerspectiveView:
             things.append(still._replace(away=away))
         for thing in sorted(things, key=lambda thing: -thing.away):
             self._paint(picture, thing)
-        for actor in self._take.actors:
-            if actor.drive is not None:
-                self._tags(picture, actor, frame)
+        seen = [actor for actor in self._take.actors if actor.drive is not None]
+        seen.sort(key=lambda actor: -math.dist((actor.way.x[frame], actor.way.y[frame]), sight.eye[:2]))
+        for actor in seen:
+            self._tags(picture, actor, frame)
 
     def _backdrop(self, picture: np.ndarray) -> None:
         sight, (width, height) = self._sight, self._size
@@ -101,7 +103,8 @@ class PerspectiveView:
         sky = np.column_stack([np.interp(lift, stops, [colour[k] for colour in colours]) for k in range(3)])
         below = rows + 0.5 > sight.horizon
         sky[below] = _GRASS
-        picture[:] = np.rint(sky).astype(np.uint8)[:, None]
+        column = np.rint(sky).astype(np.uint8)[:, None]
+        cv2.resize(column, (width, height), dst=picture, interpolation=cv2.INTER_NEAREST)  # faster than numpy
         across = np.linspace(0.0, width, 65)
         turn = sight.heading - np.arctan((across - sight.centre[0]) / sight.focal)
         for high, phase, colour in _HILLS:
@@ -199,7 +202,8 @@ class PerspectiveView:
 
     def _paint(self, picture: np.ndarray, thing: _Thing) -> None:
         sight, mesh = self._sight, thing.mesh
-        if (np.array((thing.x, thing.y)) - sight.eye[:2]) @ sight.axes[:2, 2] < -1.0 or thing.away > 70.0:
+        aside, _, ahead = (np.array((thing.x, thing.y, 0.0)) - sight.eye) @ sight.axes
+        if ahead < -_ROUND_M or abs(aside) > ahead * self._size[0] / 2.0 / sight.focal + 2.0 * _ROUND_M:
             return
         seen = sight.see(mesh.corners)
         near = np.minimum.reduceat(seen[:, 2], mesh.starts)
@@ -220,7 +224,7 @@ class PerspectiveView:
         colours += (np.array(_FOG) - colours) * hidden
         colours += (np.array(_PAINT.road) - colours) * thing.faded
         faces = np.flatnonzero(facing)
-        order = np.lexsort((-np.linalg.norm(towards[faces], axis=1), mesh.above[faces]))
+        order = np.lexsort((-np.linalg.norm(towards[faces], axis=1), mesh.layers[faces]))
         corners, paints = fixed(points), np.rint(colours).tolist()
         for face in faces[order].tolist():
             start = mesh.starts[face]
