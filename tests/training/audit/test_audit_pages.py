@@ -68,6 +68,16 @@ def test_the_laboratory_shows_it_without_a_script(page):
     assert '<li class="good">A fast lap is worth' in html
 
 
+def test_the_wizard_shows_it_without_a_script_for_the_discount_factor_of_its_form(page):
+    sent = {"reward_code": CONSTANT, "track": a_track().slug, "do": "audit"}
+    near, far = (page.post("/train/new/", sent | {"discount_factor": factor}) for factor in ("0.5", "0.99"))
+    assert near.status_code == far.status_code == 200
+    # 1 - g / (1 - g) * (1 - g ** 900) / 900, for each step misses what would come after the last
+    assert '<td class="num">0.999</td>' in near.content.decode()
+    assert "Almost standing still is worth 0.89," in far.content.decode()
+    assert near.content.decode().count('<ul class="errors') == 0
+
+
 def test_one_check_or_audit_of_a_racer_at_a_time(alice, page):
     with one_check(alice):
         answer = page.post("/train/audit/", {"reward_code": CONSTANT, "track": a_track().slug})
