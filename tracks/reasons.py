@@ -25,7 +25,7 @@ register(
             "No reference lap of this track could be driven without leaving the road. Race on it without medals, or "
             "import a wider track."
         ),
-        "track_in_use": _("Races or evaluations were driven on this track, so it stays."),
+        "track_in_use": _("Races, runs or assignments use this track, so it stays."),
     },
     unavailable={
         "reference_lost": _("The worker that drove this reference lap disappeared. It will be driven again."),

@@ -5,7 +5,6 @@ from __future__ import annotations
 from datetime import timedelta
 
 import pytest
-from django.db.models import ProtectedError
 from django.utils import timezone
 
 from accounts.groups.services import delete_group
@@ -27,6 +26,7 @@ from races.errors import RaceRefused
 from tests.courses.assignments import DAY, HOUR, a_group, a_part, an_assignment, finish_all, hand_in
 from tests.factories import a_track, laps
 from tests.rows import track_row
+from tracks.services import delete_track
 
 pytestmark = pytest.mark.django_db
 
@@ -135,8 +135,9 @@ def test_a_copy_has_tasks_without_students(alice, now):
 def test_a_track_in_use_cannot_be_removed(alice, now):
     group, _students = a_group(alice, 0, now)
     an_assignment(group, now)
-    with pytest.raises(ProtectedError):
-        a_track().delete()
+    with pytest.raises(UserFault) as refused:
+        delete_track(track=a_track())
+    assert refused.value.code == "track_in_use" and a_track().pk
 
 
 def test_a_student_in_two_groups_has_a_mark_in_each(alice, now):

@@ -8,14 +8,17 @@ from decimal import Decimal
 import pytest
 
 from courses.assignments.services import extend, make_submission_group
+from courses.attempts import services
 from courses.attempts.selectors import left_of
 from courses.attempts.services import refund_attempt, submit_attempt
 from courses.models import Attempt, AttemptRun, Mark, RefundKind, RunState
 from evaluation.models import Evaluation
+from evaluation.running.queue.jobs import finish_evaluation
+from evaluation.running.queue.services import stop_evaluation
 from evaluation.signals import evaluation_ended
 from paddock.errors import PlatformFault, UserFault
 from tests.courses.assignments import DAY, HOUR, a_group, an_assignment, finish_all, hand_in
-from tests.factories import a_model, break_down, laps
+from tests.factories import a_model, break_down, laps, outcome
 
 pytestmark = pytest.mark.django_db
 
@@ -51,6 +54,35 @@ def test_the_end_of_a_run_counts_once(alice, now):
     evaluation_ended.send(sender=Evaluation, evaluation=run.evaluation, result=None, now=now + HOUR)
     again = AttemptRun.objects.get(pk=run.pk)
     assert (again.state, again.ended_at, len(again.laps)) == (RunState.FINISHED, now, 1)
+
+
+def test_an_end_and_its_mark_stand_or_fall_together(alice, now, monkeypatch):
+    group, (bob,) = a_group(alice, 1, now)
+    attempt = hand_in(an_assignment(group, now), bob, now)
+
+    def killed(**options):
+        raise SystemExit
+
+    with monkeypatch.context() as patch:
+        patch.setattr(services, "recompute_marks", killed)
+        with pytest.raises(SystemExit):
+            finish_all(attempt, laps(9000, 9000, 9000), now)
+    run = attempt.runs.select_related("evaluation").get()
+    assert (run.state, run.laps, run.evaluation.is_final) == (RunState.WAITING, [], False)
+    ended = {"pk": run.evaluation_id, "lease": run.evaluation.lease, "outcome": outcome(laps(9000, 9000, 9000))}
+    assert [finish_evaluation(now=now, **ended) for _time in range(2)] == [True, False]
+    assert Mark.objects.get().points == 100
+
+
+def test_a_run_that_fails_by_the_car_counts(alice, now):
+    group, (bob,) = a_group(alice, 1, now)
+    assignment = an_assignment(group, now, attempts_in_all=1)
+    attempt = hand_in(assignment, bob, now)
+    stop_evaluation(evaluation=attempt.runs.get().evaluation, now=now)
+    assert attempt.runs.get().state == RunState.FAILED
+    mark = Mark.objects.get()
+    assert (mark.points, mark.is_complete, mark.parts[0]["why"]) == (0, True, "too_few_laps")
+    assert code(hand_in, assignment, bob, now) == "attempts_used_up"
 
 
 def test_what_fails_by_the_site_gives_the_attempt_back(alice, now):

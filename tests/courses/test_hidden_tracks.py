@@ -70,7 +70,12 @@ def read_by_a_student(assignment: Assignment, racer, now) -> str:
     addresses += [f"/api/v1/attempts/{one['public_id']}/" for one in attempts]
     addresses += [f"/api/v1/evaluations/{one['evaluation']}/" for each in attempts for one in each["runs"]]
     addresses += [f"{below}/{name}/" for name in ("extensions", "groups", "references", "regrades")]
-    addresses += [reverse("own_runs"), "/notices/", "/"]
+    addresses += [reverse("own_runs"), "/notices/", "/", reverse("assignments")]
+    addresses += [reverse("assignment", args=[assignment.public_id])]
+    addresses += [reverse("attempt", args=[one["public_id"]]) for one in attempts]
+    addresses += [reverse("evaluation", args=[one["evaluation"]]) for each in attempts for one in each["runs"]]
+    of_teachers = ("edit", "students", "marks", "marks_csv", "regrade", "log")
+    addresses += [reverse(f"assignment_{name}", args=[assignment.public_id]) for name in of_teachers]
     texts += [client.get(address).content.decode() for address in addresses]
     sent = [
         client.patch(f"{below}/", {"parts": [], "title": "x"}, content_type="application/json"),
