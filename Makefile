@@ -32,7 +32,7 @@ training: system-run $(VENV)/.training ## what training models needs, for the ne
 
 ldap: system-run $(VENV)/.ldap ## what log-in by an LDAP directory needs: python-ldap, compiled here, and Debian's packages for that
 
-package: system-run $(VENV)/.run ## the racers' package, a wheel and a source archive in dist/: the engine and the command paddock
+package: system-run $(VENV)/.run ## the racers' packages in dist/: the engine with the command paddock, and the module names of deepracer-v0
 	@$(BIN)/python scripts/package.py
 
 wheels: ## PyBullet's wheel for this Python (PYTHON=) into dist/, beside the racers' package: pip install --find-links dist
