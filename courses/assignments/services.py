@@ -27,7 +27,7 @@ from tracks.models import Track
 from ..events import ASSIGNMENT_PUBLISHED
 from ..grading.members import can_teach_group, hold_units, is_student, unit_of, units_of
 from ..grading.rules import rules_of, stored_rules
-from ..grading.services import everybody_of, marks_by, recompute_marks, reopen_marks, write_marks
+from ..grading.services import differs, everybody_of, marks_by, recompute_marks, reopen_marks, write_marks
 from ..models import (
     Assignment,
     Attempt,
@@ -90,8 +90,8 @@ def adopt_rules(assignment: Assignment, now: datetime, *, changing: bool = False
     places = assignment.final_at is not None
     new = marks_by(assignment, rules_of(assignment, stored_rules(assignment)), units, with_places=places)
     if not changing:
-        stored = {mark.racer_id: mark.points for mark in Mark.objects.filter(assignment=assignment)}
-        if any(stored[racer] != facts.points for racer, facts in new.items() if racer in stored):
+        stored = {mark.racer_id: mark for mark in Mark.objects.filter(assignment=assignment)}
+        if any(differs(stored[racer], facts) for racer, facts in new.items() if racer in stored):
             return False
     assignment.marked_version, assignment.marked_rules = assignment.rules_version, stored_rules(assignment)
     assignment.save(update_fields=["marked_version", "marked_rules"])

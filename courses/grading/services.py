@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Collection, Iterable, Mapping
 from datetime import datetime
+from decimal import Decimal
 from typing import Any
 
 from django.db import transaction
@@ -96,6 +97,12 @@ def deadline_of(assignment: Assignment, unit: Unit) -> tuple[datetime, datetime 
         return assignment.due_at, assignment.last_at
     lasts = [one for one in (granted.last_at, assignment.last_at) if one is not None and one > granted.due_at]
     return granted.due_at, max(lasts, default=None)
+
+
+def differs(mark: Mark, facts: MarkFacts) -> bool:
+    """Whether a student would read other points, in all or of a part."""
+    parts = {part.number: part.points for part in facts.parts}
+    return mark.points != facts.points or {one["number"]: Decimal(one["points"]) for one in mark.parts} != parts
 
 
 def write_marks(assignment: Assignment, marks: Mapping[int, MarkFacts], now: datetime) -> int:

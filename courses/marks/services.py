@@ -16,7 +16,7 @@ from ..assignments.services import adopt_rules
 from ..events import MARKS_REGRADED
 from ..grading.members import can_teach_group, units_of
 from ..grading.rules import rules_of, stored_rules
-from ..grading.services import everybody_of, marks_by, recompute_marks
+from ..grading.services import differs, everybody_of, marks_by, recompute_marks
 from ..models import Assignment, Mark, Regrade
 
 __all__ = ["apply_regrade", "propose_regrade", "recompute_marks"]
@@ -70,7 +70,7 @@ def changed_rows(assignment: Assignment) -> list[dict[str, Any]]:
     old = {mark.racer_id: mark for mark in Mark.objects.filter(assignment=assignment)}
     rows = []
     for racer, facts in sorted(new.items()):
-        if racer in old and old[racer].points != facts.points:
+        if racer in old and differs(old[racer], facts):
             rows.append({"racer": racer, "old": str(old[racer].points), "new": str(facts.points)})
     return rows
 

@@ -7,6 +7,7 @@ from datetime import timedelta
 import pytest
 from django.utils import timezone
 
+from accounts.class_accounts.services import add_learners, make_class
 from accounts.groups.services import delete_group
 from accounts.leaving.services import delete_account
 from accounts.models import GroupMember, Racer
@@ -18,6 +19,7 @@ from courses.assignments.services import (
     make_submission_group,
     publish_assignment,
 )
+from courses.classes.deletion import delete_class
 from courses.models import Assignment, Attempt, AttemptRun, Mark
 from evaluation.models import Evaluation, TrainedModel
 from paddock.errors import UserFault
@@ -181,6 +183,28 @@ def test_a_group_goes_with_its_open_assignment(alice, now):
     delete_group(group=group, by=alice)
     assert not (Assignment.objects.exists() or Attempt.objects.exists() or Evaluation.objects.exists())
     assert Racer.objects.filter(pk=bob.pk).exists()
+
+
+def test_a_class_goes_with_its_open_assignment(alice, now):
+    classroom = make_class(teacher=alice, name="7c", plan=[], now=now)
+    (card,) = add_learners(classroom=classroom, by=alice, names=["Kim Minji"], now=now)
+    assignment = an_assignment(classroom.group, now)
+    finish_all(hand_in(assignment, card.learner.racer, now), laps(9_000), now)
+    hand_in(assignment, card.learner.racer, now)
+    with pytest.raises(UserFault):
+        delete_class(classroom=classroom, by=alice)
+    delete_class(classroom=classroom, by=alice, marks_exported=True)
+    assert not (Assignment.objects.exists() or Attempt.objects.exists() or Evaluation.objects.exists())
+
+
+def test_a_teacher_has_a_limit_of_assignments_under_way(alice, now, settings):
+    settings.ASSIGNMENTS_PER_TEACHER = 1
+    group, _students = a_group(alice, 0, now)
+    over = an_assignment(group, now - 9 * DAY)
+    an_assignment(group, now)
+    with pytest.raises(UserFault) as refused:
+        an_assignment(group, now)
+    assert refused.value.code == "assignments_at_once" and over.due_at < now
 
 
 def test_a_deleted_account_takes_attempts_and_marks_along(alice, now):

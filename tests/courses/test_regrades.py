@@ -88,6 +88,19 @@ def test_a_change_that_changes_no_mark_needs_no_regrade(world, alice, now):
     assert code(propose_regrade, assignment=assignment, by=alice, reason="x", now=now) == "regrade_done_already"
 
 
+def test_points_that_move_between_parts_need_a_regrade(alice, now):
+    group, (bob,) = a_group(alice, 1, now)
+    parts = [a_part(**BY_TIME | {"points": 60}), a_part(**BY_TIME | {"points": 40})]
+    assignment = an_assignment(group, now, parts=parts)
+    finish_all(hand_in(assignment, bob, now), FAST, now)
+    change(assignment, now, parts=parts[::-1])
+    assert assignment.awaits_regrade and [part["points"] for part in Mark.objects.get().parts] == ["60.00", "40.00"]
+    regrade = propose_regrade(assignment=assignment, by=alice, reason="swapped", now=now)
+    assert regrade.rows == [{"racer": bob.pk, "old": "100.00", "new": "100.00"}]
+    apply_regrade(assignment=assignment, regrade=regrade, by=alice, now=now)
+    assert [part["points"] for part in Mark.objects.get().parts] == ["40.00", "60.00"]
+
+
 def test_a_regrade_is_applied_as_it_was_shown_or_not_at_all(world, alice, now):
     assignment, _bob, carol = world
     change(assignment, now, parts=easier())
