@@ -91,7 +91,7 @@ def test_what_is_sought_is_found_on_the_stream_once_it_was_played(show: Show, mo
     monkeypatch.setattr(timezone, "now", lambda: later)
     content = heard(show)["guest"]
     found = {what for what, needle in needles.items() if needle.search(content)}
-    assert {"on the map at 20 s", "13457 ms"} <= found and "12861 ms" not in found
+    assert {"pose at 20 s", "13457 ms"} <= found and "12861 ms" not in found
 
 
 def test_a_private_show_is_played_to_those_who_may_see_it(show: Show):  # noqa: F811
