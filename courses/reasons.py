@@ -104,6 +104,9 @@ register(
         "lti_scope": _("The platform does not let the site send marks. Its admin allows the tool to send grades."),
         "lti_token_refused": _("The platform gave no token for sending marks (status %(status)s). Ask its admin."),
     },
+    too_many_requests={
+        "lti_too_many": _("Too many launches from your network. Open the link again in a minute."),
+    },
     unavailable={
         "lti_unreachable": _("%(host)s does not answer. Try again later."),
     },

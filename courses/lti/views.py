@@ -26,6 +26,7 @@ from accounts.class_accounts.services import classes_taught_by
 from accounts.models import Racer
 from accounts.request_racer import racer_of
 from core.forms import explain
+from core.rate_limits import address_of, count
 from paddock.errors import PaddockError, UserFault
 
 from ..models import LtiContext, LtiPlatform
@@ -37,6 +38,7 @@ from .tool import tool_addresses, tool_configuration
 
 View = Callable[..., HttpResponse]
 ARRIVAL_S = 600
+RATE = "1200/m"  # from one address, which a whole university may share
 COOKIE = "lti-arrival"
 
 
@@ -63,6 +65,7 @@ def begin(request: HttpRequest) -> HttpResponse:
     the choice of an assignment, which platforms show so."""
     from .library import PARAMETERS, log_in
 
+    _count(request)
     wanted = request.GET.get("target_link_uri") or request.POST.get("target_link_uri") or ""
     chooses = urlsplit(wanted).path == reverse("lti_choose")
     if request.headers.get("Sec-Fetch-Dest") in ("iframe", "frame") and not chooses:
@@ -84,6 +87,7 @@ def launch(request: HttpRequest) -> HttpResponse:
     from .launches import read_launch
     from .library import checked_message
 
+    _count(request)
     platform, message = checked_message(request)
     came = read_launch(platform, message)
     if message.is_deep_link_launch():
@@ -157,6 +161,12 @@ def _ask(request: HttpRequest, came: Launch, **context: Any) -> HttpResponse:
 
 def _led_by(racer: Racer) -> Any:
     return classes_taught_by(racer).filter(group__leader=racer)
+
+
+def _count(request: HttpRequest) -> None:
+    """Raises UserFault("lti_too_many")."""
+    if count("courses:lti", address_of(request), RATE) is None:
+        raise UserFault("lti_too_many")
 
 
 def _key(key: str) -> str:

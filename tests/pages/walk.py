@@ -48,7 +48,8 @@ from videos.services import request_video, run_next_video
 # Addresses that show no page of their own: files, parts of pages, and what is only written to.
 NO_PAGES = {
     *("audit_export", "data_download", "metrics"),
-    *("lti_keys", "lti_tool", "lti_launch", "lti_choose"),
+    # those for people need a platform: tests/courses/lti
+    *("lti_keys", "lti_tool", "lti_launch", "lti_choose", "lti_log_in", "lti_arrival"),
     *("card", "oembed", "robots", "sitemap", "sitemaps", "track_reference_replay"),
     *("api_token_revoke", "board_atom", "board_badge", "board_csv", "board_json", "elsewhere_file", "enter"),
     *("evaluation_live", "evaluation_logs", "evaluation_metrics", "evaluation_replay", "evaluation_stop"),
@@ -234,7 +235,6 @@ def _paths(world, season, trained, training, pair, vehicle, token) -> dict[str, 
             *("/accounts/password/reset/key/1-none/", "/accounts/confirm-email/", "/accounts/confirm-email/none/"),
             *(f"/races/join/{world.secret.invitation}/", f"/notices/stop/{token}/", "/nothing/at/all/"),
             *("/races/open-race/", "/api/docs/", "/guides/", "/guides/?q=penalty", "/guides/tracks/"),
-            *("/lti/log-in/", "/lti/arrival/"),
             *("/embed/race/open-race/", f"/embed/run/{driven.public_id}/", "/tracks/oval/reference/"),
         ],
         "alice": [

@@ -181,6 +181,14 @@ class TestReplays:
         assert refused(client.post("/lti/launch/", {"id_token": token, "state": asked["state"]})) == "lti_expired"
 
 
+def test_one_address_launches_so_often_a_minute(platform, monkeypatch):
+    monkeypatch.setattr("courses.lti.views.RATE", "2/m")
+    cache.clear()
+    send(Client(), platform, "t-1")
+    assert refused(Client().get("/lti/log-in/")) == "lti_too_many"
+    assert refused(Client().post("/lti/launch/")) == "lti_too_many"
+
+
 class TestPlatforms:
     def test_a_second_platform_cannot_speak_for_the_first(self, platform, registered):
         with running_platform(key=OTHER_KEY, people=platform.people) as other:
