@@ -19,6 +19,7 @@ import threading
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from datetime import datetime, timedelta
+from functools import partial
 from typing import Any
 
 from .board import database, processor_clock
@@ -85,7 +86,7 @@ class _Hour:
         # more and more towards the deadline; the last one at its very second
         seconds = sorted(MINUTES * 60 * (1 - self.draw.random() ** 2) for _racer in self.students[1:])
         for racer, at in zip(self.students, [*seconds, MINUTES * 60.0], strict=True):
-            self.at(begin + timedelta(seconds=at), lambda now, racer=racer: self.hand_in(racer, now))
+            self.at(begin + timedelta(seconds=at), partial(self.hand_in, racer))
         self.at(self.due + timedelta(seconds=10), self.draw_tracks)
         self.submit_ms: list[float] = []
         self.end_ms: list[float] = []
@@ -137,8 +138,9 @@ class _Hour:
         attempt = submit_attempt(assignment=self.assignment, racer=racer, model=self.models[racer.pk], now=now)
         self.submit_ms.append((self.clock() - began) * 1000)
         with transaction.atomic():  # reads anew: simulated seconds pass faster than what pages share
-            waits = [expected_wait_s(run.evaluation) for run in attempt.runs.select_related("evaluation")]
-        if all(wait is not None for wait in waits):
+            runs = [run.evaluation for run in attempt.runs.select_related("evaluation") if run.evaluation]
+            waits = [wait for run in runs if (wait := expected_wait_s(run)) is not None]
+        if len(waits) == len(runs):
             self.foretold[attempt.pk] = now, max(waits)
 
     def claim(self, now: datetime) -> None:
@@ -148,7 +150,7 @@ class _Hour:
         while self.free and (run := EVALUATIONS.claim(worker="bench", now=now)) is not None:
             self.free -= 1
             took = timedelta(seconds=self.draw.choice(RECORDED_S))
-            self.at(now + took, lambda now, run=run: self.end(run, now))
+            self.at(now + took, partial(self.end, run))
 
     def end(self, run: Any, now: datetime) -> None:
         """Every tenth end is measured without the receiver that computes marks first, and then undone."""
