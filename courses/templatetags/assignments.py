@@ -11,7 +11,7 @@ from django.utils.dateformat import format as date_format
 from django.utils.html import format_html
 from django.utils.safestring import SafeString
 from django.utils.translation import gettext as _
-from django.utils.translation import gettext_lazy, ngettext, pgettext
+from django.utils.translation import gettext_lazy, ngettext, pgettext, pgettext_lazy
 
 from accounts.models import Racer, RacerGroup
 from paddock.rules.race import RaceRules
@@ -136,7 +136,7 @@ COLUMNS = {
     "name": (gettext_lazy("Student"), ""),
     "points": (gettext_lazy("Points"), "num"),
     "late": (gettext_lazy("Late days"), "num"),
-    "attempts": (gettext_lazy("Attempts"), "num"),
+    "attempts": (pgettext_lazy("of an assignment", "Attempts"), "num"),
     "state": (gettext_lazy("State"), ""),
 }
 
