@@ -118,17 +118,13 @@ REWARD_FINDINGS = register(
             "Reward and lap time are hardly connected (rank correlation with the lap time %(value)s)."
         ),
         "reward_order": _("%(same)s of %(all)s pairs of drives have the same order by reward and by time."),
-        "reward_standing_pays": _(
-            "Almost standing still is worth %(value)s, the better of the fast and the slow lap %(lap)s: not driving "
-            "pays."
-        ),
+        "reward_standing_pays": _("Almost standing still is worth %(value)s, the fast lap %(lap)s: not driving pays."),
         "reward_circles_pay": _(
             "A step of driving in circles earns %(value)s, a step of the better of the fast and the slow lap %(lap)s: "
             "the car may learn circles."
         ),
         "reward_crash_pays": _(
-            "To leave the road or to crash is worth %(value)s, the better of the fast and the slow lap %(lap)s: ending "
-            "early pays."
+            "Leaving the road or crashing is worth %(value)s, the fast lap %(lap)s: ending early pays."
         ),
         "reward_no_traps": _("Standing still, driving in circles and crashing pay less than a lap."),
         "reward_steps_failed": _(

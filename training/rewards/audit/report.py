@@ -226,27 +226,28 @@ def _step_until(row: AuditRow, progress: float) -> float:
     """The mean reward of the steps up to this progress."""
     pairs = zip(row.rewards, row.drive.states, strict=True)
     rewards = [reward for reward, state in pairs if state["progress"] <= progress]
-    return sum(rewards) / len(rewards)
+    return sum(rewards) / len(rewards) if rewards else row.step
 
 
 def _traps(rows: Sequence[AuditRow]) -> list[AuditFinding]:
     named = {row.drive.name: row for row in rows}
-    driving = [named[name] for name in (FAST, SLOW) if name in named]
-    if not driving:
+    fast = named.get(FAST)
+    if fast is None:
         return []
-    lap, total = max(row.worth for row in driving), max(row.total for row in driving)
     found = []
     for name, code in ((STANDING, "reward_standing_pays"), (CRASH, "reward_crash_pays")):
         # by both: a sum alone pays long drives, the worth alone those that stay where a potential is low
-        if name in named and named[name].total > total and _is_more(named[name].worth, lap):
-            found.append(AuditFinding(BAD, UserFault(code, value=number(named[name].worth), lap=number(lap))))
+        if name in named and named[name].total > fast.total and _is_more(named[name].worth, fast.worth):
+            found.append(AuditFinding(BAD, UserFault(code, value=number(named[name].worth), lap=number(fast.worth))))
     if CIRCLES in named:
         circles = named[CIRCLES]
         value = circles.step
         # of whole laps, and of their beginnings, as some functions pay less there
-        step = max(max(row.step, _step_until(row, circles.drive.progress)) for row in driving)
+        step = max(max(row.step, _step_until(row, circles.drive.progress)) for row in (fast, named.get(SLOW, fast)))
         if _is_more(value, step):
             found.append(AuditFinding(BAD, UserFault("reward_circles_pay", value=number(value), lap=number(step))))
-    if not found and all(name in named and not _is_more(named[name].worth, lap) for name in (STANDING, CRASH, CIRCLES)):
+    if not found and all(
+        name in named and _is_more(fast.worth, named[name].worth) for name in (STANDING, CRASH, CIRCLES)
+    ):
         found.append(AuditFinding(GOOD, UserFault("reward_no_traps")))
     return found
