@@ -46,6 +46,7 @@ class TrainingConfig(AppConfig):
         register_rewards(rewards_of_runs)
         register_slots(
             {
+                "home.stage": "training/jobs/parts/home_stage.html",
                 "ways_to_a_car": "training/starter_training/parts/ways_to_a_car.html",
                 "garage.tabs": "training/vehicles/parts/garage_tabs.html",
                 "model.crumb": "training/cloning/parts/shared_crumb.html",

@@ -12,7 +12,8 @@ from django.utils.safestring import SafeString
 from django.views.decorators.http import require_safe
 
 from accounts.models import Viewer
-from core.streams.shared_pieces import shared_piece, shared_value
+from core.pages.registry import filling
+from core.streams.shared_pieces import filled, hole, shared_piece, shared_value
 from evaluation.selectors import models_of
 from league.cups.selectors import cup_now, stage_of
 from league.home.selectors import (
@@ -33,6 +34,7 @@ from races.spoilers.selectors import spoilers_of
 
 UPCOMING = 5
 OWN = 5
+NO_LAP = hole("no_lap")  # in the leading part that has no lap to play
 
 
 @require_safe
@@ -82,7 +84,7 @@ def home(request: HttpRequest) -> HttpResponse:
         led = [race for race in found["races"] if not spoilers.hides(race)]
         lap = leading_lap(led, found["podiums"], found["to_beat"])
         if lap is None:
-            return {"race": next(iter(found["races"]), None)}
+            return {"race": next(iter(found["races"]), None), "no_lap": NO_LAP}
         viewed = [ViewedRun(url=document_address(lap.run), lap=lap.lap["number"])]
         viewer = viewer_setup(scene_address(lap.run), viewed, quiet=True)
         return {"leading": lap, "boxes": box_marks(lap.race), "viewer": viewer}
@@ -91,8 +93,12 @@ def home(request: HttpRequest) -> HttpResponse:
         return {"results": recent_results([race for race in newest().values() if not spoilers.hides(race)])}
 
     coming = {} if shares else {"racer": reader}
+    stage = part("leading", leading, chosen[0])
+    if NO_LAP in stage:
+        own = "".join(render_to_string(each, {}, request) for each in filling("home.stage"))
+        stage = SafeString(own) if own.strip() else filled(stage, no_lap=SafeString())
     context: dict[str, Any] = {
-        "leading": part("leading", leading, chosen[0]),
+        "leading": stage,
         "results": part("results", results),
         "open_races": part("open_races", open_races, reader.is_authenticated, chosen),
         "upcoming": part("upcoming", lambda: {"upcoming": list(upcoming(now, **coming)[:UPCOMING])}),

@@ -11,8 +11,10 @@ from django.utils.translation import get_language
 
 from accounts.models import RacerGroup
 from core.streams.shared_pieces import MarkedPiece, shared_value
+from tracks.reference.selectors import reference_times
 
 from ..models import Race
+from .medals import race_reference_ms
 from .qualifying_line import Cut, cut_of
 from .selectors.board import Board, BoardRow
 from .selectors.shared_boards import board_of_all
@@ -66,7 +68,8 @@ def _lines(board: Board, cut: Cut | None, key: tuple) -> list[SafeString]:
     with _lock:
         before = _kept.pop(key, {})
     now, race = timezone.now(), board.race
-    of_all = (repr([race.__dict__[field.attname] for field in Race._meta.concrete_fields]), repr(cut))
+    of_race = repr([race.__dict__[field.attname] for field in Race._meta.concrete_fields])
+    of_all = (of_race, repr(cut), race_reference_ms(race, reference_times()))
     kept, lines = {}, []
     for number, row in enumerate(board.rows):
         age = int((now - (row.entry.achieved_at or row.entry.entered_at)).total_seconds()) // LINES_LIVE_S

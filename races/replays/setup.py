@@ -23,10 +23,11 @@ if TYPE_CHECKING:
 
 
 class ViewedRun(TypedDict):
-    """A run of a viewer: the address of its document, the lap that its clock begins with (0: the run), and its name and
-    look where they differ from the document's."""
+    """A run of a viewer: the address of its document or the document itself, the lap that its clock begins with (0: the
+    run), and its name and look where they differ from the document's."""
 
-    url: str
+    url: NotRequired[str]
+    document: NotRequired[dict[str, Any]]
     lap: int
     name: NotRequired[str]
     look: NotRequired[dict[str, str]]

@@ -268,6 +268,12 @@ def target_medal(
     return medal_target(race, best_lap_ms, house, times_of(context))
 
 
+@register.simple_tag(takes_context=True)
+def house_target(context: Context, race: Race, car: Entry) -> MedalTarget | None:
+    """The next medal for whoever beats a house car: None where its own lap has the best."""
+    return None if car.best_lap_ms is None else medal_target(race, car.best_lap_ms, [car], times_of(context))
+
+
 @register.filter
 def end_reason(code: str) -> str:
     return _(END_REASONS[code]) if code in END_REASONS else code

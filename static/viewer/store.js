@@ -233,13 +233,13 @@ export async function fetchDocument(url, tries = 2) {
   throw Object.assign(new Error(String(answer.status ?? answer.message)), { status: answer.status ?? 0 });
 }
 
-// The replay of {scene, runs: [{url, lap, name, look}], together}; `together`: the address of one answer with documents by
-// their addresses. `lost`: the runs whose document could not be loaded, with their error; throws if the first or the
+// The replay of {scene, runs: [{url, lap, name, look}], together}, a run with its `document` instead of its address perhaps;
+// `together`: the address of one answer with documents by their addresses. `lost`: the runs whose document could not be loaded, with their error; throws if the first or the
 // scene is lost.
 export async function loadReplay({ scene, runs, together }) {
   const known = together ? await fetchDocument(together).catch(() => ({})) : {};
   const read = (url) => known[url] ?? fetchDocument(url);
-  const [road, ...found] = await Promise.allSettled([scene, ...runs.map(({ url }) => url)].map(read));
+  const [road, ...found] = await Promise.allSettled([read(scene), ...runs.map(({ url, document: given }) => given ?? read(url))]);
   for (const needed of [road, found[0]]) if (needed.status === "rejected") throw needed.reason;
   const entries = runs.map((run, at) => ({ ...run, document: found[at].value, error: found[at].reason }));
   const replay = new Replay(road.value, entries.filter((entry) => entry.document));

@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+import json
 from datetime import timedelta
+from html import unescape
+from uuid import uuid4
 
 import pytest
 from django.db import connection
@@ -15,6 +18,8 @@ from league.home.selectors import NEWCOMER_FOR
 from races.models import Entry, Race, Visibility
 from tests.drawn_runs import a_driven_run
 from tests.factories import a_race, a_racer, drive, laps
+from tests.training.jobs import a_training
+from training.models import TrainingJob
 
 pytestmark = pytest.mark.django_db
 
@@ -121,3 +126,22 @@ def test_more_places_and_results_need_no_more_queries(race, now, django_assert_m
     assert Entry.objects.filter(racer=mine).count() == 4
     with django_assert_max_num_queries(len(before)):
         client.get("/")
+
+
+def test_a_running_training_leads_where_no_lap_does(race, now):
+    alice, bob = a_racer("alice"), a_racer("bob")
+    job = a_training(alice, race.track, now, name="night-shift")
+    assert "Training now" not in page(alice), "it waits"
+    drive_rows = [[0.1 * step, 0.0, 0.0, 1.0] for step in range(20)]
+    running = {"state": "running", "lease": uuid4(), "leased_until": now, "started_at": now, "driving": drive_rows}
+    TrainingJob.objects.filter(pk=job.pk).update(attempt=1, **running)
+    led = stage(page(alice))
+    assert "Training now" in led and "night-shift" in led and job.get_absolute_url() in led
+    setup = json.loads(unescape(led.partition('data-viewer="')[2].partition('"')[0]))
+    columns = setup["runs"][0]["document"]["columns"]
+    assert setup["quiet"] and columns["x"][10] == 1.0 and columns["t"][15] == 1_000
+    assert {len(column) for column in columns.values()} == {20}
+    for reader in (bob, None):
+        assert "night-shift" not in page(reader) and "Be first on the board." in stage(page(reader))
+    a_driven_run(race, bob, now)
+    assert "night-shift" not in page(alice) and "Leading lap" in stage(page(alice))

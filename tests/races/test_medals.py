@@ -17,6 +17,7 @@ from races.models import Entry, Race
 from tests.drawn_runs import a_driven_run
 from tests.factories import a_race, a_racer, drive, laps
 from tests.reference_laps import a_reference
+from tracks.models import ReferenceLap
 from tracks.reference.medals import Medal
 
 pytestmark = pytest.mark.django_db
@@ -100,6 +101,21 @@ def test_a_board_shows_my_medal_and_the_next_one(race):
 def test_a_board_names_the_house_car_to_beat_for_a_medal(race):
     html = page(race.get_absolute_url(), "carl")
     assert "Beat steady by 0.560 s for bronze" in html
+
+
+def test_the_row_of_a_house_car_has_its_medal_and_what_beating_it_earns(race, now):
+    entry = drive(race, a_racer("flyer"), laps(11_000, 11_000, 11_000), now).entry
+    Entry.objects.filter(pk=entry.pk).update(is_baseline=True)
+
+    def row(alias: str) -> str:
+        pk = Entry.objects.get(race=race, racer__alias=alias).pk
+        return page(race.get_absolute_url()).partition(f'id="car-{pk}"')[2].partition("</td></tr>")[0]
+
+    assert "Beat flyer by 0.500 s for gold" in " ".join(row("flyer").split()) and "medal silver" in row("flyer")
+    assert "Beat steady by 0.560 s for bronze" in " ".join(row("steady").split())
+    assert "Beat alice" not in row("alice"), "of racers only a board of their own says it"
+    ReferenceLap.objects.all().delete()
+    assert "for gold" not in row("flyer"), "a line is drawn anew when the reference changes"
 
 
 def test_the_house_car_of_a_target_is_the_fastest_that_is_slower_than_the_medal(race, now):

@@ -1,5 +1,6 @@
 """Template tags of trainings and vehicles."""
 
+import math
 from dataclasses import dataclass
 from typing import Any, Literal
 from urllib.parse import urlencode
@@ -8,10 +9,12 @@ from django import template
 from django.db.models import Q, QuerySet
 from django.middleware.csrf import get_token
 from django.template import Context
+from django.urls import reverse
 from django.utils import timezone
 from django.utils.translation import gettext as _
 
 from core.database.kept_queries import KeptQuery
+from evaluation.appearance.looks import VehicleLook
 from evaluation.models import TrainedModel
 from evaluation.selectors import can_see_model
 from evaluation.templatetags.garage import sensor_name
@@ -20,13 +23,16 @@ from paddock.rules.race import BOX_COUNT
 from paddock.rules.training import SETTINGS
 from races.models import Race, RaceType
 from races.models.sensors import not_offered
+from races.replays.document import look_document
+from races.replays.setup import viewer_setup
 from training.cloning.selectors import build_of_model, house_cars
 from training.jobs.selectors import closed_because
-from training.models import NeuralNetwork, TrainingJob
+from training.models import JobState, NeuralNetwork, TrainingJob
 from training.starter_training.services import begun_by
 from training.wizard.hyperparameters import shown_value
 
 register = template.Library()
+STEP_MS = 1000 / 15  # of an evaluation, from one place to the next
 register.filter("plain_value", shown_value)
 
 
@@ -116,6 +122,52 @@ def _trainings_of(model: TrainedModel) -> list[TrainingJob]:
         found = _made(model=model.pk)
         model._trainings = found  # type: ignore[attr-defined]
     return found
+
+
+@dataclass(frozen=True)
+class RunningTraining:
+    """A training that runs, and the setup of a viewer that plays its newest evaluation."""
+
+    job: TrainingJob
+    viewer: str
+
+
+_running = KeptQuery(
+    lambda racer: (
+        TrainingJob.objects.filter(owner_id=racer, state=JobState.RUNNING, deleted_at=None, trial=None)
+        .defer("log", "printed", "seen", "reward_code")
+        .select_related("track")
+        .order_by("-pk")[:1]
+    )
+)
+
+
+@register.simple_tag(takes_context=True)
+def running_training(context: Context) -> RunningTraining | None:
+    """The reader's newest running training that was evaluated."""
+    reader = context["user"]
+    job = next(iter(_running(racer=reader.pk)), None) if reader.is_authenticated else None
+    if job is None or len(job.driving or ()) < 2:
+        return None
+    scene = f"{reverse('track_scene', args=[job.track.slug])}?direction={job.direction}"
+    return RunningTraining(job, viewer_setup(scene, [{"document": _drive_document(job), "lap": 0}], quiet=True))
+
+
+def _drive_document(job: TrainingJob) -> dict[str, Any]:
+    """The newest evaluation as a run document."""
+    x, y, yaw, speed = map(list, zip(*job.driving, strict=True))
+    steps = len(x)
+    return {
+        **{"run": "", "number": 0, "name": job.name, "href": job.get_absolute_url()},
+        "look": look_document(VehicleLook(job.shell, job.colour)),
+        "columns": {
+            **{"t": [round(STEP_MS * step) for step in range(steps)], "x": x, "y": y},
+            **{"yaw": [round(math.degrees(angle), 1) for angle in yaw], "v": speed, "steer": [0.0] * steps},
+            **{"lap": [1] * steps, "status": ["in_progress"] * steps},
+            **{"progress": [0.0] * steps, "on_track": [True] * steps},
+        },
+        **{"laps": [], "rivals": [], "events": [], "boxes": [], "bots": []},
+    }
 
 
 @register.filter
