@@ -12,7 +12,6 @@ from django.utils.safestring import SafeString
 from django.views.decorators.http import require_safe
 
 from accounts.models import Viewer
-from core.pages.registry import filling
 from core.streams.shared_pieces import filled, hole, shared_piece, shared_value
 from evaluation.selectors import models_of
 from league.cups.selectors import cup_now, stage_of
@@ -95,8 +94,8 @@ def home(request: HttpRequest) -> HttpResponse:
     coming = {} if shares else {"racer": reader}
     stage = part("leading", leading, chosen[0])
     if NO_LAP in stage:
-        own = "".join(render_to_string(each, {}, request) for each in filling("home.stage"))
-        stage = SafeString(own) if own.strip() else filled(stage, no_lap=SafeString())
+        own = render_to_string("league/home/parts/own_stage.html", {}, request)
+        stage = own if own.strip() else filled(stage, no_lap=SafeString())
     context: dict[str, Any] = {
         "leading": stage,
         "results": part("results", results),

@@ -270,7 +270,7 @@ def target_medal(
 
 @register.simple_tag(takes_context=True)
 def house_target(context: Context, race: Race, car: Entry) -> MedalTarget | None:
-    """The next medal for whoever beats a house car: None where its own lap has the best."""
+    """The next medal beyond the lap of a house car; None where that has the best."""
     return None if car.best_lap_ms is None else medal_target(race, car.best_lap_ms, [car], times_of(context))
 
 

@@ -130,7 +130,7 @@ def test_keys_step_jump_and_play(open_page, pair):
 
 
 def test_a_link_to_a_moment_opens_there(open_page, pair):
-    page = open_page(beside(*pair, "&t=3.2&lap=3"))
+    page = open_page(beside(*pair, "&t=3.2&lap=3&camera=map"))
     playwright.expect(page.locator("[data-seek]")).to_have_value("3200")
     playwright.expect(page.locator("[data-out]")).to_contain_text("Lap 3 · 0:03.200")
     page.locator("[data-stage]").focus()
