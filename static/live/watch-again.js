@@ -4,7 +4,8 @@ import { isStill } from "../viewer/stage.js";
 import { Viewer } from "../viewer/viewer.js";
 
 const LEAD_MS = 3000; // so long before its start a run is announced
-const TAIL_MS = 6000; // so long the standings after it stay
+const TAIL_MS = 6000; // from the end of a run to the next
+const LOOK_MS = 2000; // of it, until the standings have the run
 const acts = document.querySelector("[data-again]");
 const act = (name) => acts.querySelector(`[data-act="${name}"]`);
 
@@ -14,7 +15,7 @@ class Feed {
     Object.assign(this, { poses, hear, lead: LEAD_MS, tail: TAIL_MS, chunks: new Map(), told: "", at: 0 });
     this.clock = { known: true, now: () => this.player?.now ?? 0 };
     acts.addEventListener("click", ({ target }) => {
-      if (target.dataset.act === "skip") this.player.seek(this.player.replay.duration - TAIL_MS + 1);
+      if (target.dataset.act === "skip") this.player.seek(this.player.replay.duration - TAIL_MS + LOOK_MS + 1);
       if (target.dataset.act === "next") this.to(this.at + 1);
     });
     act("run").addEventListener("change", ({ target }) => this.to(Number(target.value)));
@@ -44,7 +45,7 @@ class Feed {
   // --- what is told when ---------------------------------------------------------------------------------------------
   tick() {
     const step = this.steps[this.at];
-    const over = step && this.player.now > this.player.replay.duration - TAIL_MS;
+    const over = step && this.player.now > this.player.replay.duration - TAIL_MS + LOOK_MS;
     const which = step ? `${this.at}${over ? "-after" : ""}` : "end";
     if (which === this.told) return;
     this.told = which;
