@@ -1,6 +1,7 @@
 """Personal data of courses: attempts and marks go with the account."""
 
 from core.personal_data.rules import NOBODY, OTHERS, SECRET, Leaving, PersonalData, register
+from evaluation.models import Evaluation
 
 from .models import (
     Assignment,
@@ -30,6 +31,7 @@ def _erase(leaving: Leaving) -> None:
         other = others.order_by("pk").first()
         if other is not None:
             Attempt.objects.filter(pk=attempt.pk).update(racer=other.racer_id, model_name="")
+            Evaluation.with_sealed.filter(attempt_run__attempt=attempt).update(owner=other.racer_id)
     for regrade in Regrade.objects.filter(assignment__marks__racer=leaving.racer).distinct():
         rows = [row for row in regrade.rows if row["racer"] != leaving.racer.pk]
         Regrade.objects.filter(pk=regrade.pk).update(rows=rows)

@@ -29,9 +29,9 @@ from tracks.selectors import shared_tracks
 from ..marking.pass_rules import PASS_RULES, Param, PassRule
 from ..models import Assignment, AssignmentPart, Counts, Shows, TrackKind
 from ..models.assignment import MOST_HIDDEN
+from .services import MOMENTS, is_far
 
 TWO_WEEKS = timedelta(days=14)
-MOMENTS = ("opens_at", "due_at", "last_at")
 _OTHER_NAMES = ("US/", "Etc/", "Brazil/", "Canada/", "Chile/", "Mexico/", "SystemV/")
 
 
@@ -45,6 +45,8 @@ def _zones() -> tuple[tuple[str, str], ...]:
 def local_moment(typed: datetime, zone: zoneinfo.ZoneInfo) -> datetime:
     """A time of a zone's clock; of the two when the clocks go back, the earlier. Raises ValidationError for one that
     the clocks skip."""
+    if is_far(typed):
+        raise forms.ValidationError(forms.DateTimeField.default_error_messages["invalid"], code="invalid")
     moment = typed.replace(tzinfo=zone)
     if moment.astimezone(UTC).astimezone(zone).replace(tzinfo=None) != typed.replace(fold=0):
         raise forms.ValidationError(gettext("The clocks go forward then: this time does not exist. Choose another."))

@@ -112,8 +112,13 @@ def _params(rule: PassRule, given: Mapping[str, Any], points: Decimal, rules: Ra
         raise problem("assignment_laps", needed=params["laps"], laps=rules.laps)
     if "thresholds" in params:
         times = sorted(params["thresholds"], key=lambda one: one["at_most_ms"])
-        params["thresholds"] = [{"at_most_ms": one["at_most_ms"], "points": str(one["points"])} for one in times]
+        params["thresholds"] = [{"at_most_ms": one["at_most_ms"], "points": _in_cents(one["points"])} for one in times]
     return params
+
+
+def _in_cents(points: Any) -> str:
+    """Points as marks have them, without needless zeros, however they were written: ``1e-99999`` would fill pages."""
+    return f"{round(Decimal(str(points)), 2).normalize():f}"
 
 
 def stored_parts(assignment: Assignment) -> list[CheckedPart]:

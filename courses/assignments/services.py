@@ -10,6 +10,7 @@ from zoneinfo import ZoneInfo, available_timezones
 from django.core.exceptions import ValidationError
 from django.db import transaction
 from django.db.models import QuerySet
+from django.forms import DateTimeField
 from django.utils.translation import gettext_lazy as _
 
 from accounts.models import Racer, RacerGroup
@@ -40,6 +41,8 @@ from ..models import (
 from ..quotas import ASSIGNMENTS
 from .parts import checked_parts, refused_at, stored_parts, write_parts
 
+MOMENTS = ("opens_at", "due_at", "last_at")
+YEARS = range(2000, 3000)
 COLUMNS = (
     *("title", "instructions", "time_zone", "opens_at", "due_at", "last_at", "late_points_a_day"),
     *("attempts_a_day", "attempts_in_all", "counts", "first_k", "shows"),
@@ -155,7 +158,7 @@ def copy_assignments(
     copies = []
     for one in Assignment.objects.filter(group=from_group):
         values = {name: getattr(one, name) for name in COLUMNS}
-        for name in ("opens_at", "due_at", "last_at"):
+        for name in MOMENTS:
             local = values[name] and values[name].astimezone(ZoneInfo(one.time_zone))
             values[name] = local and (local + shift).astimezone(UTC)
         tracks = {track.pk: track for track in Track.objects.filter(assignment_parts__part__assignment=one)}
@@ -184,6 +187,8 @@ def extend(
     _require_teacher(assignment.group, by)
     if not is_student(racer, assignment.group_id):
         raise UserFault("assignment_student_unknown")
+    if far := {name: _far() for name, when in (("due_at", due_at), ("last_at", last_at)) if is_far(when)}:
+        raise RaceRefused(ValidationError(far))
     if due_at <= assignment.due_at:
         raise RaceRefused(ValidationError({"due_at": problem("extension_too_early")}))
     if last_at is not None and last_at <= due_at:
@@ -288,12 +293,22 @@ def _write(assignment: Assignment, fields: dict[str, Any]) -> None:
         raise refused_at("parts", fault) from fault
 
 
+def is_far(moment: datetime | None) -> bool:
+    """Whether a moment is one that not every calendar and clock can show."""
+    return moment is not None and moment.year not in YEARS
+
+
+def _far() -> ValidationError:
+    return ValidationError(DateTimeField.default_error_messages["invalid"], code="invalid")
+
+
 def _problems(assignment: Assignment) -> dict[str, Any]:
     problems: dict[str, Any] = {}
     try:
         assignment.clean_fields()
     except ValidationError as error:
         problems = error.error_dict
+    problems |= {name: _far() for name in MOMENTS if name not in problems and is_far(getattr(assignment, name))}
     if not problems and assignment.opens_at >= assignment.due_at:
         problems["due_at"] = problem("assignment_closes_before_opening")
     if not problems and assignment.last_at is not None and assignment.last_at <= assignment.due_at:

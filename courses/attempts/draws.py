@@ -9,7 +9,7 @@ from core.database.locks import hold
 from core.events import record
 
 from ..events import TRACKS_DRAWN
-from ..grading.services import complete_marks, recompute_marks
+from ..grading.services import complete_marks, recompute_marks, reopen_marks
 from ..models import Assignment, AssignmentPart, PartTrack, TrackKind
 from .runs import queue_hidden_runs
 
@@ -24,7 +24,18 @@ def draw_hidden_tracks(*, now: datetime) -> int:
 def complete_all_marks(*, now: datetime) -> int:
     """Complete the marks of assignments that are over. Returns how many."""
     over = Assignment.objects.filter(final_at=None, due_at__lt=now, published_at__isnull=False)
-    return sum(complete_marks(assignment=one, now=now) for one in over.order_by("due_at", "pk"))
+    return sum(_complete(one, now) for one in over.order_by("due_at", "pk"))
+
+
+@transaction.atomic
+def _complete(assignment: Assignment, now: datetime) -> bool:
+    if not complete_marks(assignment=assignment, now=now):
+        return False
+    if queue_hidden_runs(assignment, now):  # of attempts that count only since the rules changed
+        reopen_marks(assignment)
+        recompute_marks(assignment=assignment, now=now)
+        return False
+    return True
 
 
 @transaction.atomic

@@ -6,7 +6,6 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 from datetime import datetime
 from decimal import Decimal
-from typing import Any
 
 from django.db.models import Count, Exists, OuterRef, Q, QuerySet, Sum
 
@@ -15,6 +14,7 @@ from core.streams.shared_pieces import shared_value
 
 from ..assignments.selectors import assignments_visible_to
 from ..grading.members import taught_by
+from ..grading.services import times_with
 from ..marking.lateness import local_day
 from ..models import Assignment, Attempt, Extension, Mark, SubmissionGroupMember
 
@@ -108,16 +108,16 @@ def task_of(
     parts: int,
 ) -> Task:
     """``accepted``: when the attempts that were not given back were accepted."""
-    times: Any = extension or assignment
+    due_at, last_at = times_with(assignment, extension)
     accepted = list(accepted)
     begin, end = local_day(now, assignment.time_zone)
     today = sum(begin <= moment < end for moment in accepted)
     in_all, a_day = assignment.attempts_in_all, assignment.attempts_a_day
     return Task(
         assignment,
-        times.due_at,
-        times.last_at,
-        state_of(assignment.opens_at, times.due_at, times.last_at, now),
+        due_at,
+        last_at,
+        state_of(assignment.opens_at, due_at, last_at, now),
         mark,
         full,
         parts,

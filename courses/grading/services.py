@@ -29,6 +29,8 @@ def recompute_marks(*, assignment: Assignment, racers: Collection[int] | None = 
     everybody = everybody_of(assignment) if racers is None else racers
     units = units_of(assignment, everybody)
     hold_units(units)
+    # a draw or a regrade may have ended while this waited
+    assignment.refresh_from_db(fields=["marked_rules", "marked_version", "drawn_at", "final_at"])
     marks = marks_by(assignment, rules_of(assignment), units, with_places=assignment.final_at is not None)
     return write_marks(assignment, marks, now)
 
@@ -93,6 +95,11 @@ def deadline_of(assignment: Assignment, unit: Unit) -> tuple[datetime, datetime 
     """When an attempt of these students is due, and until when a late one is accepted: the latest extension counts."""
     extensions = Extension.objects.filter(assignment=assignment, racer__in=unit.racers)
     granted = max(extensions, key=lambda one: (one.due_at, one.last_at or one.due_at), default=None)
+    return times_with(assignment, granted)
+
+
+def times_with(assignment: Assignment, granted: Extension | None) -> tuple[datetime, datetime | None]:
+    """:func:`deadline_of` students whose latest extension is ``granted``."""
     if granted is None:
         return assignment.due_at, assignment.last_at
     lasts = [one for one in (granted.last_at, assignment.last_at) if one is not None and one > granted.due_at]

@@ -35,7 +35,7 @@ class Param:
         if self.kind == "bool":
             return "" if isinstance(value, bool) else "assignment_value_bool"
         if self.kind == "choice":
-            return "" if value in dict(self.choices) else "assignment_value_choice"
+            return "" if value in [choice for choice, _label in self.choices] else "assignment_value_choice"
         if self.kind == "thresholds":
             return "" if _are_thresholds(value, self) else "assignment_thresholds"
         whole = isinstance(value, int) and not isinstance(value, bool)

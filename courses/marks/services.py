@@ -16,7 +16,7 @@ from ..assignments.services import adopt_rules
 from ..events import MARKS_REGRADED
 from ..grading.members import can_teach_group, units_of
 from ..grading.rules import rules_of, stored_rules
-from ..grading.services import differs, everybody_of, marks_by, recompute_marks
+from ..grading.services import differs, everybody_of, marks_by, recompute_marks, reopen_marks
 from ..models import Assignment, Mark, Regrade
 
 __all__ = ["apply_regrade", "propose_regrade", "recompute_marks"]
@@ -56,6 +56,7 @@ def apply_regrade(*, assignment: Assignment, regrade: Regrade, by: Racer, now: d
     if outdated or not assignment.awaits_regrade or regrade.rows != changed_rows(assignment):
         raise UserFault("regrade_changed")
     adopt_rules(assignment, now, changing=True)
+    reopen_marks(assignment)
     regrade.applied_at, regrade.applied_by = now, by
     regrade.save(update_fields=["applied_at", "applied_by"])
     record(MARKS_REGRADED, at=now, subject=assignment.public_id)
