@@ -152,6 +152,8 @@ def _of_stable_baselines3(model: Any, boxes: Mapping[str, tuple[int, ...]]) -> t
             f"the model observes {shapes}, which no stack of the observations of "
             "this environment is; VecNormalize goes around VecFrameStack"
         )
+    # the last update left a distribution with gradients in the policy, which cannot be copied
+    model.predict(spaces.sample(), deterministic=True)
     normal = model.get_vec_normalize_env()
     normal = normal if normal is not None and normal.norm_obs else None
 
