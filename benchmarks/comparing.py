@@ -66,6 +66,7 @@ def eight_runs(now: datetime) -> list[Any]:
         result = run_race(RaceSettings(track.geometry, RaceRules(laps=LAPS), [entrant]))
         racer = a_racer(f"driver-{number}")
         run = start(submit_model(race=race, racer=racer, model=a_model(racer), now=now).evaluation, now)
+        assert run.lease is not None
         told = replace(outcome([lap.to_dict() for lap in result.laps]), trace_csv=result.trace.to_csv())
         assert finish_evaluation(pk=run.pk, lease=run.lease, outcome=told, now=now)
         run.refresh_from_db()
