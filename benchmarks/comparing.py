@@ -67,7 +67,8 @@ def eight_runs(now: datetime) -> list[Any]:
         racer = a_racer(f"driver-{number}")
         run = start(submit_model(race=race, racer=racer, model=a_model(racer), now=now).evaluation, now)
         assert run.lease is not None
-        told = replace(outcome([lap.to_dict() for lap in result.laps]), trace_csv=result.trace.to_csv())
+        laps: list[dict[str, Any]] = [{**lap.to_dict()} for lap in result.laps]
+        told = replace(outcome(laps), trace_csv=result.trace.to_csv())
         assert finish_evaluation(pk=run.pk, lease=run.lease, outcome=told, now=now)
         run.refresh_from_db()
         driven.append(run)
