@@ -100,7 +100,7 @@ class AssignmentForm(_Moments):
         label=_("Time zone"), choices=_zones, help_text=_("Deadlines and days are counted by its clocks.")
     )
     opens_at = MomentField(label=_("Opens"))
-    due_at = MomentField(label=_("Due"), help_text=_("In time is what is accepted at this moment or before."))
+    due_at = MomentField(label=_("Due"), help_text=_("An attempt at this very moment is still in time."))
     last_at = MomentField(
         label=_("Late attempts until"), required=False, help_text=_("Empty: nothing after the deadline.")
     )
@@ -110,7 +110,7 @@ class AssignmentForm(_Moments):
         min_value=0,
         max_digits=6,
         decimal_places=2,
-        help_text=_("A day begins at the time of day of the deadline."),
+        help_text=_("Each late day begins at the time of day of the deadline."),
     )
     attempts_a_day = forms.IntegerField(label=_("Attempts a day"), required=False, min_value=1, max_value=1000)
     attempts_in_all = forms.IntegerField(label=_("Attempts in all"), required=False, min_value=1, max_value=1000)

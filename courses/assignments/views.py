@@ -38,6 +38,7 @@ from .selectors import assignments_taught_by
 from .students import names_of, students_named
 
 LOGGED = 300
+BOOKKEEPING = {"rules_version", "marked_version", "marked_rules"}  # of no use to a reader of the log
 
 
 def taught_assignment(request: HttpRequest, public_id: str) -> Assignment:
@@ -198,6 +199,8 @@ def assignment_log(request: HttpRequest, public_id: str) -> HttpResponse:
     about |= Q(target_kind="courses.attempt", target_id__in=list(map(str, attempts)))
     about |= Q(target_kind="courses.submissiongroup", target_id__in=list(map(str, groups)))
     entries = list(AuditEntry.objects.filter(about).select_related("actor").order_by("-pk")[:LOGGED])
+    for entry in entries:
+        entry.changes = {name: pair for name, pair in entry.changes.items() if name not in BOOKKEEPING}
     students = students_named(assignment.group, {entry.racer_id for entry in entries if entry.racer_id})
     context = {
         "assignment": assignment,

@@ -168,16 +168,16 @@ class FirstSteps:
 
 
 def first_steps(racer: Racer, now: datetime) -> FirstSteps | None:
-    """A newcomer's progress; None after all four steps or 60 days: one query or none."""
+    """A newcomer's progress; None after all four steps or 60 days, and in a class: one query or none."""
     if racer.is_house or now - racer.joined_at > NEWCOMER_FOR:
         return None
     entries = Entry.objects.filter(racer=OuterRef("pk"))
     sent = Submission.objects.filter(entry__racer=OuterRef("pk"))
-    found = Racer.objects.filter(pk=racer.pk).values_list(
+    found = Racer.objects.filter(pk=racer.pk, learner=None).values_list(
         Exists(TrainedModel.objects.filter(owner=OuterRef("pk"))),
         Exists(sent),
         Exists(entries.filter(CLASSIFIED)),
         Exists(sent.filter(entry__race__kind=RaceKind.LEAGUE)),
     )
-    steps = FirstSteps(*found.get())
-    return None if steps.done == 4 else steps
+    steps = next((FirstSteps(*done) for done in found), None)
+    return None if steps is None or steps.done == 4 else steps

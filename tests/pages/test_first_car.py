@@ -10,6 +10,7 @@ from datetime import timedelta
 import pytest
 from django.utils import timezone
 
+from accounts.class_accounts.services import add_learners, make_class
 from accounts.models import Racer
 from races.entries.services.entries import withdraw
 from races.models import Race
@@ -184,6 +185,13 @@ def test_an_experienced_racer_sees_no_first_steps_but_all_ways(now, beginners):
     old = a_racer("old", joined_at=now - timedelta(days=200))
     page = read(old, "/")
     assert 'id="steps"' not in page and "Train my first car" in page
+
+
+def test_a_learner_is_not_sent_to_races_that_refuse_class_accounts(now, beginners):
+    classroom = make_class(teacher=a_racer("teacher"), name="RL 101", plan=[], now=now)
+    (card,) = add_learners(classroom=classroom, by=classroom.group.leader, names=["Ada"], now=now)
+    page = read(card.learner.racer, "/")
+    assert 'id="steps"' not in page and "No race is open to you." in page and "Train my first car" in page
 
 
 @pytest.mark.parametrize("path", ["/", "/models/", "/train/", "/races/open-race/"])
