@@ -50,6 +50,7 @@ register(
         "attempt_not_open_yet": _("The assignment opens at %(opens)s."),
         "attempt_too_late": _("The deadline has passed. Ask the teacher for an extension."),
         "attempts_used_up": _("All %(limit)s attempts are used up."),
+        "attempts_wait": _("%(limit)s of your attempts wait for their runs. Hand in again when one is over."),
         "attempts_of_day_used_up": _("All %(limit)s attempts of today are used up. Try again tomorrow."),
         "attempt_already_submitted": _(
             "This car is the latest attempt already: it would drive the same. Hand in another one."

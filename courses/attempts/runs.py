@@ -27,13 +27,14 @@ def queue_runs(assignment: Assignment, attempts: Iterable[Attempt], now: datetim
         if not missing:
             continue
         due_at, _last_at = deadline_of(assignment, unit_of_attempt(attempt))
+        in_time = attempt.accepted_at <= due_at and not attempt.is_reference
         for one in missing:
             evaluation = queue_evaluation(
                 owner=attempt.racer,
                 model=attempt.model,
                 track=one.track,
                 rules=one.part.race_rules,
-                closes_at=due_at,  # in the last hour before others
+                closes_at=due_at if in_time else None,  # in the last hour before others
                 checked=True,
                 now=now,
             )

@@ -27,6 +27,7 @@ from .selectors import left_of_unit
 
 # after a fault of the site's own, an attempt that was in time may be repeated for so long
 GRACE = timedelta(hours=24)
+MOST_WAITING = 10  # attempts of a racer whose runs are not over
 
 
 @transaction.atomic
@@ -34,8 +35,8 @@ def submit_attempt(*, assignment: Assignment, racer: Racer, model: TrainedModel,
     """Hand in a model and queue its runs; it is in time by the moment ``now``.
 
     Raises UserFault ``assignment_gone``, ``attempt_students_only``, ``model_not_yours``, ``attempt_not_open_yet``,
-    ``attempt_too_late``, ``attempts_used_up``, ``attempts_of_day_used_up``, and ``attempt_already_submitted`` for
-    the car of the latest attempt, a repeated click among others."""
+    ``attempt_too_late``, ``attempts_used_up``, ``attempts_of_day_used_up``, ``attempts_wait``, and
+    ``attempt_already_submitted`` for the car of the latest attempt, a repeated click among others."""
     _hold(assignment)
     if assignment.published_at is None or not is_student(racer, assignment.group_id):
         raise UserFault("attempt_students_only")
@@ -48,6 +49,7 @@ def submit_attempt(*, assignment: Assignment, racer: Racer, model: TrainedModel,
     left = left_of_unit(assignment, unit, now)
     if left.refusal:
         raise UserFault(left.refusal, **_params_of(left.refusal, assignment))
+    _refuse_waiting(racer)
     attempt = _new_attempt(assignment, racer, unit, model, now)
     queue_runs(assignment, [attempt], now)
     reopen_marks(assignment)
@@ -73,7 +75,7 @@ def refund_attempt(*, attempt: Attempt, by: Racer, reason: str, now: datetime) -
 @transaction.atomic
 def add_reference(*, assignment: Assignment, by: Racer, label: str, model: TrainedModel, now: datetime) -> ReferenceRow:
     """Drive a car that is shown on the board, neither ranked nor marked: one of the teacher's, a shared one or a house
-    car. Raises UserFault("assignment_not_yours" | "model_not_yours")."""
+    car. Raises UserFault("assignment_not_yours" | "model_not_yours" | "attempts_wait")."""
     if not can_teach_group(by, assignment.group):
         raise UserFault("assignment_not_yours")
     if not can_see_model(by, model):
@@ -81,6 +83,7 @@ def add_reference(*, assignment: Assignment, by: Racer, label: str, model: Train
     _hold(assignment)
     row = ReferenceRow(assignment=assignment, label=label.strip())
     row.full_clean(exclude=["attempt"])
+    _refuse_waiting(by)
     row.attempt = _new_attempt(assignment, by, Unit((by.pk,)), model, now, is_reference=True)
     row.save()
     queue_runs(assignment, [row.attempt], now)
@@ -164,6 +167,13 @@ def _give_time(attempt: Attempt, unit: Unit, now: datetime) -> None:
             "granted_at": now,
         },
     )
+
+
+def _refuse_waiting(racer: Racer) -> None:
+    """No quota of runs holds for attempts, and they go before others in the last hour: nobody fills the queue."""
+    waiting = AttemptRun.objects.filter(attempt__racer=racer, state=RunState.WAITING)
+    if waiting.order_by().values("attempt").distinct().count() >= MOST_WAITING:
+        raise UserFault("attempts_wait", limit=MOST_WAITING)
 
 
 def _new_attempt(

@@ -16,11 +16,13 @@ from courses.attempts.selectors import left_of
 from courses.marks.services import apply_regrade, propose_regrade
 from courses.models import Assignment, Attempt, AttemptRun, Mark
 from evaluation.models import Evaluation
+from evaluation.running.queue.order import URGENT
+from paddock.errors import UserFault
 from races.errors import RaceRefused
 from tests.clients import logged_in
 from tests.courses.assignments import DAY, HOUR, a_group, a_part, an_assignment, finish_all, hand_in
 from tests.courses.test_hidden_tracks import hidden
-from tests.factories import laps
+from tests.factories import a_model, laps
 
 pytestmark = pytest.mark.django_db
 
@@ -149,3 +151,28 @@ def test_the_run_of_a_submission_group_stays_when_its_sender_leaves(alice, now):
     finish_all(attempt, FAST, now)
     assert AttemptRun.objects.get().state == "finished"
     assert Mark.objects.values_list("racer", "points", "is_complete").get() == (carol.pk, Decimal(100), True)
+
+
+def test_nobody_fills_the_queue_with_attempts(alice, now):
+    group, (bob, carol) = a_group(alice, 2, now)
+    assignment = an_assignment(group, now, last_at=now + 9 * DAY)
+    for _number in range(services.MOST_WAITING):
+        attempt = hand_in(assignment, bob, now)
+        services.add_reference(assignment=assignment, by=alice, label="Teacher", model=a_model(alice), now=now)
+    with pytest.raises(UserFault, match="wait for their runs"):
+        hand_in(assignment, bob, now)
+    with pytest.raises(UserFault, match="wait for their runs"):
+        services.add_reference(assignment=assignment, by=alice, label="Teacher", model=a_model(alice), now=now)
+    hand_in(assignment, carol, now)
+    finish_all(attempt, FAST, now)
+    hand_in(assignment, bob, now)
+
+
+def test_only_attempts_in_time_go_before_others_in_the_last_hour(alice, now):
+    group, (bob,) = a_group(alice, 1, now)
+    assignment = an_assignment(group, now, due_at=now + HOUR / 2, last_at=now + 9 * DAY)
+    services.add_reference(assignment=assignment, by=alice, label="Teacher", model=a_model(alice), now=now)
+    hand_in(assignment, bob, now)
+    hand_in(assignment, bob, now + HOUR)
+    hurries = [run.evaluation.priority == URGENT for run in AttemptRun.objects.order_by("pk")]
+    assert hurries == [False, True, False]
