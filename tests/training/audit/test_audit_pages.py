@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
+from concurrent.futures import ThreadPoolExecutor
 from functools import cache as cache_of_calls
+from threading import Barrier, Lock
 
 import pytest
 from django.core.cache import cache
 
 from tests.factories import a_track
 from training.rewards.audit import drives as recorded
+from training.rewards.audit import services
 from training.rewards.audit.services import drives_on
 from training.rewards.check_slots import one_check
 
@@ -37,6 +40,30 @@ def test_a_track_is_driven_once_and_then_comes_from_the_cache_unchanged(monkeypa
     first = drives_on(track, "cw", "time_trial")
     monkeypatch.setattr(recorded, "eight_drives", lambda *_: pytest.fail("driven again"))
     assert drives_on(track, "cw", "time_trial") == first
+
+
+class AllWait:
+    """A lock that is taken once this many threads want it."""
+
+    def __init__(self, many: int) -> None:
+        self.gate, self.lock = Barrier(many), Lock()
+
+    def __enter__(self) -> None:
+        self.gate.wait(60)
+        self.lock.acquire()
+
+    def __exit__(self, *_error: object) -> None:
+        self.lock.release()
+
+
+def test_those_who_ask_at_once_have_a_track_driven_once(monkeypatch):
+    track, driven = a_track(), []
+    drives = _driven(track.geometry, "ccw", "time_trial")
+    monkeypatch.setattr(recorded, "eight_drives", lambda *place: driven.append(place) or drives)
+    monkeypatch.setattr(services, "_driving", AllWait(4))
+    with ThreadPoolExecutor(4) as threads:
+        found = [*threads.map(lambda _number: drives_on(track, "ccw", "time_trial"), range(4))]
+    assert len(driven) == 1 and found == [[*drives]] * 4
 
 
 def test_tracks_directions_and_objects_have_drives_of_their_own():

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import threading
 import zlib
 from typing import TYPE_CHECKING
 
@@ -21,6 +22,7 @@ if TYPE_CHECKING:
 
 KEPT_S = 24 * 3600  # some 200 KB a track
 _FORM = 1  # of what is kept
+_driving = threading.Lock()
 
 
 def audited(*, owner: Racer, code: str, track: Track, direction: str, race_type: str, discount: float) -> RewardAudit:
@@ -34,7 +36,8 @@ def audited(*, owner: Racer, code: str, track: Track, direction: str, race_type:
 
 
 def drives_on(track: Track, direction: str, race_type: str) -> list[RecordedDrive]:
-    """The eight drives on a track, from the cache or driven now."""
+    """The eight drives on a track, from the cache or driven now: by a process one after the other, as a class that begins
+    at once asks for the same."""
     from paddock.simulator.engine import ENGINE_ID
 
     from ..sandbox.function import from_wire, to_wire
@@ -44,11 +47,14 @@ def drives_on(track: Track, direction: str, race_type: str) -> list[RecordedDriv
     key = f"reward-drives-{_FORM}-{ENGINE_ID}-{track.fingerprint}-{direction}-{kind}"
     kept = cache.get(key)
     if kept is None:
-        drives = eight_drives(track.geometry, direction, kind)
-        facts = [[drive.name, len(drive.states), drive.lap_ms, drive.ended, drive.seconds] for drive in drives]
-        data = {"facts": facts, **to_wire([state for drive in drives for state in drive.states])}
-        cache.set(key, zlib.compress(json.dumps(data).encode(), 6), KEPT_S)
-        return list(drives)
+        with _driving:
+            kept = cache.get(key)
+            if kept is None:
+                drives = eight_drives(track.geometry, direction, kind)
+                facts = [[drive.name, len(drive.states), drive.lap_ms, drive.ended, drive.seconds] for drive in drives]
+                data = {"facts": facts, **to_wire([state for drive in drives for state in drive.states])}
+                cache.set(key, zlib.compress(json.dumps(data).encode(), 6), KEPT_S)
+                return list(drives)
     data = json.loads(zlib.decompress(kept))
     states = iter(from_wire(data))
     found = []
