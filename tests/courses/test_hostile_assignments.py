@@ -176,3 +176,13 @@ def test_only_attempts_in_time_go_before_others_in_the_last_hour(alice, now):
     hand_in(assignment, bob, now + HOUR)
     hurries = [run.evaluation.priority == URGENT for run in AttemptRun.objects.order_by("pk")]
     assert hurries == [False, True, False]
+
+
+def test_a_group_of_others_is_not_told_from_none(alice, bob, now):
+    group, _students = a_group(alice, 1, now)
+    sent = {"title": "x", "opens_at": now, "due_at": now + DAY}
+    answers = [
+        logged_in(bob).post("/api/v1/assignments/", {**sent, "group": slug}, content_type="application/json")
+        for slug in (group.slug, "no-such-group")
+    ]
+    assert [one.status_code for one in answers] == [403, 403] and answers[0].content == answers[1].content

@@ -36,8 +36,8 @@ def audited(*, owner: Racer, code: str, track: Track, direction: str, race_type:
 
 
 def drives_on(track: Track, direction: str, race_type: str) -> list[RecordedDrive]:
-    """The eight drives on a track, from the cache or driven now: by a process one after the other, as a class that begins
-    at once asks for the same."""
+    """The eight drives on a track, from the cache or driven now. A process drives one track at a time: a class that
+    begins at once asks for the same."""
     from paddock.simulator.engine import ENGINE_ID
 
     from ..sandbox.function import from_wire, to_wire
