@@ -44,7 +44,10 @@ class MarkRow:
 
 def mark_table(assignment: Assignment, sort: str = "name", *, backwards: bool = False) -> list[MarkRow]:
     """All students, and former members with an attempt."""
-    marks = {one.racer_id: one for one in Mark.objects.filter(assignment=assignment).select_related("attempt")}
+    known = Mark.objects.filter(assignment=assignment).select_related("attempt")
+    if assignment.final_at is None:
+        known = known.exclude(attempt=None)  # of a regrade, or after one was given back: an attempt may come
+    marks = {one.racer_id: one for one in known}
     kept = Q(refunded_at=None, is_reference=False)
     members = SubmissionGroupMember.objects.filter(assignment=assignment).select_related("group")
     group_of = {one.racer_id: one.group for one in members}

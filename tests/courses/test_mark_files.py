@@ -18,7 +18,7 @@ from accounts.class_accounts.services import add_learners, make_class
 from accounts.models import ClassLearner
 from courses.attempts.services import refund_attempt
 from courses.marks.exports import canvas, moodle, plain
-from courses.models import Assignment, Mark
+from courses.models import Assignment, Attempt, Mark
 from tests.clients import logged_in
 from tests.courses.assignments import an_assignment, finish_all, hand_in
 from tests.factories import laps
@@ -170,6 +170,17 @@ def test_points_of_a_run_that_waits_are_not_exported(room, made, now):
     refund_attempt(attempt=waits, by=made.group.leader, reason="Queue", now=now)
     grades = read_by_moodle(moodle([made]).content, {"kim@uni.example": 1, "20262": 2, "20264": 4, "20265": 5})
     assert grades[1] == {"Three laps, clean": Decimal(100)}
+
+
+def test_no_zero_is_exported_while_a_first_attempt_may_come(room, made, now):
+    """A mark that is left without an attempt is one of a regrade, or after the attempt was given back."""
+    ann = racer(room, "Ann Lee")
+    refund_attempt(attempt=Attempt.objects.get(racer=ann), by=made.group.leader, reason="Queue", now=now)
+    known = {"kim@uni.example": 1, "20262": 2, "20264": 4, "20265": 5}
+    assert read_by_moodle(moodle([made]).content, known)[2] == {"Three laps, clean": None}
+    Assignment.objects.filter(pk=made.pk).update(final_at=now)
+    made.refresh_from_db()
+    assert read_by_moodle(moodle([made]).content, known)[2] == {"Three laps, clean": Decimal(0)}
 
 
 def test_decimals_are_the_same_in_every_language(made, room, alice):
