@@ -22,13 +22,13 @@ async function begin(canvas) {
   const [answer, { createScene }] = await Promise.all([fetch(address), import("../viewer/scene.js")]);
   if (!answer.ok) return;
   const scene = await answer.json(), replay = { scene, runs: [], boxes, bots: [] };
-  canvas.hidden = false;
-  const view = createScene(canvas, replay, { onLost: () => { canvas.hidden = true; }, onRestored: () => { canvas.hidden = false; } });
-  let driven = null, inSight = true;
+  let driven = null, inSight = true; // it is shown from the first drive on
+  const view = createScene(canvas, replay, { onLost: () => { canvas.hidden = true; }, onRestored: () => { canvas.hidden = !driven; } });
   new IntersectionObserver(([entry]) => { inSight = entry.isIntersecting; }).observe(canvas);
   new ResizeObserver(() => view.resize()).observe(canvas);
   document.addEventListener("training:drive", ({ detail: { drive, ms } }) => {
-    if (drive.length < 2 || !inSight || document.hidden) return;
+    if (drive.length < 2 || (driven && !inSight) || document.hidden) return;
+    if (!driven) canvas.hidden = false;
     if (drive !== driven) replay.runs = [new Run({ columns: columnsOf((driven = drive), scene.bounds), laps: [], name, look })];
     view.draw(replay, Math.min(ms, replay.runs[0].duration));
   });
