@@ -27,6 +27,7 @@ OWN = [
     "reports_at_once",
     "reports_a_day",
     "learners",
+    "assignments",
     "reports",
     "followed",
 ]

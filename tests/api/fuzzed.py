@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import re
 from dataclasses import dataclass
 from datetime import timedelta
+from typing import Any
 
 import pytest
 from django.conf import settings as django_settings
@@ -24,6 +26,7 @@ from league.webhooks.services import add_webhook, send_test
 from races.entries.services.entries import accept_invitation
 from races.models import Visibility
 from races.timing.services import make_sensor
+from tests.courses.assignments import assigned_to_students
 from tests.drawn_runs import a_drawing
 from tests.evaluation.reports import a_report
 from tests.factories import a_race, a_racer, drive, laps
@@ -39,8 +42,29 @@ class Fuzzed:
     """``known``: what addresses may name, so that requests also get past the first 404: all of it is Alice's.
     ``tokens``: the headers of everybody who may ask: a guest, a stranger, the owner of all that there is, an admin."""
 
-    known: dict[str, str]
+    known: dict[str, Any]
     tokens: dict[str, dict[str, str]]
+
+    def names(self, path: str) -> dict[str, Any]:
+        """What is filled into this path of the schema."""
+        names = re.findall(r"{(\w+)}", path)
+        kind, *below = (part for part in path.split("/")[3:] if not part.startswith("{"))
+        known = {"race": "any", **self.known}
+        if kind == "assignments":
+            known |= known["assigned"]["all"] | known["assigned"].get(below[0] if below else "", {})
+        elif kind in known:
+            known |= {"public_id": known[kind], "number": known[kind]}
+        if kind == "programs":
+            known |= {"alias": known["programs"], "key": known["programs_key"]}
+        if kind == "classes":
+            known["slug"] = known[kind]
+        if kind == "races" and {"id", "number"} & set(names):  # of the race of real cars
+            known["slug"] = "real"
+        return {name: known.get(name) for name in names}
+
+    def fill(self, path: str) -> str:
+        """An address: what all of the path names is there."""
+        return path.format(**self.names(path))
 
 
 def make_fuzzed() -> Fuzzed:
@@ -56,7 +80,7 @@ def make_fuzzed() -> Fuzzed:
         return Fuzzed(make_known(alice, sam), make_tokens(alice, sam))
 
 
-def make_known(alice: Racer, sam: Racer) -> dict[str, str]:
+def make_known(alice: Racer, sam: Racer) -> dict[str, Any]:
     now = timezone.now()
     race = a_race(now, slug="fuzzed", organiser=alice, visibility=Visibility.INVITATION)
     accept_invitation(token=race.invitation, racer=a_racer("guest"), now=now)
@@ -76,10 +100,13 @@ def make_known(alice: Racer, sam: Racer) -> dict[str, str]:
     found_team(by=alice, name="Fuzzed", now=now)
     program = make_program(by=sam, name="fuzzed", purpose="Results", owner="alice", now=now)
     make_class(teacher=alice, name="Fuzzed class", plan=[], now=now)
+    assigned, attempt = assigned_to_students(alice, now)
     return {
         "slug": "fuzzed",
         "tracks": "oval",
         "classes": "fuzzed-class",
+        "assigned": assigned,
+        "attempts": attempt.public_id,
         "alias": "guest",
         "programs": program.racer.alias,
         "programs_key": make_program_token(program=program, by=sam, scopes=["read"], days=1, now=now)[0].token_key,

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import gzip
 import json
-import re
 
 import pytest
 from rest_framework.test import APIClient
@@ -12,7 +11,6 @@ from rest_framework.test import APIClient
 from config.api.urls import version_1
 from core.api.views import APIView
 from races.models import Race, Visibility
-from tests.api.fuzzed import Fuzzed
 from tests.api.schema import SCHEMA
 from tests.factories import a_race
 from training.vehicles.services import save_vehicle
@@ -124,8 +122,8 @@ EMPTY = ("/api/v1/cups/starter/", "/api/v1/races/{slug}/duels/", "/api/v1/races/
 @pytest.mark.parametrize(("method", "path"), CONDITIONAL, ids=lambda part: part)
 def test_every_operation_that_the_schema_names_checks_the_condition(method, path, fuzzed):
     role = "staff" if path.startswith("/api/v1/programs/") else "owner"
-    client, address = APIClient(headers=fuzzed.tokens[role]), filled(path, path, fuzzed)
-    read = client.get(filled(readable(path), path, fuzzed))
+    client, address = APIClient(headers=fuzzed.tokens[role]), fuzzed.fill(path)
+    read = client.get(readable(path).format(**fuzzed.names(path)))
     stale = getattr(client, method)(address, {}, headers={"If-Match": STALE})
     if readable(path).startswith(EMPTY):
         assert read.status_code == 404 and stale.status_code >= 400
@@ -152,18 +150,3 @@ def readable(path: str) -> str:
     while "get" not in SCHEMA["paths"].get(path, {}):
         path = path.rstrip("/").rpartition("/")[0] + "/"
     return path
-
-
-def filled(path: str, whole: str, world: Fuzzed) -> str:
-    """The address of a path: what all of it names is there in the kept world."""
-    kind, names = whole.split("/")[3], re.findall(r"{(\w+)}", whole)
-    known = world.known | {"race": "any"}
-    if kind in known:
-        known |= {"public_id": known[kind], "number": known[kind]}
-    if kind == "programs":
-        known |= {"alias": known["programs"], "key": known["programs_key"]}
-    if kind == "classes":
-        known["slug"] = known[kind]
-    if kind == "races" and {"id", "number"} & set(names):  # of the race of real cars
-        known["slug"] = "real"
-    return path.format(**known)

@@ -16,15 +16,15 @@ from django.http import HttpRequest, QueryDict
 from django.utils import timezone
 from rest_framework.test import APIClient
 
-from accounts.models import Racer
+from accounts.models import GroupMember, Racer
 from core.api import idempotency
 from core.api.models import StoredAnswer
 from evaluation.garage import services as garage
 from evaluation.models import TrainedModel
 from tests.api.fuzzed import Fuzzed
 from tests.api.schema import SCHEMA
-from tests.api.test_conditional_writes import filled
-from tests.factories import a_model, a_race
+from tests.courses.assignments import a_group, an_assignment
+from tests.factories import a_model, a_race, a_racer
 from tests.live_shows import an_ended_show
 from training.models import Vehicle
 
@@ -165,12 +165,20 @@ def a_centre_line() -> bytes:
 # what each is sent, with the ids of the world
 SENT: dict[str, Callable[[dict[str, str]], dict[str, Any]]] = {
     "add_learners": lambda known: {"names": ["Mia"]},
+    "add_reference": lambda known: {"name": "House car", "model": known["models"]},
     "add_teacher": lambda known: {"alias": "sam"},
     "add_vehicle": lambda known: VAN,
     "add_webhook": lambda known: {"url": "https://8.8.8.8/hook"},
     "ask_for_live_highlights": lambda known: {},
     "ask_for_video": lambda known: {"part": "2"},
     "copy_season": lambda known: {},
+    "create_assignment": lambda known: {
+        **{"group": "assigned", "title": "Second", "opens_at": SOON, "due_at": LATER},
+        "parts": [
+            {"title": "Laps", "points": 100, "pass_rule": "laps_in_row", "rules": {"laps": 5}}
+            | {"tracks": [{"track": "oval"}]}
+        ],
+    },
     "create_class": lambda known: {"name": "Another class"},
     "create_group": lambda known: {"name": "Another group"},
     "create_evaluation": lambda known: {"model": known["models"], "track": "oval"},
@@ -190,6 +198,7 @@ SENT: dict[str, Callable[[dict[str, str]], dict[str, Any]]] = {
         {"name": "tune-2", "track": "oval", "reward_code": "def reward_function(params):\n    return 1.0\n"}
         | {"settings": 3, "budget_s": 60, "search": {"hyperparameters": {"lr": {"low": 0.0001, "high": 0.001}}}}
     ),
+    "create_submission_group": lambda known: {"name": "Blue", "racers": [known["assigned"]["all"]["alias"]]},
     "create_token": lambda known: {"login": "alice", "password": "correct horse battery"},
     "create_training": lambda known: (
         {"name": "new", "track": "oval", "reward_code": "def reward_function(params):\n    return 1.0\n"}
@@ -197,9 +206,12 @@ SENT: dict[str, Callable[[dict[str, str]], dict[str, Any]]] = {
     "evaluate_training": lambda known: {"model": "best"},
     "found_team": lambda known: {"name": "Another team"},
     "invite_to_team": lambda known: {"racer": "guest"},
+    "give_extension": lambda known: {"racer": known["assigned"]["all"]["alias"], "due_at": SOON},
+    "hand_in": lambda known: {"model": known["models"]},
     "import_track": lambda known: ({"name": "Oval of mine", "file": SimpleUploadedFile("line.csv", a_centre_line())}),
     "make_sensor": lambda known: {"name": "Second gate"},
     "plan_live": lambda known: {"starts_at": SOON},
+    "propose_regrade": lambda known: {"reason": "Too many points for laps"},
     "repeat_evaluation": lambda known: {},
     "repeat_report": lambda known: {},
     "submit_model": lambda known: {"model": known["spare"]},
@@ -262,6 +274,10 @@ def prepared(name: str, path: str, world: Fuzzed, alice: Racer, monkeypatch: pyt
     elif name == "submit_model":
         world.known["spare"] = a_model(alice).public_id
         return f"/api/v1/races/{a_race(now, slug='open-now').slug}/submissions/"
+    elif name == "hand_in":  # in a class of which Alice is a student
+        group, _students = a_group(a_racer("teacher"), 0, now)
+        GroupMember.objects.create(group=group, racer=alice, asked_at=now, confirmed_at=now, confirmed_by=group.leader)
+        return f"/api/v1/assignments/{an_assignment(group, now).public_id}/attempts/"
     elif name == "make_sensor":
         return "/api/v1/races/real/sensors/"
     elif name == "plan_live":
@@ -273,7 +289,7 @@ def prepared(name: str, path: str, world: Fuzzed, alice: Racer, monkeypatch: pyt
         client = APIClient(headers=world.tokens["owner"])
         made = client.post("/api/v1/evaluations/", SENT["create_evaluation"](world.known), format="json").json()
         return f"/api/v1/evaluations/{made['public_id']}/again/"
-    return filled(path, path, world)
+    return world.fill(path)
 
 
 def an_admitted(files: Any, model: TrainedModel) -> Any:
