@@ -135,7 +135,9 @@ def enter_course(*, launch: Launch, context: LtiContext, racer: Racer, now: date
         add_teacher(classroom=classroom, by=leader, alias=racer.alias, now=now)
     elif not launch.is_teacher and not is_learner(racer):
         member = {"confirmed_at": now, "confirmed_by": leader}
-        GroupMember.objects.get_or_create(group=context.group, racer=racer, defaults={"asked_at": now, **member})
+        asked = GroupMember.objects.filter(group=context.group, racer=racer, confirmed_at=None)
+        if not asked.update(**member):
+            GroupMember.objects.get_or_create(group=context.group, racer=racer, defaults={"asked_at": now, **member})
     context.title = launch.title or context.title
     if launch.lines or launch.line:
         context.lineitems_url, context.scopes = launch.lines, list(launch.scopes)

@@ -6,7 +6,7 @@ import pytest
 from django.test import Client
 
 from accounts.class_accounts.services import add_learners, can_teach, make_class
-from accounts.models import ClassLearner, Racer
+from accounts.models import ClassLearner, GroupMember, Racer
 from courses.lti.keys import key_set
 from courses.models import LtiAccount, LtiContext
 from tests.clients import logged_in
@@ -95,6 +95,11 @@ class TestStudents:
         assert racer_in(launched(platform, "s-1")[0]) == alice
         assert course.group.members.filter(racer=alice, confirmed_at__isnull=False).exists()
         assert not can_teach(alice, course.group.classroom)
+
+    def test_who_had_asked_to_join_is_confirmed(self, course, platform, alice, now):
+        GroupMember.objects.create(group=course.group, racer=alice, asked_at=now)
+        launched(platform, "s-1", client=logged_in(alice), do=("link",))
+        assert GroupMember.objects.get(racer=alice).confirmed_at is not None
 
     def test_a_logged_in_racer_may_take_a_new_account(self, course, platform, alice):
         client, _answer = launched(platform, "s-1", client=logged_in(alice), do=("new",))
