@@ -25,7 +25,7 @@ from ..models import Assignment, Attempt, AttemptRun, Extension, ReferenceRow, R
 from .runs import queue_hidden_runs, queue_runs
 from .selectors import left_of_unit
 
-# after a fault of the site's own, an attempt that was in time may be repeated for so long
+# after a fault of the site's own, an attempt may be repeated for so long
 GRACE = timedelta(hours=24)
 MOST_WAITING = 10  # attempts of a racer whose runs are not over
 
@@ -151,21 +151,22 @@ def _refund(attempt: Attempt, kind: RefundKind, now: datetime, *, reason: str = 
 
 
 def _give_time(attempt: Attempt, unit: Unit, now: datetime) -> None:
-    """Extend the deadline where an attempt that was in time can hardly be repeated in time."""
+    """Extend the deadline where an attempt that was in time can hardly be repeated in time, and the last moment where
+    a late one can hardly be repeated. The reason of an extension that a teacher gave stays."""
     due_at, last_at = deadline_of(attempt.assignment, unit)
-    if attempt.accepted_at > due_at or due_at >= now + GRACE:
-        return
     until = now + GRACE
+    if attempt.accepted_at > due_at:
+        if last_at is None or last_at >= until:
+            return
+        last_at = until
+    elif due_at >= until:
+        return
+    else:
+        due_at, last_at = until, last_at if last_at is not None and last_at > until else None
     Extension.objects.update_or_create(
         assignment=attempt.assignment,
         racer=attempt.racer,
-        defaults={
-            "due_at": until,
-            "last_at": last_at if last_at is not None and last_at > until else None,
-            "reason": "",
-            "granted_by": None,
-            "granted_at": now,
-        },
+        defaults={"due_at": due_at, "last_at": last_at, "granted_at": now},
     )
 
 

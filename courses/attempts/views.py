@@ -89,7 +89,9 @@ def assignment(request: HttpRequest, public_id: str) -> HttpResponse:
         attempts = list(with_runs(unit.attempts(shown)))
         mark = Mark.objects.filter(assignment=shown, racer=racer).first()
         due_at, last_at = deadline_of(shown, unit)
-        extension = Extension(due_at=due_at, last_at=last_at) if due_at != shown.due_at else None
+        extension = (
+            Extension(due_at=due_at, last_at=last_at) if (due_at, last_at) != (shown.due_at, shown.last_at) else None
+        )
         kept = [one.accepted_at for one in attempts if one.refunded_at is None]
         rows = attempt_rows(shown, attempts, mark, due_at)
         task = task_of(shown, kept, mark, extension, now, context["full"], len(parts))

@@ -14,15 +14,15 @@ from courses.attempts.draws import complete_all_marks, draw_hidden_tracks
 from courses.attempts.overview import handed_in_by, tasks_of
 from courses.attempts.selectors import left_of
 from courses.marks.services import apply_regrade, propose_regrade
-from courses.models import Assignment, Attempt, AttemptRun, Mark
+from courses.models import Assignment, Attempt, AttemptRun, Extension, Mark
 from evaluation.models import Evaluation
 from evaluation.running.queue.order import URGENT
-from paddock.errors import UserFault
+from paddock.errors import PlatformFault, UserFault
 from races.errors import RaceRefused
 from tests.clients import logged_in
 from tests.courses.assignments import DAY, HOUR, a_group, a_part, an_assignment, finish_all, hand_in
 from tests.courses.test_hidden_tracks import hidden
-from tests.factories import a_model, laps
+from tests.factories import a_model, break_down, laps
 
 pytestmark = pytest.mark.django_db
 
@@ -186,3 +186,28 @@ def test_a_group_of_others_is_not_told_from_none(alice, bob, now):
         for slug in (group.slug, "no-such-group")
     ]
     assert [one.status_code for one in answers] == [403, 403] and answers[0].content == answers[1].content
+
+
+def test_a_late_attempt_that_the_site_failed_may_be_repeated_late(alice, now):
+    group, (bob,) = a_group(alice, 1, now)
+    assignment = an_assignment(group, now, last_at=now + 2 * DAY, late_points_a_day=10)
+    attempt = hand_in(assignment, bob, assignment.last_at)
+    over = assignment.last_at + HOUR
+    break_down(attempt.runs.get().evaluation, PlatformFault("runner_died"), over)
+    left = left_of(assignment, bob, over)
+    assert (left.refusal, left.due_at, left.last_at) == ("", assignment.due_at, over + DAY)
+    (task,) = tasks_of(bob, handed_in_by(bob), over)
+    assert (task.state, task.last_at) == ("late", left.last_at)
+    finish_all(hand_in(assignment, bob, over), FAST, over)
+    assert Mark.objects.values_list("points", "late_days").get() == (80, 2)
+
+
+def test_a_fault_of_the_site_keeps_a_teachers_reason(alice, now):
+    group, (bob,) = a_group(alice, 1, now)
+    assignment = an_assignment(group, now)
+    due = assignment.due_at + HOUR
+    extend(assignment=assignment, racer=bob, by=alice, due_at=due, last_at=None, reason="ill", now=now)
+    attempt = hand_in(assignment, bob, due)
+    break_down(attempt.runs.get().evaluation, PlatformFault("runner_died"), due + HOUR)
+    extension = Extension.objects.get()
+    assert (extension.due_at, extension.reason, extension.granted_by) == (due + HOUR + DAY, "ill", alice)
