@@ -19,7 +19,9 @@ def pass_rule_label(code: str) -> str:
 
 def pass_rule_sentence(code: str, params: Mapping[str, Any]) -> str:
     """A rule for passing with its values."""
-    return _(PASS_RULES[code].text) % _shown(code, params)
+    rule = PASS_RULES[code]
+    text = rule.text_one if rule.text_one and params["laps"] == 1 else rule.text
+    return _(text) % _shown(code, params)
 
 
 def why(code: str, pass_rule: str, params: Mapping[str, Any]) -> str:

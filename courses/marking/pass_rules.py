@@ -62,11 +62,12 @@ def _are_thresholds(value: Any, param: Param) -> bool:
 
 class PassRule(ABC):
     """One rule. ``code``: in rows and the API; ``label``: in lists; ``text``: the rule as a sentence with the names of
-    its ``params``; both are translated by :mod:`courses.assignments.wording`."""
+    its ``params``, ``text_one``: the same for one lap; they are translated by :mod:`courses.assignments.wording`."""
 
     code: str
     label: str
     text: str
+    text_one = ""
     params: tuple[Param, ...] = ()
     unit = "ms"
     needs_place = False
@@ -170,6 +171,7 @@ class LapsInRow(PassRule):
     code = "laps_in_row"
     label = _("complete laps in a row")
     text = _("%(laps)s complete laps in a row on each track.")
+    text_one = _("A complete lap on each track.")
     params = (
         Param("laps", _("Laps in a row"), default=5),
         Param("clean", _("A lap with a reset does not count"), kind="bool", default=True),
@@ -209,6 +211,7 @@ class AverageLapLimit(BestLapLimit):
     code = "average_lap"
     label = _("average lap within a time")
     text = _("An average of %(laps)s laps in a row of at most %(at_most_ms)s on each track.")
+    text_one = BestLapLimit.text
     params = (_LAPS, _AT_MOST)
 
     def value(self, laps: Sequence[Lap], params: Mapping[str, Any]) -> int | None:

@@ -6,7 +6,7 @@ WHYS = {
     "passed": _("Passed on every track."),
     "by_time": _("Points by time: %(value)s."),
     "place": _("Place %(value)s."),
-    "too_few_laps": _("%(value)s complete laps in a row, %(laps)s needed."),
+    "too_few_laps": _("%(value)s of %(laps)s complete laps in a row."),
     "too_slow": _("%(value)s, at most %(at_most_ms)s needed."),
     "no_lap": _("Too few complete laps for a time."),
     "not_driven": _("Nothing was driven."),

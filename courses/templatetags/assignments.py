@@ -114,6 +114,8 @@ def race_words(part: AssignmentPart) -> str:
 @register.filter
 def counting_words(assignment: Assignment) -> str:
     """Which attempt counts, as a sentence."""
+    if assignment.counts == Counts.FIRST_K and assignment.first_k == 1:
+        return _("The first attempt counts.")
     if assignment.counts == Counts.FIRST_K:
         return _("The best of the first %(count)s attempts counts.") % {"count": assignment.first_k}
     return _("The last attempt counts.") if assignment.counts == Counts.LAST else _("The best attempt counts.")

@@ -13,6 +13,7 @@ from zoneinfo import ZoneInfo
 
 import pytest
 
+from courses.assignments import wording
 from courses.marking.calculation import mark
 from courses.marking.facts import FIRST_K, AssignmentRules, AttemptFacts, Lap, MarkFacts, PartRules, TrackRun
 from courses.marking.lateness import late_days, local_day
@@ -233,6 +234,25 @@ def test_a_wrong_value_is_refused(value):
 @pytest.mark.parametrize("value", [[], "x", [{"at_most_ms": 5}], [{"at_most_ms": 5, "points": "NaN"}], [[1, 2]]])
 def test_wrong_thresholds_are_refused(value):
     assert PASS_RULES["thresholds"].params[0].problem(value) == "assignment_thresholds"
+
+
+@pytest.mark.parametrize(
+    ("rule", "laps", "says"),
+    [
+        ("laps_in_row", 2, "2 complete laps in a row on each track."),
+        ("laps_in_row", 1, "A complete lap on each track."),
+        ("average_lap", 2, "An average of 2 laps in a row of at most 0:09.000 on each track."),
+        ("average_lap", 1, "A best lap of at most 0:09.000 on each track."),
+        ("best_lap", 1, "A best lap of at most 0:09.000 on each track."),
+    ],
+)
+def test_a_rule_for_one_lap_is_a_sentence(rule, laps, says):
+    assert wording.pass_rule_sentence(rule, {"laps": laps, "at_most_ms": 9_000}) == says
+
+
+def test_too_few_laps_are_told_with_those_needed():
+    code, params = PASS_RULES["laps_in_row"].why_not(1, LAPS)
+    assert wording.why(code, "laps_in_row", params) == "1 of 5 complete laps in a row."
 
 
 def test_marking_needs_no_django():
