@@ -6,9 +6,10 @@ from datetime import timedelta
 from typing import Any
 
 from django import forms
+from django.apps import apps
 from django.contrib import messages
 from django.contrib.auth.decorators import login_required
-from django.core.exceptions import ValidationError
+from django.core.exceptions import FieldDoesNotExist, ValidationError
 from django.db import transaction
 from django.db.models import Prefetch, Q
 from django.http import Http404, HttpRequest, HttpResponse
@@ -200,7 +201,9 @@ def assignment_log(request: HttpRequest, public_id: str) -> HttpResponse:
     about |= Q(target_kind="courses.submissiongroup", target_id__in=list(map(str, groups)))
     entries = list(AuditEntry.objects.filter(about).select_related("actor").order_by("-pk")[:LOGGED])
     for entry in entries:
-        entry.changes = {name: pair for name, pair in entry.changes.items() if name not in BOOKKEEPING}
+        entry.changes = {
+            _label(entry.target_kind, name): pair for name, pair in entry.changes.items() if name not in BOOKKEEPING
+        }
     students = students_named(assignment.group, {entry.racer_id for entry in entries if entry.racer_id})
     context = {
         "assignment": assignment,
@@ -209,6 +212,14 @@ def assignment_log(request: HttpRequest, public_id: str) -> HttpResponse:
         "names": names_of(students),
     }
     return render(request, "courses/assignments/log.html", context)
+
+
+def _label(kind: str, name: str) -> str:
+    """A column's name as people read it."""
+    try:
+        return str(getattr(apps.get_model(kind)._meta.get_field(name), "verbose_name", name))
+    except FieldDoesNotExist:
+        return name
 
 
 class CopyAssignmentsForm(forms.Form):
