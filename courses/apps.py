@@ -11,7 +11,7 @@ class CoursesConfig(AppConfig):
         from django.db.models.signals import pre_delete
 
         from accounts.quotas import register
-        from core.events import register_audience
+        from core.events import register_audience, register_reader
         from core.pages.registry import register_slots
         from evaluation.signals import evaluation_ended
         from races.entries.selectors.visibility import RunAudience, register_run_audience
@@ -21,9 +21,11 @@ class CoursesConfig(AppConfig):
         from .attempts.selectors import runs_seen, sees_run
         from .attempts.services import take_ended_evaluation
         from .events import ASSIGNMENT
+        from .notices import NOTICES
         from .quotas import ASSIGNMENTS
 
         register(ASSIGNMENTS)
+        register_reader(NOTICES)
         register_audience(ASSIGNMENT, can_see=event_audience.can_see, seen=event_audience.seen)
         register_run_audience("attempts", RunAudience(sees_run, runs_seen))
         pre_delete.connect(take_runs_along, sender="courses.Assignment", dispatch_uid="courses.take_runs_along")

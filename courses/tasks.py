@@ -4,14 +4,15 @@ from celery import Task, shared_task
 
 from core.database.clock import database_now
 
-from .attempts.draws import complete_all_marks, draw_hidden_tracks
+from .attempts.draws import complete_all_marks, draw_hidden_tracks, record_due_assignments
 
 
 @shared_task
 def deadlines() -> dict[str, int]:
-    """Draw the hidden tracks of assignments that are due, and complete the marks of those that are over."""
+    """Record which assignments are due in a day; after deadlines draw hidden tracks and complete marks."""
     now = database_now()
-    return {"drawn": draw_hidden_tracks(now=now), "completed": complete_all_marks(now=now)}
+    due = record_due_assignments(now=now)
+    return {"due": due, "drawn": draw_hidden_tracks(now=now), "completed": complete_all_marks(now=now)}
 
 
 @shared_task(bind=True)

@@ -1,17 +1,30 @@
-"""Draws hidden tracks at the deadline."""
+"""What the clock does around deadlines: reminders, draws of hidden tracks, complete marks."""
 
-from datetime import datetime
+from datetime import datetime, timedelta
 from hashlib import sha256
 
 from django.db import transaction
 
 from core.database.locks import hold
-from core.events import record
+from core.events import record, record_all, written
 
-from ..events import TRACKS_DRAWN
+from ..events import ASSIGNMENT_DUE, TRACKS_DRAWN
 from ..grading.services import complete_marks, recompute_marks, reopen_marks
 from ..models import Assignment, AssignmentPart, PartTrack, TrackKind
 from .runs import queue_hidden_runs
+
+A_DAY = timedelta(days=1)
+
+
+def record_due_assignments(*, now: datetime) -> int:
+    """Record once which assignments are due within a day; one that opened within a day has only just been published.
+    Returns the number of new events."""
+    due = Assignment.objects.filter(published_at__isnull=False, opens_at__lte=now - A_DAY)
+    due = due.filter(due_at__gt=now, due_at__lte=now + A_DAY).order_by("due_at", "pk")
+    return record_all(
+        written(ASSIGNMENT_DUE, at=now, subject=one.public_id, once=f"{one.public_id}:{one.due_at:%Y%m%d%H%M}")
+        for one in due
+    )
 
 
 def draw_hidden_tracks(*, now: datetime) -> int:

@@ -11,7 +11,9 @@ from django.db import transaction
 from django.db.models import Max, Q
 
 from core.database.locks import hold
+from core.events import record
 
+from ..events import MARKS_COMPLETED
 from ..marking.calculation import Keys, mark, place_keys
 from ..marking.facts import AssignmentRules, AttemptFacts, MarkFacts
 from ..marking.pass_rules import PASS_RULES
@@ -50,6 +52,7 @@ def complete_marks(*, assignment: Assignment, now: datetime) -> bool:
     Assignment.objects.filter(pk=assignment.pk).update(final_at=now)
     assignment.final_at = now
     recompute_marks(assignment=assignment, now=now)
+    record(MARKS_COMPLETED, at=now, subject=assignment.public_id)
     return True
 
 
