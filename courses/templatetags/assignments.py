@@ -7,13 +7,13 @@ from zoneinfo import ZoneInfo
 
 from django import template
 from django.utils import timezone
-from django.utils.dateformat import format as date_format
 from django.utils.html import format_html
 from django.utils.safestring import SafeString
 from django.utils.translation import gettext as _
-from django.utils.translation import gettext_lazy, ngettext, pgettext, pgettext_lazy
+from django.utils.translation import gettext_lazy, ngettext, pgettext_lazy
 
 from accounts.models import Racer, RacerGroup
+from core.times import written
 from paddock.rules.race import RaceRules
 from races.models import RaceType
 from tracks.models import Direction
@@ -38,15 +38,15 @@ def plain_points(points: Decimal | str | None) -> str:
 
 @register.simple_tag
 def deadline(when: datetime, zone: str) -> SafeString:
-    """A deadline in words: ``in 2 days, Sunday 29 November 23:59 Berlin``."""
+    """A deadline in words: ``in 2 days · Sun 29 Nov, 23:59 Berlin``."""
     words = until(when, timezone.now())
     clock = in_zone(when, zone)
-    return _time(when, f"{words}, {clock}" if words else clock)
+    return _time(when, f"{words} · {clock}" if words else clock)
 
 
 @register.simple_tag
 def clock_in(when: datetime | None, zone: str) -> SafeString | str:
-    """A moment by the clocks of an assignment's time zone: ``Sunday 29 November 23:59 Berlin``."""
+    """A moment by the clocks of an assignment's time zone: ``Sun 29 Nov, 23:59 Berlin``."""
     if when is None:
         return "–"
     return _time(when, in_zone(when, zone))
@@ -59,12 +59,12 @@ def _time(when: datetime, text: str) -> SafeString:
 def in_zone(when: datetime, zone: str) -> str:
     """Seconds where they are not 0; the year if it is another; the zone's abbreviation in an hour that comes twice."""
     local = when.astimezone(ZoneInfo(zone))
-    same_year = local.year == timezone.now().astimezone(local.tzinfo).year
-    form = pgettext("format of a deadline", "l j F") if same_year else pgettext("format of a deadline", "l j F Y")
-    clock = f"{local:%H:%M:%S}" if local.second else f"{local:%H:%M}"
+    with timezone.override(local.tzinfo):
+        clock = written(when, zone=False)
+    seconds = f"{local::%S}" if local.second else ""
     place = zone.rpartition("/")[2].replace("_", " ")
     twice = local.replace(fold=1 - local.fold).utcoffset() != local.utcoffset()
-    return f"{date_format(local, form)} {clock} {place}{f' ({local:%Z})' if twice else ''}"
+    return f"{clock}{seconds} {place}{f' ({local:%Z})' if twice else ''}"
 
 
 def until(when: datetime, now: datetime) -> str:

@@ -85,7 +85,7 @@ def test_the_hour_that_comes_twice_is_the_earlier_one_and_says_so(group, alice, 
     assert made.due_at == datetime(2027, 10, 31, 0, 30, tzinfo=UTC)
     set_clock(now)
     page = logged_in(alice).get(made.get_absolute_url()).content.decode()
-    assert "Sunday 31 October 2027 02:30 Berlin (CEST)" in page
+    assert "Sun 31 Oct 2027, 02:30 Berlin (CEST)" in page
 
 
 def test_saving_an_untouched_form_keeps_the_seconds(group, alice, now):

@@ -55,7 +55,7 @@ def test_a_student_sees_what_is_due_passed_and_left(group, alice, now, set_clock
     made = an_assignment(room, now, attempts_in_all=3, attempts_a_day=2, time_zone="Europe/Berlin")
     client = logged_in(kim)
     page = text(client, "/assignments/")
-    assert "First" in page and "in 24 hours, Monday 16 November 13:00 Berlin" in page
+    assert "First" in page and "in 24 hours · Mon 16 Nov, 13:00 Berlin" in page
     assert "3 of 3" in page and "today 2 of 2" in page and "0 of 1" in page
     attempt = hand_in(made, kim, now)
     finish_all(attempt, laps(*[9_000] * 5), now)
