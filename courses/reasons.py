@@ -26,6 +26,7 @@ register(
         "assignment_no_tracks": _("Part %(number)s has no tracks. Choose one."),
         "assignment_track_twice": _("Part %(number)s has a track twice."),
         "assignment_too_many_tracks": _("A part has at most %(limit)s tracks."),
+        "assignment_too_many_tracks_in_all": _("All parts together have at most %(limit)s tracks."),
         "assignment_candidates": _(
             "Choose at least as many candidates as hidden tracks are drawn, and none if none are drawn."
         ),

@@ -18,7 +18,7 @@ from tracks.models import Track
 from ..marking.pass_rules import PASS_RULES, PassRule
 from ..models import Assignment, AssignmentPart, PartTrack, TrackKind
 
-MOST_PARTS, MOST_TRACKS = 20, 20
+MOST_PARTS, MOST_TRACKS, MOST_IN_ALL = 20, 20, 40
 
 
 @dataclass(frozen=True)
@@ -45,6 +45,8 @@ def checked_parts(parts: Iterable[Mapping[str, Any]]) -> list[CheckedPart]:
     parts = list(parts)
     if len(parts) > MOST_PARTS:
         raise problem("assignment_too_many_parts", limit=MOST_PARTS)
+    if sum(len(part.get("tracks", ())) for part in parts) > MOST_IN_ALL:
+        raise problem("assignment_too_many_tracks_in_all", limit=MOST_IN_ALL)
     return [_checked(number, part) for number, part in enumerate(parts, 1)]
 
 

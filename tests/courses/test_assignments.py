@@ -90,6 +90,19 @@ def test_a_wrong_part_is_refused(alice, now, part, code):
     assert not Assignment.objects.exists()
 
 
+def test_parts_share_a_limit_of_tracks(alice, now):
+    """Each track of each part is a run of every attempt."""
+    group, _students = a_group(alice, 0, now)
+    tracks = [track_row(track.slug) for track in CATALOGUE if not track.is_open and track.slug != "oval"][:20]
+    full = a_part(tracks=[(track, "shown") for track in tracks])
+    assert an_assignment(group, now, parts=[full, full]).parts.count() == 2
+    values = {"title": "x", "opens_at": now - HOUR, "due_at": now + DAY, "parts": [full, full, a_part()]}
+    with pytest.raises(RaceRefused) as refused:
+        make_assignment(group=group, by=alice, now=now, **values)
+    (error,) = refused.value.errors.error_dict["parts"]
+    assert error.code == "assignment_too_many_tracks_in_all"
+
+
 def test_obstacles_and_bots_are_driven_as_asked(alice, now):
     group, (bob,) = a_group(alice, 1, now)
     boxes = {"race_type": "object_avoidance", "laps": 5, "random_boxes": 3, "seed": 7}

@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 
     from .validation import Problem, Report
 
-CHECK_LOCK_S = 30
+CHECK_LOCK_S = 90  # longer than a check may take, with its wait for a slot
 
 
 @contextmanager
