@@ -371,6 +371,7 @@ CASES = [
     Case("alice", "/train/new/", "Use AWS console defaults", "css=[name=num_epochs][value='10']", scripts=False),
     Case("alice", "", "Use Paddock defaults", "css=[name=num_epochs][value='4']", scripts=False),
     Case("alice", "/train/new/", "Validate", "No problems found", scripts=False),
+    Case("alice", "/train/new/", "Does it pay to drive fast?", "css=.audit-table", scripts=False),
     Case("alice", "/train/{job}/", "Stop the training", "Training stopped before it started."),
     Case("alice", "/train/{ended}/", "Evaluate: three laps", "css=#evaluation"),
     Case("alice", "/train/{ended}/", "css=form[action$='/submit/'] button", "css=#board"),
@@ -386,6 +387,7 @@ CASES = [
     ),
     Case("alice", "/learn/laboratory/", "Show on the track", "css=#maps svg"),
     Case("alice", "/learn/laboratory/", "Validate", "No problems found", scripts=False),
+    Case("alice", "/learn/laboratory/", "Does it pay to drive fast?", "css=.audit-table", scripts=False),
     # runs
     Case("alice", "/evaluations/{queued}/", "Stop", "css=.pill.cancelled, .pill.stopped"),
     Case("alice", "/evaluations/{driven}/?video={waits}", "Stop", "css=#video:not(:has(progress))", inside="#video"),
