@@ -37,6 +37,7 @@ class CoursesConfig(AppConfig):
                 "menu.account": "courses/classes/parts/menu.html",
                 "group.races": "courses/assignments/of_group.html",
                 "home.next": "courses/attempts/due.html",
+                "run.crumb": "courses/attempts/run_crumb.html",
             }
         )
         if settings.LTI:

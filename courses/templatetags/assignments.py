@@ -14,6 +14,7 @@ from django.utils.translation import gettext_lazy, ngettext, pgettext_lazy
 
 from accounts.models import Racer, RacerGroup
 from core.times import written
+from evaluation.models import Evaluation
 from paddock.rules.race import RaceRules
 from races.models import RaceType
 from tracks.models import Direction
@@ -23,7 +24,7 @@ from ..assignments.wording import pass_rule_label, pass_rule_sentence
 from ..attempts.overview import due_next
 from ..grading.members import can_teach_group
 from ..marks.table import SORTS
-from ..models import Assignment, AssignmentPart, Counts
+from ..models import Assignment, AssignmentPart, Attempt, Counts
 
 register = template.Library()
 
@@ -34,6 +35,14 @@ def plain_points(points: Decimal | str | None) -> str:
     if points is None or points == "":
         return "–"
     return f"{Decimal(points).normalize():f}"
+
+
+@register.simple_tag
+def attempt_of_run(evaluation: Evaluation) -> Attempt | None:
+    """The attempt that a run without a race belongs to, if any."""
+    if getattr(evaluation, "own", None) is not None:
+        return None
+    return Attempt.objects.filter(runs__evaluation=evaluation).select_related("assignment").first()
 
 
 @register.simple_tag

@@ -65,6 +65,18 @@ def test_a_student_sees_what_is_due_passed_and_left(group, alice, now, set_clock
     assert "5 laps in a row" in page and "/replay/" in page and "Attempt 1" in page
 
 
+def test_a_run_of_an_attempt_leads_back_to_it(group, alice, now):
+    room, (kim, _ann) = group
+    made = an_assignment(room, now)
+    attempt = hand_in(made, kim, now)
+    finish_all(attempt, laps(*[9_000] * 5), now)
+    run = attempt.runs.get().evaluation
+    for reader in (kim, alice):
+        for path in (run.get_absolute_url(), f"{run.get_absolute_url()}replay/"):
+            page = text(logged_in(reader), path)
+            assert f'href="{made.get_absolute_url()}">First' in page and f'href="{attempt.get_absolute_url()}"' in page
+
+
 def test_the_board_ranks_groups_once_and_reference_rows_never(alice, now):
     room, (kim, ann, bo) = a_group(alice, 3, now)
     made = an_assignment(room, now, shows="named")
