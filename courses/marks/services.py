@@ -22,6 +22,7 @@ from ..models import Assignment, Mark, Regrade
 __all__ = ["apply_regrade", "propose_regrade", "recompute_marks"]
 
 
+@audited("assignment.regrade_proposed", _("Regrade proposed"), target="assignment")
 @transaction.atomic
 def propose_regrade(*, assignment: Assignment, by: Racer, reason: str, now: datetime) -> Regrade:
     """Compute the marks by the present rules, beside those that stand. Changes none. Raises
