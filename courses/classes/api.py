@@ -51,6 +51,7 @@ class LearnerSerializer(serializers.Serializer):
 
     alias = serializers.CharField(source="learner.racer.alias")
     name = serializers.SerializerMethodField(help_text="The real name; empty for a token without the scope organise.")
+    student_id = serializers.SerializerMethodField(help_text="For files of marks; empty as the name.")
     lessons = serializers.DictField(
         source="learner.lessons", child=serializers.CharField(), help_text="Opened lessons, and when."
     )
@@ -60,6 +61,9 @@ class LearnerSerializer(serializers.Serializer):
 
     def get_name(self, progress: LearnerProgress) -> str:
         return progress.learner.real_name if may_read_secrets(self.context["request"]) else ""
+
+    def get_student_id(self, progress: LearnerProgress) -> str:
+        return progress.learner.student_id if may_read_secrets(self.context["request"]) else ""
 
 
 class CardSerializer(serializers.Serializer):
@@ -117,6 +121,14 @@ class LearnersBody(Body):
         max_length=MOST_AT_ONCE,
         help_text="Real names. Only teachers of the class see them; others see an alias chosen by the site. A student "
         "ID may follow a name after a semicolon.",
+    )
+
+
+class LearnerBody(Body):
+    """What a teacher changes of a learner."""
+
+    student_id = serializers.CharField(
+        max_length=services.MOST_NAME, allow_blank=True, required=False, help_text='`""` removes it.'
     )
 
 
@@ -257,7 +269,21 @@ class LearnersView(Unstored, ListAPIView):
         return _cards(request, cards, status.HTTP_201_CREATED)
 
 
-class LearnerView(Organised):
+class LearnerView(Unstored):
+    @extend_schema(
+        operation_id="change_learner",
+        summary="Change the student ID of a learner",
+        request=LearnerBody,
+        responses=LearnerSerializer,
+    )
+    @finds(taught_learner)
+    def patch(self, request: Request, learner: ClassLearner) -> Response:
+        wanted = read_as(LearnerBody, request.data, partial=True).get("student_id", learner.student_id)
+        ids = {learner.pk: wanted}
+        services.set_student_ids(classroom=learner.classroom, by=racer_of(request), ids=ids)
+        (progress,) = (one for one in progress_of(learner.classroom) if one.learner == learner)
+        return Response(LearnerSerializer(progress, context={"request": request}).data)
+
     @extend_schema(
         operation_id="remove_learner", summary="Remove a learner from a class, with the account and all its content"
     )

@@ -55,6 +55,7 @@ OPERATIONS: dict[str, dict[str, Any]] = {
         **{"opens_at": "2099-01-01T00:00:00Z", "due_at": "2099-01-08T00:00:00Z"},
     },
     "PATCH /api/v1/assignments/{assignment}/": {"title": "Renamed"},
+    "PATCH /api/v1/classes/{class}/learners/{learner}/": {"student_id": "20261"},
     "POST /api/v1/assignments/{assignment}/extensions/": {"racer": "{learner}", "due_at": "2099-01-08T00:00:00Z"},
     "POST /api/v1/assignments/{assignment}/groups/": {"name": "Blue", "racers": ["{student}"]},
     "POST /api/v1/programs/": {"name": "other", "purpose": "Results", "owner": "alice"},

@@ -86,7 +86,7 @@ SAME: dict[str, set[str]] = {
     "sensor_revoke": {"revoke_sensor"},
     "classroom": {
         *("add_learners", "add_teacher", "change_class", "delete_class", "remove_learner", "remove_teacher"),
-        "renew_codes",
+        *("change_learner", "renew_codes"),
     },
     "classrooms": {"create_class"},
     "assignment": {"hand_in"},

@@ -238,9 +238,27 @@ def test_renewed_codes_are_of_the_named_learners(cast, classroom):
     assert len(cast["owner"].post(everybody).data["cards"]) == 2
 
 
-def test_real_names_need_the_scope_organise(alice, classroom):
-    for scopes, name in ((("read",), ""), (("read", "organise"), "Ann Lee")):
+def test_a_teacher_changes_the_student_id_of_a_learner(cast, classroom):
+    first, second = (
+        f"{API}/classes/7c/learners/{learner.racer.alias}/" for learner in ClassLearner.objects.order_by("pk")
+    )
+    changed = cast["owner"].patch(first, {"student_id": "20261"})
+    assert (changed.status_code, changed.data["student_id"], changed["Cache-Control"]) == (200, "20261", "no-store")
+    refused = cast["owner"].patch(second, {"student_id": "20261"})
+    assert (refused.status_code, refused.data["code"]) == (400, "class_student_id")
+    assert cast["owner"].patch(first, {}).data["student_id"] == "20261"
+    rows = cast["owner"].get(f"{API}/classes/7c/learners/").data["results"]
+    assert sorted(row["student_id"] for row in rows) == ["", "20261"]
+    assert cast["owner"].patch(first, {"student_id": ""}).data["student_id"] == ""
+    for other, status in (("member", 200), ("stranger", 404), ("admin", 404), ("anonymous", 401)):
+        assert cast[other].patch(first, {"student_id": "7"}).status_code == status
+
+
+def test_real_names_and_student_ids_need_the_scope_organise(alice, classroom):
+    classroom.learners.filter(real_name="Ann Lee").update(student_id="20262")
+    for scopes, shown in ((("read",), ("", "")), (("read", "organise"), ("Ann Lee", "20262"))):
         client = APIClient()
         text = create_token(racer=alice, now=timezone.now(), scopes=scopes)[1]
         client.credentials(HTTP_AUTHORIZATION=f"Bearer {text}")
-        assert client.get(f"{API}/classes/7c/learners/").data["results"][0]["name"] == name
+        row = client.get(f"{API}/classes/7c/learners/").data["results"][0]
+        assert (row["name"], row["student_id"]) == shown
