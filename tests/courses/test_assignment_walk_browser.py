@@ -89,7 +89,7 @@ def _hand_in(page) -> None:
     page.locator("#due").get_by_role("link", name="Two laps").click()
     page.get_by_text("in 13 days").or_(page.get_by_text("in 14 days")).first.wait_for()
     page.locator("#send").get_by_role("button", name="Hand in").click()
-    page.get_by_text("Handed in.").wait_for()
+    page.get_by_text("Handed in. The runs appear below.").wait_for()
     page.locator("#attempts .pill.queued").first.wait_for()
     fits(page)
 
