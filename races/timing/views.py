@@ -48,7 +48,6 @@ _STYLES = (
     "races/race.css",
     "reports/report.css",
     "live/live.css",
-    "live/screens.css",
     "css/narrow.css",
     "league/league.css",
     "timing/timing.css",
