@@ -18,10 +18,11 @@ from races.ranks import NO_LAP_MS, SEEDS
 from ..models.season import Stage
 
 LAPS_COLUMNS = ("minimum_laps", "maximum_laps")
+BOT_COLUMNS = ("bots", "bot_speed_mps")
 PENALTY_COLUMNS = {name: f"{name.removesuffix('_ms')}_s" for name in PENALTIES}  # in seconds, by rule
 RACE_COLUMNS = (
     *("file", "season", "name", "stage", "division", "race_type", "timing_method", *LAPS_COLUMNS),
-    *("opens", "closes", *PENALTY_COLUMNS.values(), "bots", "bot_speed_mps", "obstacles"),
+    *("opens", "closes", *PENALTY_COLUMNS.values(), *BOT_COLUMNS, "obstacles"),
     *("track", "racers"),
 )
 RESULT_COLUMNS = (

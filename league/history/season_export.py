@@ -14,6 +14,7 @@ from races.ranks import NO_RESULT, NOT_CLASSIFIED
 
 from ..models import RecordedRace, RecordedResult, Round, Season, Stage
 from .columns import (
+    BOT_COLUMNS,
     LAPS_COLUMNS,
     PENALTY_COLUMNS,
     RACE_COLUMNS,
@@ -88,8 +89,8 @@ def _race_row(round_: Round, racers: int) -> Row:
         "opens": _iso(race.opens_at),
         "closes": _iso(race.closes_at),
         **{column: getattr(race, name) / 1000 for name, column in PENALTY_COLUMNS.items()},
-        "bots": float(race.bots) if race.bots else "",
-        "bot_speed_mps": float(race.bot_speed_mps) if race.bots else "",
+        **dict.fromkeys(BOT_COLUMNS, ""),
+        **({name: float(getattr(race, name)) for name in BOT_COLUMNS} if race.bots else {}),
         "obstacles": float(boxes) if boxes else "",
         "track": race.track.slug,
         "racers": racers,
