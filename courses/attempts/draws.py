@@ -73,7 +73,7 @@ def _draw(pk: int, now: datetime) -> bool:
 
 
 def drawn_of(assignment: Assignment, part: AssignmentPart) -> list[int]:
-    """The ids of the part's tracks that are drawn: the same whenever it is asked, by the secret seed."""
+    """The ids of the part's tracks that are drawn: the same at every call, by the secret seed."""
     candidates = part.tracks.exclude(kind=TrackKind.SHOWN).select_related("track")
 
     def lot(one: PartTrack) -> str:

@@ -144,7 +144,7 @@ class TelemetryDocument(TypedDict):
 @dataclass(frozen=True)
 class AskedLap:
     """Lap ``number`` of a run with its ``laps``, and the run's id and name in the document; ``read``: its steps;
-    ``rewards``: what rewards them, if that is asked for."""
+    ``rewards``: the reward of each step, on request."""
 
     run: str
     name: str

@@ -1,6 +1,9 @@
 // Charts of laps side by side, over distance or time, beside a replay: they share their moment with its player. The page
 // has the rest (mini-sectors, losses, tables) from the server; uPlot draws.
 
+import { listenToFingers } from "./telemetry-fingers.js";
+import { clock, evenly, number, span, valueAt } from "./telemetry-values.js";
+
 const HEIGHT = { speed: 190, delta: 130, steer: 130, offset: 110, curvature: 110, reward: 110 };
 const CHARTS = [
   { name: "delta", of: [["delta_ms"]], digits: 3, unit: "s" },
@@ -14,39 +17,6 @@ const REFERENCE = "reference";
 const GRID = "rgb(128 128 128 / .25)"; // on either ground
 const SYMMETRIC = new Set(["steer", "offset", "curvature"]);
 const LEAST_SHARE = 1 / 60; // of a lap, the closest zoom
-const number = (value, digits) => (value === null || value === undefined ? "–" : value.toFixed(digits));
-function clock(ms) {
-  if (ms === null || ms === undefined) return "–";
-  const whole = Math.floor(ms);
-  return `${Math.floor(whole / 60000)}:${String(Math.floor(whole / 1000) % 60).padStart(2, "0")}.${String(whole % 1000).padStart(3, "0")}`;
-}
-
-// Zero and the roundest value that both sides have room for, twice if there is room.
-function evenly(most) {
-  const power = 10 ** Math.floor(Math.log10(most));
-  const step = [5, 2, 1].map((digit) => digit * power).find((each) => each <= most);
-  return [-2, -1, 0, 1, 2].map((times) => times * step).filter((value) => Math.abs(value) <= most);
-}
-
-// The index with the largest value <= `value` in rising values that may end with nulls.
-function lastAt(values, value) {
-  let low = 0;
-  let high = values.length;
-  while (high - low > 1) {
-    const middle = (low + high) >> 1;
-    if (values[middle] !== null && values[middle] <= value) low = middle; else high = middle;
-  }
-  return low;
-}
-
-// The value of one column where another has `value`; null where it has none.
-function valueAt(keys, values, value) {
-  const i = lastAt(keys, value);
-  const [a, b] = [values[i], values[i + 1]];
-  if (a === null || a === undefined) return null;
-  if (b === null || b === undefined || keys[i + 1] === null || keys[i + 1] === keys[i]) return keys[i] >= value - 1e-9 ? a : null;
-  return a + (b - a) * Math.max(0, (value - keys[i]) / (keys[i + 1] - keys[i]));
-}
 
 class Telemetry {
   constructor(root, replay, player, words, data, url) {
@@ -224,7 +194,7 @@ class Telemetry {
       figure.dataset.chart = chart.name;
       this.box.append(figure);
       const plot = new uPlot(this.options(chart, series), columns, figure);
-      this.touch(plot);
+      listenToFingers(plot, this);
       this.plots.push({ chart, plot });
     }
   }
@@ -243,7 +213,7 @@ class Telemetry {
     const axis = { stroke: text, grid: { stroke: GRID, width: 1 }, ticks: { show: false }, font: `12px ${style.fontFamily}` };
     return {
       width: Math.max(200, this.box.clientWidth), height: HEIGHT[name], series, legend: { show: false },
-      scales: { x: { time: false, range: () => this.range }, y: { range: (u, low, high) => this.span(name, low, high) } },
+      scales: { x: { time: false, range: () => this.range }, y: { range: (u, low, high) => span(name, low, high) } },
       axes: [
         { ...axis, size: 24, values: (u, ticks) => ticks.map((tick) => `${+tick.toFixed(2)}`) },
         { ...axis, size: 50, space: 20, ...(SYMMETRIC.has(name) && { splits: (u, at, low, high) => evenly(high) }), values: (u, ticks) => ticks.map((tick) => tick.toFixed(Math.abs(tick) < 10 ? Math.max(digits, tick % 1 ? 1 : 0) : Math.min(digits, 1)).replace("-", "−")) },
@@ -280,14 +250,6 @@ class Telemetry {
       }
     }
     ctx.restore();
-  }
-
-  // Both signs of the delta always have room, so that zero is seen.
-  span(name, low, high) {
-    if (low === null || high === null || low === undefined || Number.isNaN(low)) return [0, 1];
-    if (name === "speed") return [0, Math.max(high, 0.5) * 1.05];
-    const most = Math.max(Math.abs(low), Math.abs(high), name === "delta" ? 0.05 : 0.1) * 1.08;
-    return name === "reward" ? [Math.min(0, low), Math.max(high, 0.1) * 1.05] : name === "delta" ? [Math.min(low * 1.1, -0.05), Math.max(high * 1.1, 0.05)] : [-most, most];
   }
 
   resize() {
@@ -487,30 +449,6 @@ class Telemetry {
     event.preventDefault();
     event.stopPropagation();
     acts[key]();
-  }
-
-  // One finger moves the cursor, two zoom and pan.
-  touch(plot) {
-    const { over } = plot;
-    const fingers = new Map();
-    let begun;
-    const inside = ({ clientX }) => clientX - over.getBoundingClientRect().left;
-    over.addEventListener("pointerdown", (event) => {
-      if (event.pointerType !== "touch") return;
-      fingers.set(event.pointerId, inside(event));
-      begun = fingers.size === 2 ? { at: [...fingers.values()].map((left) => plot.posToVal(left, "x")) } : undefined;
-    });
-    over.addEventListener("pointermove", (event) => {
-      if (!fingers.has(event.pointerId)) return;
-      fingers.set(event.pointerId, inside(event));
-      const lefts = [...fingers.values()];
-      if (!begun) { this.player.pause(); this.goTo(plot.posToVal(lefts[0], "x")); return; }
-      // the two places stay under the two fingers
-      const scale = (begun.at[1] - begun.at[0]) / ((lefts[1] - lefts[0]) || 1);
-      const from = begun.at[0] - lefts[0] * scale;
-      this.show(from, from + over.clientWidth * scale);
-    });
-    for (const end of ["pointerup", "pointercancel"]) over.addEventListener(end, ({ pointerId }) => { fingers.delete(pointerId); begun = undefined; });
   }
 
   dispose() {

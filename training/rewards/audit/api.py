@@ -23,7 +23,7 @@ ENDINGS = ["lap_complete", *ENDED]
 
 
 class RewardAuditBody(RewardBody):
-    """The function, and what it is asked about."""
+    """The function and its inputs."""
 
     track = TrackField()
     direction = serializers.ChoiceField(Direction.choices, default=Direction.CCW)

@@ -1,4 +1,4 @@
-"""The eight drives that a reward function is asked about: scripted, by the real simulator and referee."""
+"""The eight drives of an audit: scripted, by the real simulator and referee."""
 
 import math
 from collections.abc import Callable
