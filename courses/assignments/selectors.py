@@ -1,11 +1,15 @@
 """Access to assignments. Each predicate has its queryset twin; tests compare both."""
 
+from collections import defaultdict
+from collections.abc import Sequence
+
 from django.db.models import Q, QuerySet
 
-from accounts.models import Racer, RacerGroup, Viewer
-from core.events import Event
+from accounts.models import ClassTeacher, GroupMember, Racer, RacerGroup, Viewer
+from core.events import KINDS, Event
 from core.events.visibility import Audience
 
+from ..events import ASSIGNMENT
 from ..grading.members import can_teach_group, is_student, students_of, taught_by, unit_of
 from ..models import Assignment, SubmissionGroup
 
@@ -17,6 +21,7 @@ __all__ = [
     "can_teach_group",
     "event_audience",
     "is_student",
+    "moves",
     "students_of",
     "submission_group_of",
 ]
@@ -68,3 +73,20 @@ def _events_seen(viewer: Viewer) -> Q:
 
 
 event_audience = Audience(can_see=_sees_event, seen=_events_seen)
+
+
+def moves(events: Sequence[Event]) -> dict[int, set[str]]:
+    """An event of an assignment moves the open pages of its teachers and students."""
+    subjects = {event.pk: event.subject for event in events if KINDS[event.kind].seen_by == ASSIGNMENT}
+    if not subjects:
+        return {}
+    groups = dict(Assignment.objects.filter(public_id__in=subjects.values()).values_list("public_id", "group"))
+    confirmed = GroupMember.objects.filter(group__in=groups.values(), confirmed_at__isnull=False)
+    topics: dict[int, set[str]] = defaultdict(set)
+    for group, racer in (
+        *confirmed.values_list("group", "racer"),
+        *ClassTeacher.objects.filter(classroom__group__in=groups.values()).values_list("classroom__group", "racer"),
+        *RacerGroup.objects.filter(pk__in=groups.values()).exclude(leader=None).values_list("pk", "leader"),
+    ):
+        topics[group].add(f"racer:{racer}")
+    return {pk: topics[groups[subject]] for pk, subject in subjects.items() if subject in groups}

@@ -9,14 +9,18 @@ from datetime import date
 import pytest
 from django.db import OperationalError
 
+from accounts.class_accounts.services import add_learners, add_teacher, make_class
+from accounts.groups.services import ask_to_join
 from config.serving.streams.hub import BEAT_S, Hub
 from config.serving.streams.reader import HELD_BYTES, Reader, message
 from core.events import KINDS, Event
 from core.streams import TOPICS, Backstage, Topic, life, register_topic, topics_of
 from core.streams.topics import asked_for
+from courses.events import ASSIGNMENT, ASSIGNMENT_PUBLISHED
 from league.events import SEASON_DRAFTED
 from league.seasons.services.seasons import create_season
 from races.events import RESULT_DIFFERS
+from tests.courses.assignments import a_group, an_assignment
 from tests.factories import a_race, a_racer
 from tests.league.seasons import a_season
 
@@ -155,10 +159,25 @@ def test_only_what_is_a_topic_may_be_asked_for():
 def test_every_kind_of_event_moves_something(now):
     """A kind that moves nothing would leave a page standing still. No open page shows an alarm of admins."""
     race, ann, season = a_race(now), a_racer("ann"), a_season()
+    assignment = an_assignment(a_group(ann, 1, now)[0], now)
     for kind in KINDS.values():
         names = {"racer": ann.pk if "racer" in kind.names else None, "race": race.pk if "race" in kind.names else None}
-        event = Event(pk=1, kind=kind.name, at=now, racer_id=names["racer"], race=names["race"], subject=season.slug)
+        subject = assignment.public_id if kind.seen_by == ASSIGNMENT else season.slug
+        event = Event(pk=1, kind=kind.name, at=now, racer_id=names["racer"], race=names["race"], subject=subject)
         assert bool(topics_of([event])[1]) == (kind is not RESULT_DIFFERS), kind.name
+
+
+def test_an_event_of_an_assignment_moves_teachers_and_students(now):
+    ann, second, other = a_racer("ann"), a_racer("second"), a_racer("other")
+    classroom = make_class(teacher=ann, name="6a", plan=[], now=now)
+    add_teacher(classroom=classroom, by=ann, alias="second", now=now)
+    (card,) = add_learners(classroom=classroom, by=ann, names=["Kim Minji"], now=now)
+    ask_to_join(code=classroom.group.code, racer=other, now=now)  # not confirmed yet
+    subject = an_assignment(classroom.group, now).public_id
+    event = Event(pk=1, kind=ASSIGNMENT_PUBLISHED.name, at=now, subject=subject)
+    gone = Event(pk=2, kind=ASSIGNMENT_PUBLISHED.name, at=now, subject="of-nothing")
+    people = {ann.pk, second.pk, card.learner.racer_id}
+    assert topics_of([event, gone]) == {1: {f"racer:{pk}" for pk in people}, 2: set()}
 
 
 def test_a_draft_moves_itself_and_the_season_that_it_continues(now):
