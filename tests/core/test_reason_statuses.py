@@ -38,7 +38,7 @@ BY_NAME = {
     403: "email_unverified second_factor_needed race_league_admins race_terms entry_removed timing_stewards "
     "account_not_confirmed account_log_in_again "
     "team_not_asked class_no_teacher follow_not_this stream_refused learner_shares_nothing cup_not_drawn "
-    "race_not_of_class race_program sso_first_log_in sign_up_domain sso_cancelled",
+    "race_not_of_class race_program sso_first_log_in sign_up_domain sso_cancelled lti_account lti_deployment lti_role",
     404: "entry_missing certificate_no_place race_has_no_duels sign_up_invitation stream_topic_hidden source_not_kept",
     409: "account_last_admin account_leads_class account_leads_group account_not_deletable account_of_class "
     "program_disabled "
@@ -50,7 +50,9 @@ BY_NAME = {
     "guest_is_racer own_other_engine own_not_classified own_not_better live_with_duels live_walkover live_nobody "
     "live_slot_state live_nothing_next live_interrupted live_car_queued live_no_model live_left live_absent "
     "live_called live_speed_called live_undo_nothing training_model_races training_model_drives "
-    "race_team_has_entry reopen_field_drives sweep_without_model training_of_sweep",
+    "race_team_has_entry reopen_field_drives sweep_without_model training_of_sweep attempts_wait marks_not_exported "
+    "lti_address lti_line lti_no_class lti_refused lti_scope lti_token_refused",
+    429: "lti_too_many",
 }
 NAMED = {code: status for status, codes in BY_NAME.items() for code in codes.split()}
 
