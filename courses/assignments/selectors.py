@@ -77,7 +77,8 @@ event_audience = Audience(can_see=_sees_event, seen=_events_seen)
 
 def moves(events: Sequence[Event]) -> dict[int, set[str]]:
     """An event of an assignment moves the open pages of its teachers and students."""
-    subjects = {event.pk: event.subject for event in events if KINDS[event.kind].seen_by == ASSIGNMENT}
+    kinds = {kind.name for kind in KINDS.values() if kind.seen_by == ASSIGNMENT}  # a row may be of a kind that is gone
+    subjects = {event.pk: event.subject for event in events if event.kind in kinds}
     if not subjects:
         return {}
     groups = dict(Assignment.objects.filter(public_id__in=subjects.values()).values_list("public_id", "group"))
