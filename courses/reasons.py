@@ -30,6 +30,10 @@ register(
         "assignment_candidates": _(
             "Choose at least as many candidates as hidden tracks are drawn, and none if none are drawn."
         ),
+        "assignment_candidate_imported": _(
+            "%(track)s was imported by somebody who does not teach the group, and could become known. Choose "
+            "candidates from the catalogue or your own tracks."
+        ),
         "extension_too_early": _("The extension is not after the deadline. Choose a later one."),
         "submission_group_size": _("Choose at least one student for the submission group."),
     },

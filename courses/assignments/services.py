@@ -37,9 +37,10 @@ from ..models import (
     Mark,
     SubmissionGroup,
     SubmissionGroupMember,
+    TrackKind,
 )
 from ..quotas import ASSIGNMENTS
-from .parts import checked_parts, refused_at, stored_parts, write_parts
+from .parts import CheckedPart, checked_parts, refused_at, stored_parts, write_parts
 
 MOMENTS = ("opens_at", "due_at", "last_at")
 YEARS = range(2000, 3000)
@@ -285,12 +286,22 @@ def _write(assignment: Assignment, fields: dict[str, Any]) -> None:
         return
     try:
         checked = checked_parts(parts)
+        _check_candidates(assignment.group, checked)
         driven = assignment.drawn_at is not None or Attempt.objects.filter(assignment=assignment).exists()
         if driven and [part.driven for part in checked] != [part.driven for part in stored_parts(assignment)]:
             raise UserFault("assignment_has_begun")
         write_parts(assignment, checked, driven=driven)
     except (UserFault, ValidationError) as fault:
         raise refused_at("parts", fault) from fault
+
+
+def _check_candidates(group: RacerGroup, parts: Sequence[CheckedPart]) -> None:
+    """Candidates are from the catalogue or a teacher's own: whoever imported a track can find out that it is used."""
+    candidates = [track for part in parts for track, kind in part.tracks if kind != TrackKind.SHOWN]
+    imported = Track.objects.filter(pk__in=candidates, owner__isnull=False).select_related("owner")
+    for track in imported:
+        if not can_teach_group(track.owner, group):
+            raise problem("assignment_candidate_imported", track=track.name)
 
 
 def is_far(moment: datetime | None) -> bool:

@@ -21,9 +21,10 @@ from evaluation.models import Evaluation
 from paddock.errors import UserFault
 from paddock.geometry.catalogue import CATALOGUE
 from races.entries.selectors.visibility import can_see_evaluation, evaluations_visible_to
+from races.errors import RaceRefused
 from tests.clients import logged_in
 from tests.courses.assignments import DAY, HOUR, a_group, a_part, an_assignment, finish_all, hand_in
-from tests.factories import a_model, a_track, laps
+from tests.factories import a_model, a_racer, a_track, laps
 from tests.rows import track_row
 from tracks.models import Track
 
@@ -36,6 +37,24 @@ FAST = laps(9000, 9000, 9000, 9000, 9000)
 @pytest.fixture(autouse=True)
 def _no_broker(wakes) -> None:
     """Attempts send wake-ups; no test here needs a worker to take them."""
+
+
+def test_a_candidate_is_from_the_catalogue_or_a_teachers_own(alice, now):
+    """The importer of a track can try to delete it, and would learn that something uses it."""
+    group, (bob,) = a_group(alice, 1, now)
+    imported = track_row(CANDIDATES[0])
+    parts = [a_part(tracks=[(a_track(), "shown"), (imported, "candidate")], hidden_tracks=1)]
+    for owner, is_refused in ((bob, True), (a_racer(), True), (alice, False)):
+        Track.objects.filter(pk=imported.pk).update(owner=owner, is_catalogue=False)
+        imported.refresh_from_db()
+        if not is_refused:
+            assert an_assignment(group, now, parts=parts).parts.count() == 1
+            continue
+        with pytest.raises(RaceRefused) as refused:
+            an_assignment(group, now, parts=parts)
+        (error,) = refused.value.errors.error_dict["parts"]
+        assert error.code == "assignment_candidate_imported"
+    assert an_assignment(group, now, parts=[a_part(tracks=[(imported, "shown")])]).parts.count() == 1
 
 
 def hidden(now, **fields) -> dict:
