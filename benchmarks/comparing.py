@@ -1,6 +1,6 @@
 """``python -m benchmarks.comparing [--json]``: what it costs to compare eight runs.
 
-Eight cars that are really driven, on a site of its own. First one reader in Chromium (``--turns``), each time in a new
+Eight really driven cars, on a separate site. First one reader in Chromium (``--turns``), each time in a new
 profile, on servers that have just been started and on warm ones: time to the first frame with all cars on the map, the
 processor time of browser and server until then, and bytes; beside the page of the race, by the same browser in the same
 run. Then ``--people`` who are signed in, each of whom opens another comparison every ``--pause`` seconds and looks at

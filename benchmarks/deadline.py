@@ -4,8 +4,8 @@ The hour is replayed in simulated time with the real services: hand in, claim, e
 of hidden tracks. Runs take recorded durations instead of being driven. Then students click twice at once, from two
 threads, where one attempt is allowed. Measured are, within one run, milliseconds of the processor with the time of
 PostgreSQL's process: handing in, early and late in the ten minutes, and the end of a run with a mark beside one
-without; and how well the queue foretold when each attempt would be judged. Runs on a SQLite database of its own, or
-with ``--postgres`` on a PostgreSQL server of its own.
+without; and how well the queue foretold when each attempt would be judged. Runs on a fresh SQLite database, or
+with ``--postgres`` on a fresh PostgreSQL server.
 """
 
 from __future__ import annotations

@@ -4,7 +4,7 @@
 
 The engine is a part of the site's checkout and a distribution of its own. A project can have one pyproject.toml, so a
 tree is put together for the second: ``paddock/`` as it is, the files of ``distribution/``, the licence, and the example
-that ``paddock new`` hands out. Nothing else goes in. ``compat/`` is a project of its own and only gets the licence.
+that ``paddock new`` hands out. Nothing else goes in. ``compat/`` is a separate project and only gets the licence.
 """
 
 from __future__ import annotations

@@ -46,7 +46,7 @@ def system_font(letter: str) -> tuple[str, int] | None:
 
 @cache
 def _system_fonts() -> tuple[tuple[str, int], ...]:
-    """All that have letters of their own, in the order in which fontconfig takes them; asked for once, none where it
+    """All fonts with letters, in the order in which fontconfig takes them; read once per process, none where it
     does not answer."""
     command = ["fc-match", "--sort", "--format", "%{file}\n%{index}\n", "sans"]
     try:

@@ -53,7 +53,7 @@ def assignments_visible_to(viewer: Viewer) -> QuerySet[Assignment]:
         return found.none()
     member = RacerGroup.objects.filter(members__racer=viewer.pk, members__confirmed_at__isnull=False)
     student = Q(published_at__isnull=False, group__in=member.values("pk"))
-    # a member who teaches sees it anyway
+    # teaching members see it anyway
     return found.filter(student | taught_by(viewer, "group"))
 
 

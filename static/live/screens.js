@@ -33,7 +33,7 @@ class Screen {
   constructor(root) {
     this.root = root;
     this.words = root.dataset;
-    // the viewer has parts of its own
+    // the viewer has these parts itself
     this.all = (name) => [...root.querySelectorAll(`[data-${name}]`)].filter((each) => !each.closest("[data-viewer]"));
     this.wheels = this.all("wheel");
     this.forget();

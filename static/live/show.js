@@ -1,6 +1,6 @@
 // Plays the run on track at the same instant for everybody, from half-second chunks of poses (live/live-feed.js), in the
 // viewer (viewer/stage.js) where the page has one, and dispatches "show:state", "show:reactions", "show:frame",
-// "show:event" and "show:again" (what happened is told anew) on [data-show].
+// "show:event" and "show:again" (events are replayed) on [data-show].
 import { clock, isStill, Stage } from "../viewer/stage.js";
 import { LiveReplay } from "../viewer/live-replay.js";
 import { fetchDocument } from "../viewer/store.js";
@@ -10,7 +10,7 @@ const FIGURES_MS = 100; // nobody reads faster
 const LEFT_MS = 500; // so long a car stands where its run ended
 const LOST_MS = 30000; // and so long one of whose run nothing more came
 const BACK_MS = 250; // a clock that is set right goes back by less
-const AGAIN_MS = 5000; // until a scene that did not come is asked for again
+const AGAIN_MS = 5000; // until a missing scene is requested again
 const NONE = document.createElement("i"); // what a screen does not show
 
 class Show {

@@ -9,7 +9,7 @@ const LOOK_MS = 2000; // of it, until the standings have the run
 const acts = document.querySelector("[data-again]");
 const act = (name) => acts.querySelector(`[data-act="${name}"]`);
 
-// Each run has a clock of its own, which begins with its announcement.
+// Each run has its own clock, which begins with its announcement.
 class Feed {
   constructor({ poses }, hear) {
     Object.assign(this, { poses, hear, lead: LEAD_MS, tail: TAIL_MS, chunks: new Map(), told: "", at: 0 });
@@ -42,7 +42,7 @@ class Feed {
     return answer.json();
   }
 
-  // --- what is told when ---------------------------------------------------------------------------------------------
+  // --- the times of announcements ---------------------------------------------------------------------------------------------
   tick() {
     const step = this.steps[this.at];
     const over = step && this.player.now > this.player.replay.duration - TAIL_MS + LOOK_MS;

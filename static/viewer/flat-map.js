@@ -41,7 +41,7 @@ function road({ inner, outer, centre, closed, start }) {
   ];
 }
 
-// A car, ghost or bot: a layer of its own, which its transform alone moves.
+// A car, ghost or bot: its own layer, moved by its transform alone.
 function mover(root, { kind, look, number }) {
   const shape = element("svg", { class: `mover ${kind}`, viewBox: "-1.2 -1.2 2.4 2.4", "aria-hidden": "true", ...(look && { "data-car": number }) });
   if (look) {

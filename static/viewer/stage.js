@@ -103,7 +103,7 @@ export class Stage {
   // The names of those that are offered; the map is the last.
   get cameras() { return this.offered ?? []; }
 
-  // Whether a reader who has chosen nothing sees three dimensions at once: nothing is drawn in time without a card.
+  // Whether three dimensions are the default: without a graphics card nothing is drawn in time.
   get startsIn3d() { return hasWebGL() === "card"; }
 
   // Where WebGL 2 is there, its cameras are offered; the scene is loaded with the first of them. The map shows the cars

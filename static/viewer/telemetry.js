@@ -90,7 +90,7 @@ class Telemetry {
     if (!this.known || lap === undefined || lap === this.wanted || (this.wanted === undefined && lap === this.data.runs[0].lap)) return;
     this.wanted = lap;
     if (!this.known.has(lap)) {
-      this.known.set(lap, null); // a lap that cannot be read is asked for once
+      this.known.set(lap, null); // request an unreadable lap once
       const url = new URL(this.url, location.href);
       url.searchParams.set("lap", lap);
       const answer = await fetch(url, { headers: { Accept: "application/json" } }).catch(() => ({ ok: false }));

@@ -267,7 +267,7 @@ async function start(root, isFresh) {
   }
 }
 
-// What the traces of the laps say is asked for when it comes into sight; its link leads to it where that fails.
+// Request the analysis of the laps when it comes into sight; on failure its link stays.
 function showAnalysis(card) {
   new IntersectionObserver(async ([{ isIntersecting }], watcher) => {
     if (!isIntersecting) return;
