@@ -296,7 +296,7 @@ def _write(assignment: Assignment, fields: dict[str, Any]) -> None:
 
 
 def _check_candidates(group: RacerGroup, parts: Sequence[CheckedPart]) -> None:
-    """Candidates are from the catalogue or a teacher's own: whoever imported a track can find out that it is used."""
+    """Refuse candidates that others imported: the importer of a track can find out that it is used."""
     candidates = [track for part in parts for track, kind in part.tracks if kind != TrackKind.SHOWN]
     imported = Track.objects.filter(pk__in=candidates, owner__isnull=False).select_related("owner")
     for track in imported:
