@@ -1,66 +1,39 @@
-"""Attempts that a racer sees, and how many are left. Each predicate has its queryset twin."""
+"""Attempts that a racer sees, and whether more are accepted. Each predicate has its queryset twin."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass
 from datetime import datetime
 
 from django.db.models import Exists, OuterRef, Prefetch, Q, QuerySet
 
 from accounts.models import GroupMember, Racer, Viewer
+from core.times import stored
 from evaluation.models import Evaluation
+from paddock.errors import UserFault
 
-from ..grading.members import Unit, can_teach_group, is_student, taught_by, unit_of
+from ..grading.members import Unit, can_teach_group, is_student, taught_by
 from ..grading.services import deadline_of
 from ..marking.lateness import local_day
 from ..models import Assignment, Attempt, AttemptRun, SubmissionGroupMember
 
 
-@dataclass(frozen=True)
-class Left:
-    """What a student may still hand in. ``in_all``, ``today``: attempts left, None without a limit; ``due_at``,
-    ``last_at``: their own deadline; ``refusal``: the reason code of why nothing is accepted now, or ``""``."""
-
-    used: int
-    in_all: int | None
-    today: int | None
-    due_at: datetime
-    last_at: datetime | None
-    refusal: str = ""
-
-    @property
-    def attempts(self) -> int | None:
-        """The lower of both limits; None without any."""
-        return min((one for one in (self.in_all, self.today) if one is not None), default=None)
-
-
-def left_of(assignment: Assignment, racer: Racer, now: datetime) -> Left:
-    """What the student, or their submission group, may still hand in."""
-    return left_of_unit(assignment, unit_of(assignment, racer), now)
-
-
-def left_of_unit(assignment: Assignment, unit: Unit, now: datetime) -> Left:
+def refusal_of(assignment: Assignment, unit: Unit, now: datetime) -> UserFault | None:
+    """Why nothing is accepted now of a student or a submission group; None if something is."""
     due_at, last_at = deadline_of(assignment, unit)
+    if now < assignment.opens_at:
+        return UserFault("attempt_not_open_yet", opens=stored(assignment.opens_at))
+    if now > (last_at or due_at):
+        return UserFault("attempt_too_late")
     counted = unit.attempts(assignment).filter(refunded_at=None)
     day, next_day = local_day(now, assignment.time_zone)
-    used = counted.count()
-    in_all = today = None
-    if assignment.attempts_in_all is not None:
-        in_all = max(0, assignment.attempts_in_all - used)
-    if assignment.attempts_a_day is not None:
-        of_day = counted.filter(accepted_at__gte=day, accepted_at__lt=next_day).count()
-        today = max(0, assignment.attempts_a_day - of_day)
-    refusal = ""
-    if now < assignment.opens_at:
-        refusal = "attempt_not_open_yet"
-    elif now > (last_at or due_at):
-        refusal = "attempt_too_late"
-    elif in_all == 0:
-        refusal = "attempts_used_up"
-    elif today == 0:
-        refusal = "attempts_of_day_used_up"
-    return Left(used, in_all, today, due_at, last_at, refusal)
+    of_day = counted.filter(accepted_at__gte=day, accepted_at__lt=next_day)
+    for code, limit, attempts in (
+        ("attempts_used_up", assignment.attempts_in_all, counted),
+        ("attempts_of_day_used_up", assignment.attempts_a_day, of_day),
+    ):
+        if limit is not None and attempts.count() >= limit:
+            return UserFault(code, limit=limit)
+    return None
 
 
 def can_see_attempt(viewer: Viewer, attempt: Attempt) -> bool:
@@ -99,23 +72,11 @@ def seen_by(viewer: Racer, way: str) -> Q:
     return mine & (own | Q(**{f"{way}submission_group__in": together})) | taught_by(viewer, f"{way}assignment__group")
 
 
-def attempts_of(assignment: Assignment, racer: Racer) -> QuerySet[Attempt]:
-    """The attempts of a student or their submission group, the newest first, with their runs."""
-    return with_runs(unit_of(assignment, racer).attempts(assignment))
-
-
 def with_runs(attempts: QuerySet[Attempt]) -> QuerySet[Attempt]:
     """With their runs, evaluations and tracks, in four queries."""
     runs = AttemptRun.objects.select_related("evaluation", "part_track__track", "part_track__part")
     related = ("racer", "submission_group", "model", "refunded_by")
     return attempts.select_related(*related).prefetch_related(Prefetch("runs", runs))
-
-
-def latest_of(attempts: Sequence[Attempt]) -> Attempt | None:
-    """The attempt that was accepted last and not given back."""
-    return max(
-        (one for one in attempts if one.refunded_at is None), key=lambda one: (one.accepted_at, one.pk), default=None
-    )
 
 
 # The audience of runs of attempts besides their owners, registered with races.entries.selectors.visibility:

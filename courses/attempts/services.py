@@ -12,7 +12,6 @@ from accounts.models import Racer
 from core.audit.recording import audited
 from core.database.locks import hold
 from core.events import record
-from core.times import stored
 from evaluation.models import Evaluation, Result, TrainedModel
 from evaluation.selectors import can_see_model, can_use_model
 from paddock.errors import UserFault
@@ -23,7 +22,7 @@ from ..grading.members import Unit, can_teach_group, hold_units, is_student, uni
 from ..grading.services import deadline_of, recompute_marks, reopen_marks
 from ..models import Assignment, Attempt, AttemptRun, Extension, ReferenceRow, RefundKind, RunState
 from .runs import queue_hidden_runs, queue_runs
-from .selectors import left_of_unit
+from .selectors import refusal_of
 
 # after a fault of the site's own, an attempt may be repeated for so long
 GRACE = timedelta(hours=24)
@@ -46,9 +45,8 @@ def submit_attempt(*, assignment: Assignment, racer: Racer, model: TrainedModel,
     latest = unit.attempts(assignment).filter(refunded_at=None).select_related("model").order_by("-number").first()
     if latest is not None and latest.model.network_id == model.network_id:
         raise UserFault("attempt_already_submitted")
-    left = left_of_unit(assignment, unit, now)
-    if left.refusal:
-        raise UserFault(left.refusal, **_params_of(left.refusal, assignment))
+    if (refusal := refusal_of(assignment, unit, now)) is not None:
+        raise refusal
     _refuse_waiting(racer)
     attempt = _new_attempt(assignment, racer, unit, model, now)
     queue_runs(assignment, [attempt], now)
@@ -203,11 +201,3 @@ def _hold(assignment: Assignment) -> None:
         assignment.refresh_from_db()
     except Assignment.DoesNotExist:
         raise UserFault("assignment_gone") from None
-
-
-def _params_of(code: str, assignment: Assignment) -> dict[str, str | int]:
-    if code == "attempt_not_open_yet":
-        return {"opens": stored(assignment.opens_at)}
-    limits = {"attempts_used_up": assignment.attempts_in_all, "attempts_of_day_used_up": assignment.attempts_a_day}
-    limit = limits.get(code)
-    return {} if limit is None else {"limit": limit}

@@ -9,8 +9,10 @@ import pytest
 
 from courses.assignments.services import extend, make_submission_group
 from courses.attempts import services
-from courses.attempts.selectors import left_of
+from courses.attempts.overview import handed_in_by, tasks_of
 from courses.attempts.services import refund_attempt, submit_attempt
+from courses.grading.members import unit_of
+from courses.grading.services import deadline_of
 from courses.models import Attempt, AttemptRun, Mark, RefundKind, RunState
 from evaluation.models import Evaluation
 from evaluation.running.queue.jobs import finish_evaluation
@@ -92,7 +94,8 @@ def test_what_fails_by_the_site_gives_the_attempt_back(alice, now):
     break_down(attempt.runs.get().evaluation, PlatformFault("runner_died"), now)
     attempt.refresh_from_db()
     assert (attempt.refund_kind, attempt.refunded_at) == (RefundKind.PLATFORM, now)
-    assert left_of(assignment, bob, now).attempts == 1
+    (task,) = tasks_of(bob, handed_in_by(bob), now)
+    assert (task.used, task.left) == (0, 1)
     hand_in(assignment, bob, now)
 
 
@@ -157,7 +160,7 @@ def test_an_extension_does_not_take_the_late_days_of_others_away(alice, now):
     assignment = an_assignment(group, now, last_at=now + 5 * DAY, late_points_a_day=20)
     due = assignment.due_at + DAY
     extend(assignment=assignment, racer=bob, by=alice, due_at=due, last_at=None, reason="ill", now=now)
-    assert left_of(assignment, bob, now).last_at == assignment.last_at
+    assert deadline_of(assignment, unit_of(assignment, bob)) == (due, assignment.last_at)
     finish_all(hand_in(assignment, bob, due + HOUR), laps(9000, 9000, 9000), due + HOUR)
     assert (Mark.objects.get().points, Mark.objects.get().late_days) == (80, 1)
 

@@ -12,7 +12,9 @@ from courses.assignments.services import change_assignment, extend, make_submiss
 from courses.attempts import services
 from courses.attempts.draws import complete_all_marks, draw_hidden_tracks
 from courses.attempts.overview import handed_in_by, tasks_of
-from courses.attempts.selectors import left_of
+from courses.attempts.selectors import refusal_of
+from courses.grading.members import unit_of
+from courses.grading.services import deadline_of
 from courses.marks.services import apply_regrade, propose_regrade
 from courses.models import Assignment, Attempt, AttemptRun, Extension, Mark
 from evaluation.models import Evaluation
@@ -94,8 +96,9 @@ def test_an_extension_leaves_the_late_days_in_the_list_too(alice, now):
     due = assignment.due_at + DAY
     extend(assignment=assignment, racer=bob, by=alice, due_at=due, last_at=None, reason="ill", now=now)
     (task,) = tasks_of(bob, handed_in_by(bob), due + HOUR)
-    left = left_of(assignment, bob, due + HOUR)
-    assert (task.last_at, task.state, left.refusal) == (left.last_at, "late", "")
+    unit = unit_of(assignment, bob)
+    assert (task.due_at, task.last_at) == deadline_of(assignment, unit)
+    assert (task.state, refusal_of(assignment, unit, due + HOUR)) == ("late", None)
 
 
 def test_a_run_that_ends_during_a_regrade_is_marked_by_the_new_rules(alice, now, monkeypatch):
@@ -194,10 +197,11 @@ def test_a_late_attempt_that_the_site_failed_may_be_repeated_late(alice, now):
     attempt = hand_in(assignment, bob, assignment.last_at)
     over = assignment.last_at + HOUR
     break_down(attempt.runs.get().evaluation, PlatformFault("runner_died"), over)
-    left = left_of(assignment, bob, over)
-    assert (left.refusal, left.due_at, left.last_at) == ("", assignment.due_at, over + DAY)
+    unit = unit_of(assignment, bob)
+    assert refusal_of(assignment, unit, over) is None
+    assert deadline_of(assignment, unit) == (assignment.due_at, over + DAY)
     (task,) = tasks_of(bob, handed_in_by(bob), over)
-    assert (task.state, task.last_at) == ("late", left.last_at)
+    assert (task.state, task.last_at) == ("late", over + DAY)
     finish_all(hand_in(assignment, bob, over), FAST, over)
     assert Mark.objects.values_list("points", "late_days").get() == (80, 2)
 
