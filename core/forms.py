@@ -34,6 +34,12 @@ def explain(fault: PaddockError) -> str:
     return fault.reason.render(params, gettext(fault.reason.sentence))
 
 
+def number_sent(request: HttpRequest, name: str) -> int:
+    """A row's number as a page sends it; 0, which no row has, for any other text."""
+    text = request.POST.get(name, "")
+    return int(text) if text.isdecimal() and len(text) < 18 else 0
+
+
 def add_fault(form: forms.BaseForm, fault: PaddockError, field: str | None = None) -> None:
     """Show what a service refused: its sentence and its stable code, beside the form or one of its fields."""
     named = getattr(getattr(fault, "errors", None), "error_dict", {})

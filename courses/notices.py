@@ -6,7 +6,7 @@ from datetime import datetime, timedelta
 from django.utils.translation import gettext_lazy as _
 from django.utils.translation import gettext_noop
 
-from core.events import Event, EventReader
+from core.events import Event, EventKind, EventReader
 from core.times import stored
 from league.notices.kinds import register
 from league.notices.writer import NewNotice, notify
@@ -102,12 +102,12 @@ def _params(assignment: Assignment) -> dict[str, str | int]:
     return {"assignment": assignment.title, "group": assignment.group.name, "due": stored(assignment.due_at)}
 
 
-_WRITERS: dict[str, Callable[[Event, datetime], int]] = {
-    ASSIGNMENT_PUBLISHED.name: _published,
-    ASSIGNMENT_DUE.name: _due,
-    MARKS_COMPLETED.name: _marked,
-    MARKS_REGRADED.name: _marked,
-    ATTEMPT_REFUNDED.name: _given_back,
+_WRITERS: dict[EventKind, Callable[[Event, datetime], int]] = {
+    ASSIGNMENT_PUBLISHED: _published,
+    ASSIGNMENT_DUE: _due,
+    MARKS_COMPLETED: _marked,
+    MARKS_REGRADED: _marked,
+    ATTEMPT_REFUNDED: _given_back,
 }
-_KINDS = (ASSIGNMENT_PUBLISHED, ASSIGNMENT_DUE, MARKS_COMPLETED, MARKS_REGRADED, ATTEMPT_REFUNDED)
-NOTICES = EventReader("assignment notices", _KINDS, lambda event, now: _WRITERS[event.kind](event, now))
+_BY_NAME = {kind.name: write for kind, write in _WRITERS.items()}
+NOTICES = EventReader("assignment notices", tuple(_WRITERS), lambda event, now: _BY_NAME[event.kind](event, now))

@@ -10,21 +10,8 @@ from core.events import KINDS, Event
 from core.events.visibility import Audience
 
 from ..events import ASSIGNMENT
-from ..grading.members import can_teach_group, is_student, students_of, taught_by, unit_of
-from ..models import Assignment, SubmissionGroup
-
-__all__ = [
-    "assignments_taught_by",
-    "assignments_visible_to",
-    "can_see_assignment",
-    "can_teach",
-    "can_teach_group",
-    "event_audience",
-    "is_student",
-    "moves",
-    "students_of",
-    "submission_group_of",
-]
+from ..grading.members import can_teach_group, is_student, taught_by
+from ..models import Assignment
 
 
 def can_teach(viewer: Viewer, assignment: Assignment) -> bool:
@@ -55,12 +42,6 @@ def assignments_visible_to(viewer: Viewer) -> QuerySet[Assignment]:
     student = Q(published_at__isnull=False, group__in=member.values("pk"))
     # teaching members see it anyway
     return found.filter(student | taught_by(viewer, "group"))
-
-
-def submission_group_of(assignment: Assignment, racer: Racer) -> SubmissionGroup | None:
-    """The submission group of a student."""
-    group = unit_of(assignment, racer).group
-    return None if group is None else SubmissionGroup.objects.get(pk=group)
 
 
 def _sees_event(viewer: Viewer, event: Event) -> bool:

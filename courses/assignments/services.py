@@ -26,7 +26,7 @@ from races.errors import RaceRefused, problem
 from tracks.models import Track
 
 from ..events import ASSIGNMENT_PUBLISHED
-from ..grading.members import can_teach_group, hold_units, is_student, unit_of, units_of
+from ..grading.members import can_teach_group, hold_units, is_student, require_teacher, unit_of, units_of
 from ..grading.rules import rules_of, stored_rules
 from ..grading.services import differs, everybody_of, marks_by, recompute_marks, reopen_marks, write_marks
 from ..models import (
@@ -55,7 +55,7 @@ COLUMNS = (
 def make_assignment(*, group: RacerGroup, by: Racer, now: datetime, **fields: Any) -> Assignment:
     """Make a draft. ``fields``: :data:`COLUMNS` and ``parts`` (:func:`courses.assignments.parts.checked_parts`). Raises
     UserFault("assignment_not_yours" | "assignments_at_once"), and RaceRefused with all problems by field."""
-    _require_teacher(group, by)
+    require_teacher(group, by)
     hold(by)
     limit = limit_of(by, ASSIGNMENTS.name)
     if used_by(by, ASSIGNMENTS.name, now) >= limit:
@@ -70,7 +70,7 @@ def make_assignment(*, group: RacerGroup, by: Racer, now: datetime, **fields: An
 def change_assignment(*, assignment: Assignment, by: Racer, now: datetime, **fields: Any) -> Assignment:
     """Change some of the fields of :func:`make_assignment`. Published marks stay until a regrade is applied, unless no
     mark would change. Raises as there, and UserFault("assignment_has_begun" | "assignment_drawn")."""
-    _require_teacher(assignment.group, by)
+    require_teacher(assignment.group, by)
     hold(assignment)
     assignment.refresh_from_db()
     before, due_at = stored_rules(assignment), assignment.due_at
@@ -109,7 +109,7 @@ def adopt_rules(assignment: Assignment, now: datetime, *, changing: bool = False
 def publish_assignment(*, assignment: Assignment, by: Racer, now: datetime) -> bool:
     """Show the assignment to the students. False if it was before. Raises UserFault("assignment_not_yours" |
     "assignment_no_parts")."""
-    _require_teacher(assignment.group, by)
+    require_teacher(assignment.group, by)
     hold(assignment)
     assignment.refresh_from_db()
     if assignment.published_at is not None:
@@ -127,7 +127,7 @@ def publish_assignment(*, assignment: Assignment, by: Racer, now: datetime) -> b
 @transaction.atomic
 def delete_assignment(*, assignment: Assignment, by: Racer) -> None:
     """Delete an assignment with its attempts, their runs, and the marks. Raises UserFault("assignment_not_yours")."""
-    _require_teacher(assignment.group, by)
+    require_teacher(assignment.group, by)
     delete_assignments([assignment.pk])
 
 
@@ -155,7 +155,7 @@ def copy_assignments(
 ) -> list[Assignment]:
     """Make drafts for another group from all assignments of one, without students and attempts, moved by ``shift`` on
     the clocks of their time zones. Raises as :func:`make_assignment`."""
-    _require_teacher(from_group, by)
+    require_teacher(from_group, by)
     copies = []
     for one in Assignment.objects.filter(group=from_group):
         values = {name: getattr(one, name) for name in COLUMNS}
@@ -185,7 +185,7 @@ def extend(
 ) -> Extension:
     """Give a student a later deadline, in place of one given before. Raises UserFault("assignment_not_yours" |
     "assignment_student_unknown"), and RaceRefused for a moment that is too early."""
-    _require_teacher(assignment.group, by)
+    require_teacher(assignment.group, by)
     if not is_student(racer, assignment.group_id):
         raise UserFault("assignment_student_unknown")
     if far := {name: _far() for name, when in (("due_at", due_at), ("last_at", last_at)) if is_far(when)}:
@@ -205,7 +205,7 @@ def extend(
 @transaction.atomic
 def end_extension(*, assignment: Assignment, racer: Racer, by: Racer, now: datetime) -> bool:
     """Take an extension back. False if there is none. Raises UserFault("assignment_not_yours")."""
-    _require_teacher(assignment.group, by)
+    require_teacher(assignment.group, by)
     hold(assignment)
     deleted, _rows = Extension.objects.filter(assignment=assignment, racer=racer).delete()
     _recompute(assignment, racer, now)
@@ -220,7 +220,7 @@ def make_submission_group(
     """Let students submit together. What they handed in alone before does not count any more. Raises UserFault(
     "assignment_not_yours" | "assignment_student_unknown" | "submission_group_size" | "submission_group_taken" |
     "submission_group_name_taken")."""
-    _require_teacher(assignment.group, by)
+    require_teacher(assignment.group, by)
     hold(assignment)
     members = {racer.pk: racer for racer in racers}
     if not members:
@@ -246,7 +246,7 @@ def make_submission_group(
 def delete_submission_group(*, group: SubmissionGroup, by: Racer, now: datetime) -> None:
     """Let its students submit alone again. Raises UserFault("assignment_not_yours" | "submission_group_in_use")."""
     assignment = group.assignment
-    _require_teacher(assignment.group, by)
+    require_teacher(assignment.group, by)
     hold(assignment)
     if Attempt.objects.filter(submission_group=group).exists():
         raise UserFault("submission_group_in_use")
@@ -263,11 +263,6 @@ def _recompute_all(assignment: Assignment, racers: Iterable[int], now: datetime)
     reopen_marks(assignment)
     if assignment.published_at is not None:
         recompute_marks(assignment=assignment, racers=list(racers), now=now)
-
-
-def _require_teacher(group: RacerGroup, by: Racer) -> None:
-    if not can_teach_group(by, group):
-        raise UserFault("assignment_not_yours")
 
 
 def _write(assignment: Assignment, fields: dict[str, Any]) -> None:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable
 from dataclasses import dataclass, field, replace
 from datetime import datetime
 from decimal import Decimal
@@ -13,7 +13,7 @@ from django.db.models import Prefetch
 from accounts.models import Racer
 from core.streams.shared_pieces import shared_value
 
-from ..assignments.wording import pass_rule_sentence, why
+from ..assignments.wording import why
 from ..grading.members import Unit
 from ..grading.rules import facts_of, rules_of
 from ..marking.calculation import mark as mark_of
@@ -133,20 +133,10 @@ def _marked(part: AssignmentPart, one: dict[str, Any], runs: dict[int, Any]) -> 
     driven = []
     for track in shown_tracks(part):
         value = values.get(track.pk, {})
-        unit = unit_of_rule(part.pass_rule)
+        unit = PASS_RULES[part.pass_rule].unit
         driven.append(TrackOfAttempt(track.track, runs.get(track.pk), value.get("passed"), value.get("value"), unit))
     reason = why(one["why"], part.pass_rule, one.get("why_params", {}))
     return MarkedPart(part, Decimal(one["points"]), one["passed"], reason, driven)
-
-
-def unit_of_rule(code: str) -> str:
-    """``laps`` or ``ms``: what a rule for passing counts."""
-    return PASS_RULES[code].unit
-
-
-def sentences(parts: Sequence[AssignmentPart]) -> dict[int, str]:
-    """The rule for passing of each part, by number."""
-    return {part.number: pass_rule_sentence(part.pass_rule, part.pass_params) for part in parts}
 
 
 def board_of(assignment: Assignment, unit: Unit | None) -> list[BoardLine]:

@@ -18,7 +18,7 @@ from paddock.errors import UserFault
 
 from ..assignments.services import delete_runs
 from ..events import ATTEMPT_REFUNDED
-from ..grading.members import Unit, can_teach_group, hold_units, is_student, unit_of, unit_of_attempt
+from ..grading.members import Unit, hold_units, is_student, require_teacher, unit_of, unit_of_attempt
 from ..grading.services import deadline_of, recompute_marks, reopen_marks
 from ..models import Assignment, Attempt, AttemptRun, Extension, ReferenceRow, RefundKind, RunState
 from .runs import queue_hidden_runs, queue_runs
@@ -61,8 +61,7 @@ def refund_attempt(*, attempt: Attempt, by: Racer, reason: str, now: datetime) -
     """Give an attempt back: it counts for no limit and no mark. Raises UserFault("assignment_not_yours" |
     "attempt_refunded_already")."""
     assignment = attempt.assignment
-    if not can_teach_group(by, assignment.group):
-        raise UserFault("assignment_not_yours")
+    require_teacher(assignment.group, by)
     _hold(assignment)
     if not _refund(attempt, RefundKind.TEACHER, now, reason=reason, by=by):
         raise UserFault("attempt_refunded_already")
@@ -74,8 +73,7 @@ def refund_attempt(*, attempt: Attempt, by: Racer, reason: str, now: datetime) -
 def add_reference(*, assignment: Assignment, by: Racer, label: str, model: TrainedModel, now: datetime) -> ReferenceRow:
     """Drive a car that is shown on the board, neither ranked nor marked: one of the teacher's, a shared one or a house
     car. Raises UserFault("assignment_not_yours" | "model_not_yours" | "attempts_wait")."""
-    if not can_teach_group(by, assignment.group):
-        raise UserFault("assignment_not_yours")
+    require_teacher(assignment.group, by)
     if not can_see_model(by, model):
         raise UserFault("model_not_yours")
     _hold(assignment)
@@ -92,8 +90,7 @@ def add_reference(*, assignment: Assignment, by: Racer, label: str, model: Train
 @transaction.atomic
 def remove_reference(*, assignment: Assignment, row: ReferenceRow, by: Racer) -> None:
     """Take a reference row off the board, with its attempt. Raises UserFault("assignment_not_yours")."""
-    if not can_teach_group(by, assignment.group):
-        raise UserFault("assignment_not_yours")
+    require_teacher(assignment.group, by)
     delete_runs(Evaluation.with_sealed.filter(attempt_run__attempt=row.attempt))
     row.attempt.delete()
 

@@ -17,6 +17,7 @@ from django.views.decorators.http import require_http_methods, require_POST, req
 
 from accounts.models import Racer
 from accounts.request_racer import racer_of
+from core.forms import number_sent
 from evaluation.garage.selectors import cars_of, shared_models
 from evaluation.models import TrainedModel
 from evaluation.selectors import models_of
@@ -28,12 +29,13 @@ from ..assignments.forms import ExtensionForm, ReferenceForm, SubmissionGroupFor
 from ..assignments.selectors import assignments_taught_by, assignments_visible_to
 from ..assignments.students import Student, names_of, students_named
 from ..assignments.views import taught_assignment
+from ..assignments.wording import pass_rule_sentence
 from ..grading.members import groups_taught_by, taught_by, unit_of, unit_of_attempt
 from ..grading.services import deadline_of
 from ..models import Assignment, Extension, Mark, ReferenceRow
 from . import services
 from .overview import handed_in_by, task_of, tasks_of
-from .pages import attempt_rows, board_of, parts_of, sentences, shown_tracks
+from .pages import attempt_rows, board_of, parts_of, shown_tracks
 from .selectors import attempts_visible_to, with_runs
 
 
@@ -77,10 +79,7 @@ def assignment(request: HttpRequest, public_id: str) -> HttpResponse:
     context: dict[str, Any] = {
         "assignment": shown,
         "is_teacher": is_taught,
-        "parts": [
-            (part, sentence_, shown_tracks(part))
-            for part, sentence_ in zip(parts, sentences(parts).values(), strict=True)
-        ],
+        "parts": [(part, pass_rule_sentence(part.pass_rule, part.pass_params), shown_tracks(part)) for part in parts],
         "full": sum(part.points for part in parts),
     }
     unit = None
@@ -97,7 +96,7 @@ def assignment(request: HttpRequest, public_id: str) -> HttpResponse:
         task = task_of(shown, kept, mark, extension, now, context["full"], len(parts))
         latest = {row.attempt.model_id for row in rows[:1] if row.attempt.refunded_at is None}
         context |= {"task": task, "rows": rows, "mark": mark, "unit": unit, "waits": any(row.waits for row in rows)}
-        context["fellows"] = names_in_group(shown, unit.racers) if unit.group else []
+        context["fellows"] = Racer.objects.filter(pk__in=unit.racers if unit.group else ()).order_by("alias")
         context["models"] = [one for one in models_of(racer) if one.pk not in latest] if task.takes_attempts else []
     context["board"] = board_of(shown, unit)
     return render(request, "courses/attempts/assignment.html", context)
@@ -115,11 +114,6 @@ def _hand_in(request: HttpRequest, shown: Assignment, racer: Racer) -> HttpRespo
         return HttpResponseRedirect(f"{shown.get_absolute_url()}#send")
     messages.success(request, _("Handed in. The runs appear below."))
     return HttpResponseRedirect(f"{shown.get_absolute_url()}#attempts")
-
-
-def names_in_group(shown: Assignment, racers: tuple[int, ...]) -> list[Racer]:
-    """The members of a submission group, as racers."""
-    return list(Racer.objects.filter(pk__in=racers).order_by("alias"))
 
 
 @login_required
@@ -221,7 +215,7 @@ def _except(request: HttpRequest, shown: Assignment, by: Racer, students: list[S
         assigning.make_submission_group(assignment=shown, by=by, name=sent["name"], racers=racers, now=now)
     elif do == "ungroup":
         group = get_object_or_404(
-            shown.submission_groups.select_related("assignment__group"), pk=_number(request, "group")
+            shown.submission_groups.select_related("assignment__group"), pk=number_sent(request, "group")
         )
         assigning.delete_submission_group(group=group, by=by, now=now)
     elif do == "reference":
@@ -231,13 +225,8 @@ def _except(request: HttpRequest, shown: Assignment, by: Racer, students: list[S
         model = get_object_or_404(mine, public_id=sent["model"])
         services.add_reference(assignment=shown, by=by, label=sent["label"], model=model, now=now)
     elif do == "remove-reference":
-        row = get_object_or_404(ReferenceRow.objects.filter(assignment=shown), pk=_number(request, "row"))
+        row = get_object_or_404(ReferenceRow.objects.filter(assignment=shown), pk=number_sent(request, "row"))
         services.remove_reference(assignment=shown, row=row, by=by)
     else:
         return
     messages.success(request, _("Saved."))
-
-
-def _number(request: HttpRequest, name: str) -> int:
-    sent = request.POST.get(name, "")
-    return int(sent) if sent.isdecimal() and len(sent) < 18 else 0

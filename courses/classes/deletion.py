@@ -22,7 +22,7 @@ from training.models import TrainingJob
 from training.quotas import files_of
 
 from ..assignments.services import delete_assignments
-from ..grading.members import can_teach_group
+from ..grading.members import require_teacher
 from ..models import Assignment, Attempt, Mark
 
 
@@ -72,8 +72,7 @@ def remove_learner(*, classroom: Classroom, by: Racer, racer: Racer) -> None:
 def delete_group_assignments(*, group: RacerGroup, by: Racer, marks_exported: bool = False) -> int:
     """Delete all assignments of a group with attempts, their runs, marks and exceptions; the number. Members keep their
     accounts and cars. Raises UserFault("assignment_not_yours" | "marks_not_exported")."""
-    if not can_teach_group(by, group):
-        raise UserFault("assignment_not_yours")
+    require_teacher(group, by)
     return _delete_assignments(group, marks_exported)
 
 

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from django.db.models import Exists, OuterRef, Q, QuerySet
 
 from accounts.models import ClassLearner, ClassTeacher, GroupMember, Racer, RacerGroup, Viewer
+from paddock.errors import UserFault
 
 from ..models import Assignment, Attempt, SubmissionGroup, SubmissionGroupMember
 
@@ -35,6 +36,12 @@ def can_teach_group(viewer: Viewer, group: RacerGroup) -> bool:
     if viewer.pk == group.leader_id:
         return True
     return ClassTeacher.objects.filter(classroom__group=group, racer=viewer.pk).exists()
+
+
+def require_teacher(group: RacerGroup, by: Racer) -> None:
+    """Raises UserFault("assignment_not_yours")."""
+    if not can_teach_group(by, group):
+        raise UserFault("assignment_not_yours")
 
 
 def groups_taught_by(viewer: Viewer) -> QuerySet[RacerGroup]:

@@ -25,7 +25,7 @@ from django.views.decorators.http import require_GET, require_http_methods, requ
 from accounts.class_accounts.services import classes_taught_by
 from accounts.models import Racer
 from accounts.request_racer import racer_of
-from core.forms import explain
+from core.forms import explain, number_sent
 from core.rate_limits import address_of, count
 from paddock.errors import PaddockError, UserFault
 
@@ -127,7 +127,7 @@ def arrival(request: HttpRequest) -> HttpResponse:
     if context is None:
         if do not in ("class", "new-class"):
             return _ask(request, came, step="class", classes=_led_by(racer))
-        taught = get_object_or_404(_led_by(racer), pk=_number(request)) if do == "class" else None
+        taught = get_object_or_404(_led_by(racer), pk=number_sent(request, "class")) if do == "class" else None
         context = services.link_course(launch=came, racer=racer, classroom=taught, now=timezone.now())
     if not cache.delete(_key(key)):  # used up, by this very browser
         raise UserFault("lti_expired")
@@ -173,11 +173,6 @@ def _key(key: str) -> str:
     return f"lti-arrival-{key[:100]}"
 
 
-def _number(request: HttpRequest, name: str = "class") -> int:
-    text = request.POST.get(name, "")
-    return int(text) if text.isdecimal() and len(text) < 18 else 0
-
-
 @require_GET
 def key_set(request: HttpRequest) -> HttpResponse:
     """The public key, for platforms."""
@@ -210,7 +205,7 @@ def courses_of_class(request: HttpRequest, slug: str) -> HttpResponse:
     shown = get_object_or_404(classes_taught_by(request.user), group__slug=slug)
     lines = lines_of(shown)
     if request.method == "POST":
-        line = get_object_or_404(lines, pk=_number(request, "line"))
+        line = get_object_or_404(lines, pk=number_sent(request, "line"))
         scores.resend(line=line, by=racer_of(request), now=timezone.now())
         messages.success(request, _("The marks are sent again."))
         return redirect("class_lti", slug)

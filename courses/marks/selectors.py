@@ -6,12 +6,7 @@ from accounts.models import Racer, Viewer
 
 from ..assignments.selectors import can_teach
 from ..grading.members import is_student, taught_by
-from ..models import Assignment, Mark
-
-
-def marks_of(assignment: Assignment) -> QuerySet[Mark]:
-    """The marks of all students of an assignment."""
-    return Mark.objects.filter(assignment=assignment).select_related("racer", "attempt")
+from ..models import Mark
 
 
 def can_see_mark(viewer: Viewer, mark: Mark) -> bool:

@@ -14,12 +14,10 @@ from paddock.errors import UserFault
 
 from ..assignments.services import adopt_rules
 from ..events import MARKS_REGRADED
-from ..grading.members import can_teach_group, units_of
+from ..grading.members import require_teacher, units_of
 from ..grading.rules import rules_of, stored_rules
-from ..grading.services import differs, everybody_of, marks_by, recompute_marks, reopen_marks
+from ..grading.services import differs, everybody_of, marks_by, reopen_marks
 from ..models import Assignment, Mark, Regrade
-
-__all__ = ["apply_regrade", "propose_regrade", "recompute_marks"]
 
 
 @audited("assignment.regrade_proposed", _("Regrade proposed"), target="assignment")
@@ -27,7 +25,7 @@ __all__ = ["apply_regrade", "propose_regrade", "recompute_marks"]
 def propose_regrade(*, assignment: Assignment, by: Racer, reason: str, now: datetime) -> Regrade:
     """Compute the marks by the present rules, beside those that stand. Changes none. Raises
     UserFault("assignment_not_yours" | "regrade_done_already")."""
-    _require_teacher(assignment, by)
+    require_teacher(assignment.group, by)
     hold(assignment)
     assignment.refresh_from_db()
     if not assignment.awaits_regrade:
@@ -49,7 +47,7 @@ def propose_regrade(*, assignment: Assignment, by: Racer, reason: str, now: date
 @transaction.atomic
 def apply_regrade(*, assignment: Assignment, regrade: Regrade, by: Racer, now: datetime) -> Regrade:
     """Write the marks as they were shown. Raises UserFault("assignment_not_yours" | "regrade_changed")."""
-    _require_teacher(assignment, by)
+    require_teacher(assignment.group, by)
     hold(assignment)
     assignment.refresh_from_db()
     regrade.refresh_from_db()
@@ -75,8 +73,3 @@ def changed_rows(assignment: Assignment) -> list[dict[str, Any]]:
         if racer in old and differs(old[racer], facts):
             rows.append({"racer": racer, "old": str(old[racer].points), "new": str(facts.points)})
     return rows
-
-
-def _require_teacher(assignment: Assignment, by: Racer) -> None:
-    if not can_teach_group(by, assignment.group):
-        raise UserFault("assignment_not_yours")

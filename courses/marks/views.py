@@ -18,6 +18,7 @@ from django.views.decorators.http import require_http_methods, require_safe
 
 from accounts.models import RacerGroup
 from accounts.request_racer import racer_of
+from core.forms import number_sent
 from paddock.errors import UserFault
 from races.web.views import report_fault
 
@@ -115,9 +116,8 @@ def assignment_regrade(request: HttpRequest, public_id: str) -> HttpResponse:
             else:
                 services.propose_regrade(assignment=assignment, by=by, reason=reason, now=now)
         elif request.POST.get("do") == "apply":
-            sent = request.POST.get("regrade", "")
             own = Regrade.objects.filter(assignment=assignment)
-            regrade = get_object_or_404(own, pk=int(sent) if sent.isdecimal() and len(sent) < 18 else 0)
+            regrade = get_object_or_404(own, pk=number_sent(request, "regrade"))
             services.apply_regrade(assignment=assignment, regrade=regrade, by=by, now=now)
             messages.success(request, _("Marks changed."))
     except UserFault as fault:

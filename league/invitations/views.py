@@ -15,7 +15,7 @@ from django.views.decorators.http import require_http_methods
 
 from accounts.request_racer import racer_of
 from accounts.usage.selectors import usage_of
-from core.forms import add_fault, explain
+from core.forms import add_fault, explain, number_sent
 from core.mail import mail_is_sent
 from core.pages.pager import LeanPaginator
 from league.invitations import services as inviting
@@ -115,11 +115,11 @@ def _invite(request: HttpRequest, race: Race, addresses: list[str]) -> None:
 
 def _change(request: HttpRequest, slug: str) -> HttpResponse:
     race, now, by = organised_race(request, slug), timezone.now(), racer_of(request)
-    wanted = request.POST.get("again") or request.POST.get("withdraw") or ""
+    do = "again" if "again" in request.POST else "withdraw"
     invited = MailInvitation.objects.filter(race=race).select_related("race")
-    one = get_object_or_404(invited, pk=int(wanted) if wanted.isdecimal() and len(wanted) < 18 else 0)
+    one = get_object_or_404(invited, pk=number_sent(request, do))
     try:
-        if "again" in request.POST:
+        if do == "again":
             inviting.invite_again(invitation=one, by=by, now=now)
             messages.success(request, _("New invitation sent. The previous link no longer works."))
         else:
