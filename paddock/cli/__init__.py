@@ -1,7 +1,7 @@
 """The command ``paddock``, for racing from home: it calls a site's API and drives with this engine."""
 
 # Reading order: :mod:`.main`, :mod:`.commands` (all commands and options), :mod:`.settings` (site and token),
-# :mod:`.site` (one request and its answer, typed in :mod:`.answers`), then the commands: :mod:`.looking`,
+# :mod:`.site` (one request and its answer), then the commands: :mod:`.looking`,
 # :mod:`.sending`, :mod:`.downloads`, :mod:`.rehearsing`, :mod:`.proving`, :mod:`.starting`, :mod:`.models`,
 # :mod:`.runs`, :mod:`.train`. :mod:`.folders` calls a command for each model of a folder.
 

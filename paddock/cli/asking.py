@@ -11,20 +11,18 @@ from dataclasses import dataclass
 from functools import cached_property, reduce
 from operator import getitem
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import Any
 
 from paddock.errors import PlatformFault, UserFault
 
-from .answers import RunAnswer, TrainingAnswer, VideoAnswer
 from .files import UNWRITABLE, file_faults
 from .settings import SITE, Settings, address, split_page
 from .showing import Speaker, lap_time, table
-from .site import Site
+from .site import Answer, Site
 
 ASK_EVERY_S = 1.0
 ID = re.compile(r"[a-z0-9]{12}")
 Command = Callable[["Call", argparse.Namespace], int]
-Answer = TypeVar("Answer", RunAnswer, TrainingAnswer, VideoAnswer)
 
 
 @dataclass

@@ -7,11 +7,11 @@ from pathlib import Path
 from paddock.errors import UserFault
 from paddock.packages.kinds import CAR, OPENVINO
 
-from .answers import VideoAnswer
 from .asking import ID, Call, named, wait_until, written
 from .files import UNREADABLE, file_faults, free, parts_of
 from .sending import NOT_WELL, wait_for
 from .settings import split_page
+from .site import Answer
 from .train import KINDS, followed
 
 EXPORTED = {CAR: "model.tar.gz", OPENVINO: "openvino.tar.gz"}
@@ -78,11 +78,8 @@ def video(asked: Call, options: argparse.Namespace) -> int:
     path = f"/videos/{site.post(f'/evaluations/{name}/videos/', body)['public_id']}/"
     page = f"{site.address}/evaluations/{name}/"
 
-    def read() -> VideoAnswer:
-        made: VideoAnswer = site.get(path)
-        return made
-
-    made = wait_until(asked, read, ("ready", "stale", "failed"), _video_progress, options.timeout, page)
+    over = ("ready", "stale", "failed")
+    made = wait_until(asked, lambda: site.get(path), over, _video_progress, options.timeout, page)
     if made["state"] != "ready":
         reason = made["reason"] or {"code": made["state"], "sentence": ""}
         asked.speaker.result(made, f"{made['state']}: {reason['code']}: {reason['sentence']}")
@@ -90,7 +87,7 @@ def video(asked: Call, options: argparse.Namespace) -> int:
     return written(asked, to, site.raw("GET", f"{path}file/"))
 
 
-def _video_progress(made: VideoAnswer) -> tuple[str, float | None]:
+def _video_progress(made: Answer) -> tuple[str, float | None]:
     if made["state"] == "waiting":
         return f"place {made['position']} in the queue", None
     return f"rendering, {made['progress']} %", made["progress"] / 100

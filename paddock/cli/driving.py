@@ -22,13 +22,12 @@ from paddock.rules.race import LIVE_LAPS, RUN_RULES, RaceRules
 from .child import HomeJob, HomeResult, JobCar
 from .files import UNREADABLE, file_faults
 from .showing import Speaker, lap_time, table
-from .site import Site
+from .site import Answer, Site
 
 if TYPE_CHECKING:
     from paddock.geometry.track import TrackGeometry
     from paddock.simulator.results import LapDocument
 
-    from .answers import Specification
 
 CHILD = "paddock.cli.child"
 _KEPT_CHARACTERS = 500  # characters of a process's last message
@@ -46,7 +45,7 @@ class Where:
     engine: str = ""
 
 
-def where_of(site: Site, specification: Specification) -> Where:
+def where_of(site: Site, specification: Answer) -> Where:
     """Read a specification of the API; the track is this package's or else the site's.
 
     Raises UserFault ``rules_unknown``, ``track_differs``, and whatever a request raises."""
@@ -76,7 +75,7 @@ def _refuse_endless(rules: RaceRules) -> None:
 def _of_the_site(site: Site, slug: str) -> TrackGeometry:
     from paddock.geometry.track import TrackGeometry
 
-    points = site.get(f"/tracks/{slug}/")
+    points: Any = site.get(f"/tracks/{slug}/")
     if points.get("centre") is None:
         raise UserFault("track_differs", track=slug)
     return TrackGeometry.from_dict(points)

@@ -17,7 +17,6 @@ from paddock.packages.choose import METADATA, is_network
 from paddock.packages.kinds import has_network_name, is_weights_file, network_suffixes
 from paddock.packages.limits import DEFAULT_LIMITS
 
-from .answers import ErrorAnswer
 from .asking import Call, Command
 from .files import UNREADABLE, file_faults
 from .showing import Speaker, table
@@ -141,7 +140,7 @@ class _Row(TypedDict):
     model: str
     status: int
     result: NotRequired[Any]
-    error: NotRequired[ErrorAnswer]
+    error: NotRequired[dict[str, Any]]
 
 
 def of_folder(command: Command, asked: Call, options: argparse.Namespace) -> int:
@@ -174,7 +173,7 @@ def _each(
     command: Command, asked: Call, options: argparse.Namespace, scratch: str, folder: Path, found: list[FoundModel]
 ) -> int:
     rows: list[_Row] = []
-    final: ErrorAnswer | None = None
+    final: dict[str, Any] | None = None
     for model in found:
         row: _Row = {"model": str((model.unpacked or model.files[0]).relative_to(folder)), "status": 2}
         rows.append(row)

@@ -4,12 +4,11 @@ import argparse
 
 from paddock.errors import UserFault
 
-from .answers import ModelAnswer
 from .asking import ID, Call, confirmed, written
 from .files import free
 from .settings import split_page
 from .showing import one_line, table
-from .site import Site
+from .site import Answer, Site
 
 FORMS = {  # of downloads: the path below the model, and the file's ending
     "package": ("package", ".zip"),
@@ -52,7 +51,7 @@ def show(asked: Call, options: argparse.Namespace) -> int:
     return 0
 
 
-def _show(asked: Call, site: Site, model: ModelAnswer) -> None:
+def _show(asked: Call, site: Site, model: Answer) -> None:
     rows = [
         *((name, model[name]) for name in ("public_id", "owner", "name", "description", "sha256", "parameters")),
         *(("sensors", ", ".join(model["sensors"])), ("uploaded", model["uploaded_at"]), ("shared", model["shared"])),

@@ -18,13 +18,12 @@ from paddock.simulator.engine import ENGINE_ID
 from paddock.simulator.results import LapDocument
 from paddock.simulator.trace import Row, Trace, column
 
-from .answers import CarAnswer, ResultAnswer, RunAnswer, Specification
 from .asking import Call
 from .child import HomeResult, JobCar
 from .driving import Where, driven, is_exact, laps_table, where_of
 from .settings import split_page
 from .showing import one_line
-from .site import Site
+from .site import Answer, Site
 
 SAME, DIFFERENT, NOT_RUN = 0, 1, 3
 
@@ -44,8 +43,8 @@ def verify(asked: Call, options: argparse.Namespace) -> int:
     if not name:
         raise UserFault("result_wanted", given=options.result)
     site = asked.site(where_asked)
-    spec: Specification = site.get(f"/evaluations/{name}/specification/")
-    run: RunAnswer = site.get(f"/evaluations/{name}/")
+    spec = site.get(f"/evaluations/{name}/specification/")
+    run = site.get(f"/evaluations/{name}/")
     if (result := run["result"]) is None:
         raise UserFault("result_not_there", state=run["state"])
     if spec["engine"] != ENGINE_ID:
@@ -70,9 +69,7 @@ def verify(asked: Call, options: argparse.Namespace) -> int:
     return DIFFERENT if not same else SAME if proven else NOT_RUN
 
 
-def _words(
-    site: Site, name: str, proof: str, closed: list[str], checks: list[Check], result: ResultAnswer
-) -> list[str]:
+def _words(site: Site, name: str, proof: str, closed: list[str], checks: list[Check], result: Answer) -> list[str]:
     lines = [laps_table(result["laps"])]
     for check in checks:
         lines.append(f"{'same     ' if check['same'] else 'DIFFERENT'}  {one_line(check['what'])}")
@@ -101,7 +98,7 @@ def _words(
     ]
 
 
-def _files(asked: Call, site: Site, name: str, spec: Specification, folder: Path) -> list[Check]:
+def _files(asked: Call, site: Site, name: str, spec: Answer, folder: Path) -> list[Check]:
     """Fetch the trace of every car into the folder, and compare its hash with the result's."""
     checks = []
     for place, car in enumerate(spec["cars"]):
@@ -117,16 +114,14 @@ def _files(asked: Call, site: Site, name: str, spec: Specification, folder: Path
     return checks
 
 
-def _from_traces(asked: Call, where: Where, spec: Specification, result: ResultAnswer, folder: Path) -> list[Check]:
+def _from_traces(asked: Call, where: Where, spec: Answer, result: Answer, folder: Path) -> list[Check]:
     traces = [str(folder / f"{place}.csv") for place in range(len(spec["cars"]))]
     with driven(where, asked.speaker, traces=traces) as (came, _):
         _note_libraries(asked, result, came)
         return _compared(spec, result, came, "commands driven again")
 
 
-def _from_networks(
-    asked: Call, site: Site, where: Where, spec: Specification, result: ResultAnswer, folder: Path
-) -> list[Check]:
+def _from_networks(asked: Call, site: Site, where: Where, spec: Answer, result: Answer, folder: Path) -> list[Check]:
     cars: list[JobCar] = []
     checks = []
     for place, car in enumerate(spec["cars"]):
@@ -147,7 +142,7 @@ def _from_networks(
         return checks
 
 
-def _note_libraries(asked: Call, result: ResultAnswer, came: HomeResult) -> None:
+def _note_libraries(asked: Call, result: Answer, came: HomeResult) -> None:
     """Show libraries that differ from the site's, the first suspects where equal engines differ."""
     theirs, ours = result["versions"], came["versions"]
     names = [name for name in ("pybullet", "numpy", "opencv", "libc") if theirs.get(name, ours[name]) != ours[name]]
@@ -155,8 +150,8 @@ def _note_libraries(asked: Call, result: ResultAnswer, came: HomeResult) -> None
         asked.speaker.note(f"{name}: {theirs[name]} on the site, {ours[name]} here")
 
 
-def _compared(spec: Specification, result: ResultAnswer, came: HomeResult, how: str) -> list[Check]:
-    results: list[CarAnswer] = [result, *sorted(result["rivals"], key=lambda rival: rival["number"])]
+def _compared(spec: Answer, result: Answer, came: HomeResult, how: str) -> list[Check]:
+    results: list[Answer] = [result, *sorted(result["rivals"], key=lambda rival: rival["number"])]
     checks = []
     for car, theirs, drove in zip(spec["cars"], results, came["cars"], strict=True):
         whose = f"car {car['number']}, {how}"

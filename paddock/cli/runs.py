@@ -2,13 +2,12 @@
 
 import argparse
 
-from .answers import RunAnswer
 from .asking import Call, confirmed, listed, named, pairs, written
 from .files import free
 from .models import model_of
 from .sending import NOT_WELL, run_summary, sent_model, wait_for
 from .settings import split_page
-from .site import Site
+from .site import Answer, Site
 
 FILES = {"logs": ("logs", "-logs.zip"), "trace": ("trace", ".csv"), "metrics": ("metrics", ".json")}
 
@@ -34,7 +33,7 @@ def start(asked: Call, options: argparse.Namespace) -> int:
     if options.submit_if_better:
         body["submit_if_better"] = True
     body["model"] = sent_model(asked, site, options)
-    run: RunAnswer = site.post("/evaluations/", body)
+    run = site.post("/evaluations/", body)
     if options.wait or options.of_many:
         run = wait_for(asked, site, run["public_id"], options.timeout)
     return _shown(asked, site, run)
@@ -68,7 +67,7 @@ def download(asked: Call, options: argparse.Namespace) -> int:
     return written(asked, to, site.raw("GET", f"/evaluations/{name}/{path}/{car}"))
 
 
-def _shown(asked: Call, site: Site, run: RunAnswer) -> int:
+def _shown(asked: Call, site: Site, run: Answer) -> int:
     page = f"{site.address}/evaluations/{run['public_id']}/"
     lines = run_summary(run) if run["state"] not in ("queued", "running") else [f"{run['public_id']}: {run['state']}"]
     asked.speaker.result(run, "\n".join([*lines, page]))

@@ -3,12 +3,11 @@
 import argparse
 from pathlib import Path
 
-from .answers import EntryAnswer, ModelAnswer, RunAnswer
 from .asking import ID, Call, confirmed, race_of, wait_until
 from .driving import figures, laps_table
 from .files import parts_of
 from .showing import lap_time, table
-from .site import Site, SiteRefusal
+from .site import Answer, Site, SiteRefusal
 
 NOT_WELL = 1
 OVER = ("finished", "failed", "stopped")
@@ -38,10 +37,10 @@ def sent_model(asked: Call, site: Site, options: argparse.Namespace) -> str:
     return _uploaded(asked, site, options)["public_id"]
 
 
-def _uploaded(asked: Call, site: Site, options: argparse.Namespace) -> ModelAnswer:
+def _uploaded(asked: Call, site: Site, options: argparse.Namespace) -> Answer:
     asked.speaker.progress(f"sending {options.model[0]}")
     fields = {name: getattr(options, name) for name in ("name", "checkpoint") if getattr(options, name)}
-    model: ModelAnswer = site.send_files("/models/", parts_of(options.model), fields)
+    model: Answer = site.send_files("/models/", parts_of(options.model), fields)
     return model
 
 
@@ -66,24 +65,19 @@ def submit(asked: Call, options: argparse.Namespace) -> int:
         asked.speaker.result(value, page)
         return 0
     run = wait_for(asked, site, evaluation, options.timeout)
-    entry: EntryAnswer = site.get(f"/races/{slug}/entry/")
+    entry = site.get(f"/races/{slug}/entry/")
     text = "\n".join([*run_summary(run), _standing(entry), page])
     asked.speaker.result({**value, "run": run, "entry": entry}, text)
     return 0 if run["state"] == "finished" else NOT_WELL
 
 
-def wait_for(asked: Call, site: Site, evaluation: str, patience_s: float) -> RunAnswer:
+def wait_for(asked: Call, site: Site, evaluation: str, patience_s: float) -> Answer:
     """The evaluation when it has ended. Raises PlatformFault("wait_over"), and what a request raises."""
     url = f"{site.address}/evaluations/{evaluation}/"
-
-    def read() -> RunAnswer:
-        run: RunAnswer = site.get(f"/evaluations/{evaluation}/")
-        return run
-
-    return wait_until(asked, read, OVER, _how_far, patience_s, url)
+    return wait_until(asked, lambda: site.get(f"/evaluations/{evaluation}/"), OVER, _how_far, patience_s, url)
 
 
-def _how_far(run: RunAnswer) -> tuple[str, float | None]:
+def _how_far(run: Answer) -> tuple[str, float | None]:
     queue, now = run["queue"], run["progress"]
     if now:
         share = (now["lap"] - 1 + now["percent"] / 100) / now["laps"]
@@ -95,7 +89,7 @@ def _how_far(run: RunAnswer) -> tuple[str, float | None]:
     return "on its way to the track", None
 
 
-def run_summary(run: RunAnswer) -> list[str]:
+def run_summary(run: Answer) -> list[str]:
     """The lines about a run that has ended: its laps, or the reason why there are none."""
     result = run["result"]
     if result is None:
@@ -109,7 +103,7 @@ def run_summary(run: RunAnswer) -> list[str]:
     ]
 
 
-def _standing(entry: EntryAnswer) -> str:
+def _standing(entry: Answer) -> str:
     left = entry["submissions_left"]
     left_text = "submissions unlimited" if left is None else f"{left} submissions left"
     if not entry["classified"]:

@@ -17,7 +17,6 @@ from typing import IO, TYPE_CHECKING, Any
 
 from paddock.errors import PaddockError, PlatformFault, UserFault
 
-from .answers import ErrorAnswer
 from .files import UNREADABLE, file_faults
 
 if TYPE_CHECKING:
@@ -39,7 +38,7 @@ _SHORT = 300
 class SiteRefusal(Exception):
     """An error answer of the site."""
 
-    def __init__(self, status: int, answer: ErrorAnswer) -> None:
+    def __init__(self, status: int, answer: dict[str, Any]) -> None:
         super().__init__(f"{answer['code']}: {answer['message']}")
         self.status, self.answer = status, answer
 
@@ -49,14 +48,14 @@ class SiteRefusal(Exception):
         return self.answer.get("fault") == "platform"
 
 
-def error_of(fault: PaddockError | SiteRefusal) -> ErrorAnswer:
-    """The form of an error that a command shows."""
+def error_of(fault: PaddockError | SiteRefusal) -> dict[str, Any]:
+    """An error as a command shows it: ``code``, ``message``, ``fault`` ("user" or "platform") and ``params``."""
     if isinstance(fault, SiteRefusal):
         return fault.answer
     return {"code": fault.code, "fault": fault.fault, "params": fault.params, "message": str(fault)}
 
 
-class _Answer(dict[str, Any]):
+class Answer(dict[str, Any]):
     """An object in an answer of the site. A missing key raises UserFault("site_is_no_paddock")."""
 
     def __init__(self, site: str, pairs: dict[str, Any]) -> None:
@@ -85,12 +84,12 @@ class Site:
 
         return build_opener(Stay)
 
-    def get(self, path: str, **query: object) -> Any:
-        """The object at ``path`` below the API, see :class:`_Answer`. Raises as :meth:`raw`."""
+    def get(self, path: str, **query: object) -> Answer:
+        """The object at ``path`` below the API, see :class:`Answer`. Raises as :meth:`raw`."""
         given = {name: value for name, value in query.items() if value not in (None, "")}
         asked = urllib.parse.urlencode(given, errors="replace")
         found = self._json(self.raw("GET", f"{path}?{asked}" if asked else path))
-        if not isinstance(found, dict):
+        if not isinstance(found, Answer):
             raise UserFault("site_is_no_paddock", site=self.address, problem=f"no object lies at {path}")
         return found
 
@@ -181,7 +180,7 @@ class Site:
 
     def _json(self, content: bytes) -> Any:
         try:
-            return json.loads(content, object_hook=lambda pairs: _Answer(self.address, pairs)) if content else None
+            return json.loads(content, object_hook=lambda pairs: Answer(self.address, pairs)) if content else None
         except (ValueError, RecursionError) as error:  # the latter: lists in lists in lists
             raise UserFault("site_is_no_paddock", site=self.address, problem="its answer is not JSON") from error
 

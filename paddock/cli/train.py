@@ -9,12 +9,11 @@ from typing import Any
 
 from paddock.errors import UserFault
 
-from .answers import IterationAnswer, TrainingAnswer
 from .asking import Call, listed, named, pairs, wait_until
 from .files import UNREADABLE, file_faults
 from .sending import NOT_WELL, OVER
 from .showing import lap_time
-from .site import Site
+from .site import Answer, Site
 
 KINDS = ("train", "trainings")
 
@@ -43,7 +42,7 @@ def start(asked: Call, options: argparse.Namespace) -> int:
         raise UserFault("home_command_line", problem="name the track with --track")
     body["reward_code"] = _read(options.reward)
     site = asked.site()
-    job: TrainingAnswer = site.post("/trainings/", body)
+    job = site.post("/trainings/", body)
     return watched(asked, site, job["public_id"], options.timeout) if options.wait else _shown(asked, site, job)
 
 
@@ -77,13 +76,13 @@ def watched(asked: Call, site: Site, name: str, patience_s: float) -> int:
     return _shown(asked, site, followed(asked, site, name, patience_s))
 
 
-def followed(asked: Call, site: Site, name: str, patience_s: float) -> TrainingAnswer:
+def followed(asked: Call, site: Site, name: str, patience_s: float) -> Answer:
     """The training when it has ended. New iterations and new output of the reward function are shown meanwhile."""
     shown, printed = 0, ""
 
-    def read() -> TrainingAnswer:
+    def read() -> Answer:
         nonlocal shown, printed
-        job: TrainingAnswer = site.get(f"/trainings/{name}/")
+        job = site.get(f"/trainings/{name}/")
         if not asked.speaker.as_json:
             for line in new_text(printed, job["printed"]).splitlines():
                 asked.speaker.note(f"  {line}")
@@ -103,7 +102,7 @@ def new_text(before: str, now: str) -> str:
     return now
 
 
-def _iteration(one: IterationAnswer) -> str:
+def _iteration(one: Answer) -> str:
     reward = "-" if one["mean_reward"] is None else f"{one['mean_reward']:.2f}"
     lap = "" if one["eval_lap_ms"] is None else f", lap {lap_time(one['eval_lap_ms'])}"
     return (
@@ -112,14 +111,14 @@ def _iteration(one: IterationAnswer) -> str:
     )
 
 
-def _how_far(job: TrainingAnswer) -> tuple[str, float | None]:
+def _how_far(job: Answer) -> tuple[str, float | None]:
     if job["state"] == "queued":
         position = job["queue_position"]
         return "waiting for a trainer" if position is None else f"place {position} in the queue", None
     return f"training: {job['steps']} steps, {job['training_s']:.0f} s", None
 
 
-def _shown(asked: Call, site: Site, job: TrainingAnswer) -> int:
+def _shown(asked: Call, site: Site, job: Answer) -> int:
     lines = [f"{job['name']}: {job['state']}, {job['steps']} steps in {job['training_s']:.1f} s"]
     lines += [text for text in (job["ending"], job["reason"]) if text]
     models = {"best": job["best_model"], "last": job["last_model"]}
