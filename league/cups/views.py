@@ -19,9 +19,8 @@ from evaluation.selectors import models_of
 from league.cups import selectors
 from league.cups.services import start_always, start_no_more
 from league.models import Cup
-from paddock.errors import UserFault
 from races.pages.views.races import page_number
-from races.web.views import report_fault
+from races.web.views import faults_reported
 
 PER_PAGE = 30
 
@@ -85,11 +84,8 @@ def cup_starter(request: HttpRequest) -> HttpResponse:
         messages.success(request, _("Automatic entry is off."))
         return redirect("cups")
     model = get_object_or_404(models_of(racer), public_id=public_id)
-    try:
+    with faults_reported(request):
         start_always(racer=racer, model=model, now=timezone.now())
-    except UserFault as fault:
-        report_fault(request, fault)
-    else:
         messages.success(request, _("%(model)s starts in every cup from now on.") % {"model": model.name})
     return redirect("cups")
 

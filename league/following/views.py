@@ -3,7 +3,7 @@
 from django.contrib import messages
 from django.contrib.auth.decorators import login_required
 from django.core.paginator import Paginator
-from django.http import Http404, HttpRequest, HttpResponse
+from django.http import HttpRequest, HttpResponse
 from django.shortcuts import redirect, render
 from django.utils import timezone
 from django.utils.translation import gettext as _
@@ -11,12 +11,10 @@ from django.views.decorators.cache import never_cache
 from django.views.decorators.http import require_POST, require_safe
 
 from accounts.following import follow_racer, followed_by, unfollow_racer
-from accounts.models import Racer
 from accounts.request_racer import racer_of
-from core.forms import explain
-from paddock.errors import UserFault
+from races.web.views import faults_reported
 
-from ..racers.selectors import racer_shown
+from ..racers.api import shown_racer
 from .selectors import doings_of_followed
 
 ROWS = 50
@@ -35,12 +33,9 @@ def following(request: HttpRequest) -> HttpResponse:
 @login_required
 @require_POST
 def follow(request: HttpRequest, alias: str) -> HttpResponse:
-    racer = _racer(alias)
-    try:
+    racer = shown_racer(request, alias)
+    with faults_reported(request):
         follow_racer(follower=racer_of(request), racer=racer, now=timezone.now())
-    except UserFault as fault:
-        messages.error(request, explain(fault))
-    else:
         messages.success(request, _("You follow %(racer)s.") % {"racer": racer.alias})
     return redirect(racer)
 
@@ -49,14 +44,7 @@ def follow(request: HttpRequest, alias: str) -> HttpResponse:
 @require_POST
 def unfollow(request: HttpRequest, alias: str) -> HttpResponse:
     """Follow a racer no more, on their page or (``from=list``) in the list."""
-    racer = _racer(alias)
+    racer = shown_racer(request, alias)
     unfollow_racer(follower=racer_of(request), racer=racer)
     messages.success(request, _("You no longer follow %(racer)s.") % {"racer": racer.alias})
     return redirect("following" if request.POST.get("from") == "list" else racer)
-
-
-def _racer(alias: str) -> Racer:
-    racer = racer_shown(alias)
-    if racer is None:
-        raise Http404
-    return racer

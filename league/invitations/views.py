@@ -23,7 +23,7 @@ from league.models import MailInvitation
 from paddock.errors import UserFault
 from races.boards.ranking import rule_for
 from races.models import Race
-from races.web.views import organised_race
+from races.web.views import faults_reported, organised_race
 
 ROWS = 100
 MOST_KB = 256
@@ -118,15 +118,13 @@ def _change(request: HttpRequest, slug: str) -> HttpResponse:
     do = "again" if "again" in request.POST else "withdraw"
     invited = MailInvitation.objects.filter(race=race).select_related("race")
     one = get_object_or_404(invited, pk=number_sent(request, do))
-    try:
+    with faults_reported(request):
         if do == "again":
             inviting.invite_again(invitation=one, by=by, now=now)
             messages.success(request, _("New invitation sent. The previous link no longer works."))
         else:
             inviting.withdraw_invitation(invitation=one, by=by, now=now)
             messages.success(request, _("Invitation withdrawn."))
-    except UserFault as fault:
-        messages.error(request, explain(fault))
     return redirect("race_invited", race.slug)
 
 

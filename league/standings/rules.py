@@ -81,8 +81,8 @@ class Promotion:
 
 
 @dataclass(frozen=True)
-class FinaleField:
-    """The best ``size`` (1 or more, else ValueError) of a pro race without those already in the championship."""
+class _FirstOfRace:
+    """The first ``size`` (1 or more, else ValueError) of a race without those already in the championship."""
 
     size: int
 
@@ -90,9 +90,13 @@ class FinaleField:
         if self.size < 1:
             raise ValueError(f"size must be at least 1, not {self.size}")
 
-    def field(self, order: Iterable[R], qualified: Collection[R]) -> list[R]:
-        """The field, the best first. ``order``: the classified racers of the pro race; ``qualified``: by then."""
-        return _first_without(order, qualified, self.size)
+    def chosen(self, order: Iterable[R], qualified: Collection[R]) -> list[R]:
+        """The best first. ``order``: the classified racers of the race; ``qualified``: those in the championship."""
+        return list(islice((racer for racer in order if racer not in qualified), self.size))
+
+
+class FinaleField(_FirstOfRace):
+    """Of a pro race: they drive the finale."""
 
     def sentence(self) -> str:
         return ngettext(
@@ -103,27 +107,16 @@ class FinaleField:
         ) % {"size": self.size}
 
 
-@dataclass(frozen=True)
-class ChampionshipField:
-    """The first ``places`` (1 or more, else ValueError) of a finale qualify for the championship, each once."""
-
-    places: int
-
-    def __post_init__(self) -> None:
-        if self.places < 1:
-            raise ValueError(f"places must be at least 1, not {self.places}")
-
-    def qualified(self, order: Iterable[R], before: Collection[R]) -> list[R]:
-        """The racers who qualify in a finale, the winner first. ``before``: those already qualified when it closed."""
-        return _first_without(order, before, self.places)
+class ChampionshipField(_FirstOfRace):
+    """Of a finale: they qualify for the championship, each once."""
 
     def sentence(self) -> str:
         return ngettext(
             "The winner of a finale qualifies for the championship, which closes the season.",
             "The best %(places)s of a finale without a championship place qualify for the "
             "championship, which closes the season.",
-            self.places,
-        ) % {"places": self.places}
+            self.size,
+        ) % {"places": self.size}
 
 
 @dataclass(frozen=True)
@@ -230,8 +223,3 @@ class Standings:
             "in the latest round with different places."
         )
         return f"{dropped} {ties}"
-
-
-def _first_without(order: Iterable[R], without: Collection[R], size: int) -> list[R]:
-    """The first ``size`` of ``order`` that are not among ``without``."""
-    return list(islice((racer for racer in order if racer not in without), size))

@@ -5,7 +5,7 @@ import re
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from datetime import datetime
-from typing import TypedDict
+from typing import Any
 from urllib.parse import urlsplit
 
 from django.conf import settings
@@ -92,24 +92,6 @@ WORDS = {
 PayloadData = dict[str, str | int | bool | None]
 
 
-class PayloadRace(TypedDict):
-    slug: str
-    name: str
-    url: str
-    opens_at: str
-    closes_at: str
-
-
-class Payload(TypedDict):
-    """The body for a program (Standard Webhooks: type, timestamp, data)."""
-
-    type: str
-    timestamp: str
-    event: str  # as before there was a "type"
-    race: PayloadRace | None
-    data: PayloadData
-
-
 @dataclass(frozen=True)
 class Happening:
     """An event ``at`` a time. ``about`` identifies it; ``path`` is its page's."""
@@ -121,11 +103,12 @@ class Happening:
     race: Race | None = None
     data: PayloadData = field(default_factory=dict)
 
-    def body(self) -> Payload:
+    def body(self) -> dict[str, Any]:
+        """The body for a program (Standard Webhooks: type, timestamp, data)."""
         return {
             "type": self.event,
             "timestamp": self.at.isoformat(),
-            "event": self.event,
+            "event": self.event,  # as before there was a "type"
             "race": self._race(),
             "data": self.data,
         }
@@ -141,7 +124,7 @@ class Happening:
         }
         return _(WORDS[self.event]) % params
 
-    def _race(self) -> PayloadRace | None:
+    def _race(self) -> dict[str, str] | None:
         if self.race is None:
             return None
         return {

@@ -25,7 +25,7 @@ from league.webhooks.selectors import deliveries_of, races_for_webhooks, webhook
 from league.webhooks.services import PER_RACER, add_webhook, change_secret, remove_webhook, secrets_of, send_test
 from paddock.errors import UserFault
 from races.models import Race
-from races.web.views import report_fault
+from races.web.views import faults_reported
 
 SHOWN = 20
 # what a delivery failed for, by its ``error``; the codes of faults beside those of league.webhooks.services
@@ -118,11 +118,8 @@ def _answer(delivery: WebhookDelivery) -> str:
 def webhook_test(request: HttpRequest, pk: int) -> HttpResponse:
     """Send a test delivery to one of the racer's webhooks: queued here, sent by the task that sends all of them."""
     hook = get_object_or_404(webhooks_of(request.user), pk=pk)
-    try:
+    with faults_reported(request):
         send_test(webhook=hook, now=timezone.now())
-    except UserFault as fault:
-        report_fault(request, fault)
-    else:
         messages.success(request, _("Test sent. The answer appears below."))
     return redirect("webhooks")
 

@@ -42,13 +42,13 @@ def test_an_already_promoted_racer_uses_up_a_place():
 
 
 def test_a_finale_takes_the_best_who_have_not_qualified():
-    assert FinaleField(3).field("abcdef", qualified={"b", "x"}) == ["a", "c", "d"]
-    assert FinaleField(16).field("ab", qualified=set()) == ["a", "b"]
+    assert FinaleField(3).chosen("abcdef", qualified={"b", "x"}) == ["a", "c", "d"]
+    assert FinaleField(16).chosen("ab", qualified=set()) == ["a", "b"]
 
 
 def test_the_first_three_of_a_finale_qualify_once():
-    assert ChampionshipField(3).qualified("abcdef", before=set()) == ["a", "b", "c"]
-    assert ChampionshipField(3).qualified("abcdef", before={"b"}) == ["a", "c", "d"]
+    assert ChampionshipField(3).chosen("abcdef", qualified=set()) == ["a", "b", "c"]
+    assert ChampionshipField(3).chosen("abcdef", qualified={"b"}) == ["a", "c", "d"]
 
 
 @pytest.mark.parametrize("rule", [FinaleField, ChampionshipField])

@@ -3,7 +3,7 @@
 import gzip
 import json
 from collections.abc import Iterator
-from typing import Literal, NotRequired, TypedDict
+from typing import Any, Literal
 
 from django.http import HttpResponse, HttpResponseBase, StreamingHttpResponse
 
@@ -56,29 +56,7 @@ def download(job: TrainingJob, file: Download, reader: Racer) -> HttpResponseBas
     return as_download(StreamingHttpResponse(data(job), content_type=kind), name)
 
 
-class EpisodeMetrics(TypedDict):
-    """An entry of the metrics; ``track`` and ``direction`` only of a training with several."""
-
-    reward_score: int
-    metric_time: int
-    start_time: int
-    elapsed_time_in_milliseconds: int
-    episode: int
-    trial: int
-    phase: str
-    completion_percentage: int
-    episode_status: str
-    track: NotRequired[str]
-    direction: NotRequired[str]
-
-
-class TrainingMetrics(TypedDict):
-    metrics: list[EpisodeMetrics]
-    version: float
-    best_model_metric: str
-
-
-def training_metrics(job: TrainingJob) -> TrainingMetrics:
+def training_metrics(job: TrainingJob) -> dict[str, Any]:
     """``{"metrics": [...], "version": 2.0, "best_model_metric": ...}``: all episodes and trials as driven, in simulated
     ms.
 
@@ -104,15 +82,16 @@ def metrics_json(job: TrainingJob) -> Iterator[bytes]:
     yield f'], "version": {VERSION}, "best_model_metric": {best}}}\n'.encode()
 
 
-def _entries(job: TrainingJob) -> Iterator[list[EpisodeMetrics]]:
+def _entries(job: TrainingJob) -> Iterator[list[dict[str, Any]]]:
+    """The entries of each iteration; those of a training with several tracks have ``track`` and ``direction``."""
     clock = episode = 0
     slugs = [track.slug for track in job.tracks]
     rows = job.iterations.order_by("number").values_list("episodes", "eval_trials")
     for driven_here in rows.iterator(chunk_size=AT_A_TIME):
-        metrics: list[EpisodeMetrics] = []
+        metrics: list[dict[str, Any]] = []
         for phase, driven in zip(("training", "evaluation"), driven_here, strict=True):
             for trial, one in enumerate(driven, start=1):
-                entry: EpisodeMetrics = {
+                entry: dict[str, Any] = {
                     "reward_score": round(one["reward"]),
                     "metric_time": clock + one["time_ms"],
                     "start_time": clock,

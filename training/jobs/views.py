@@ -27,7 +27,7 @@ from paddock.rules.race import BOX_COUNT
 from races.models import Race, RaceType
 from races.replays.run_maps import map_point, map_size
 from races.rules.layout import box_marks
-from races.web.views import report_fault
+from races.web.views import faults_reported
 from tracks.drawing.maps import BoxMark
 from training.jobs.exports import Download, download
 from training.jobs.progress_graph import SMOOTHINGS, draw_graph, points_of
@@ -158,12 +158,9 @@ def training_evaluate(request: HttpRequest, public_id: str) -> HttpResponse:
     if job.owner_id != request.user.pk:
         raise Http404
     which: Literal["best", "last"] = "last" if request.POST.get("model") == "last" else "best"
-    try:
-        evaluation = evaluate_training(job=job, which=which, by=request.user, now=timezone.now())
-    except UserFault as fault:
-        report_fault(request, fault)
-        return redirect(job)
-    return redirect(evaluation)
+    with faults_reported(request):
+        return redirect(evaluate_training(job=job, which=which, by=request.user, now=timezone.now()))
+    return redirect(job)
 
 
 def _last(job: TrainingJob) -> TrainingIteration | None:

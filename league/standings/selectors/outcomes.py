@@ -61,11 +61,11 @@ def outcome_of(round_: Round) -> BoardOutcome:
     elif round_.stage == Stage.PRO:
         qualified = _qualified_before(round_) | guests
         order = classified_order(race, season.finale_size + len(qualified))
-        outcome.finale.extend(FinaleField(season.finale_size).field(order, qualified))
+        outcome.finale.extend(FinaleField(season.finale_size).chosen(order, qualified))
     elif round_.stage == Stage.FINALE:
         qualified = _qualified_before(round_) | guests
         order = classified_order(race, season.championship_places + len(qualified))
-        outcome.qualified.extend(ChampionshipField(season.championship_places).qualified(order, qualified))
+        outcome.qualified.extend(ChampionshipField(season.championship_places).chosen(order, qualified))
     return outcome
 
 
