@@ -47,9 +47,6 @@ class RoundAdmin(ReadOnly, admin.ModelAdmin):
     ordering = ("-race__closes_at", "pk")
     actions = ("publish", "lock", "take_back", "disqualify", "put_back", "postpone", "announce")
 
-    def has_steward_permission(self, request: HttpRequest) -> bool:
-        return request.user.has_perm("league.change_round")
-
     @admin.display(description=gettext_lazy("state"))
     def state(self, round_: Round) -> str:
         return str(round_.race.state_at(timezone.now()).label)

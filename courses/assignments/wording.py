@@ -7,9 +7,22 @@ from typing import Any
 from django.utils.translation import gettext as _
 
 from core.times import clock
+from paddock.errors.reasons import gettext_noop
 
 from ..marking.pass_rules import PASS_RULES
-from ..marking.whys import WHYS
+
+WHYS = {
+    "passed": gettext_noop("Passed on every track."),
+    "by_time": gettext_noop("Points by time: %(value)s."),
+    "place": gettext_noop("Place %(value)s."),
+    "too_few_laps": gettext_noop("%(value)s of %(laps)s complete laps in a row."),
+    "too_slow": gettext_noop("%(value)s, at most %(at_most_ms)s needed."),
+    "no_lap": gettext_noop("Too few complete laps for a time."),
+    "not_driven": gettext_noop("Nothing was driven."),
+    "waits": gettext_noop("A run is not over yet."),
+    "hidden_waits": gettext_noop("Hidden tracks are drawn at the deadline."),
+    "place_waits": gettext_noop("Places are known when all runs are over."),
+}
 
 
 def pass_rule_label(code: str) -> str:

@@ -12,6 +12,7 @@ from django.contrib.auth import login
 from django.contrib.auth.decorators import login_required
 from django.core.cache import cache
 from django.core.exceptions import PermissionDenied
+from django.db.models import Count, Max, Prefetch, Q, QuerySet
 from django.http import HttpRequest, HttpResponse, JsonResponse
 from django.shortcuts import get_object_or_404, redirect, render
 from django.urls import reverse
@@ -23,17 +24,16 @@ from django.views.decorators.debug import sensitive_post_parameters
 from django.views.decorators.http import require_GET, require_http_methods, require_POST
 
 from accounts.class_accounts.services import classes_taught_by
-from accounts.models import Racer
+from accounts.models import Classroom, Racer
 from accounts.request_racer import racer_of
 from core.forms import explain, number_sent
 from core.rate_limits import address_of, count
 from paddock.errors import PaddockError, UserFault
 
-from ..models import LtiContext, LtiPlatform
+from ..models import LtiContext, LtiLine, LtiPlatform, LtiScore, LtiScoreState
 from . import scores, services
 from .frames import framed
 from .launches import Launch
-from .selectors import lines_of
 from .tool import tool_addresses, tool_configuration
 
 View = Callable[..., HttpResponse]
@@ -212,3 +212,19 @@ def courses_of_class(request: HttpRequest, slug: str) -> HttpResponse:
     contexts = LtiContext.objects.filter(group=shown.group).select_related("platform")
     context = {"classroom": shown, "contexts": contexts, "lines": lines}
     return render(request, "courses/lti/class.html", context)
+
+
+def lines_of(classroom: Classroom) -> QuerySet[LtiLine]:
+    """The columns in grade books for the class's assignments, with numbers of ``sent``, ``due`` and ``failed`` scores
+    and ``failures``, the failed ones with their reasons."""
+    lines = LtiLine.objects.filter(context__group=classroom.group_id).select_related(
+        "assignment", "context__platform", "context__group__classroom"
+    )
+    failed = LtiScore.objects.filter(state=LtiScoreState.FAILED).select_related("racer__learner")
+    counts = {
+        "sent": Count("scores", filter=Q(scores__state=LtiScoreState.SENT)),
+        "due": Count("scores", filter=Q(scores__state__in=(LtiScoreState.DUE, LtiScoreState.SENDING))),
+        "failed": Count("scores", filter=Q(scores__state=LtiScoreState.FAILED)),
+        "sent_at": Max("scores__ended_at", filter=Q(scores__state=LtiScoreState.SENT)),
+    }
+    return lines.annotate(**counts).prefetch_related(Prefetch("scores", failed, to_attr="failures")).order_by("pk")

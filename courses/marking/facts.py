@@ -84,7 +84,7 @@ class TrackMark:
 
 @dataclass(frozen=True)
 class PartMark:
-    """``passed``: None while something waits that decides it. ``why``: a code of :data:`courses.marking.whys.WHYS`."""
+    """``passed``: None while something waits that decides it. ``why``: a code of the WHYS of assignments' wording."""
 
     points: Decimal
     passed: bool | None

@@ -5,15 +5,13 @@ match keeps only its name.
 """
 
 import hashlib
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Sequence
 from datetime import datetime, timedelta
-from itertools import islice
-from operator import attrgetter
 from pathlib import Path
 from typing import Any
 
 from django.core.exceptions import ValidationError
-from django.db import IntegrityError, connection, models, transaction
+from django.db import IntegrityError, transaction
 from django.utils.text import slugify
 
 from accounts.models import Racer
@@ -39,6 +37,7 @@ from .folder_reader import ReadRace, ReadSeason, read_folder
 
 # An address that never receives anything (RFC 2606).
 _EMAIL = "{name}@record.invalid"
+BATCH = 1000  # rows of up to 65 columns: PostgreSQL takes 65,535 values in a statement
 
 
 def import_folder(*, folder: Path, now: datetime, season: str | None = None, **settings: Any) -> list[Season]:
@@ -97,23 +96,19 @@ def _make_season(read: ReadSeason, settings: dict[str, Any]) -> Season:
 def _racers(read: ReadSeason, now: datetime) -> dict[str, int]:
     """The id of every racer of the season by their id in the record; those that are not here yet are made."""
     wanted = {result.racer: result.alias for race in read.races for result in race.results}
-    known = _recorded_racers()
+    recorded = Racer.objects.exclude(record_id=None).values_list("record_id", "pk")
+    known = {str(record_id): pk for record_id, pk in recorded}
     new = {racer: alias for racer, alias in wanted.items() if racer not in known}
     taken = {alias.lower() for alias in Racer.objects.values_list("alias", flat=True)} if new else set()
     rows = [_racer(racer, _free_alias(alias, racer, taken), now) for racer, alias in new.items()]
-    insert_rows(Racer, ("alias", "email", "password", "is_active", "joined_at", "record_id"), rows)
-    return _recorded_racers()
+    made = Racer.objects.bulk_create(rows, batch_size=BATCH)
+    return known | {racer: row.pk for racer, row in zip(new, made, strict=True)}
 
 
-def _recorded_racers() -> dict[str, int]:
-    found = Racer.objects.exclude(record_id=None).values_list("record_id", "pk")
-    return {record_id: pk for record_id, pk in found if record_id is not None}
-
-
-def _racer(record_id: str, alias: str, now: datetime) -> tuple:
-    name = hashlib.sha256(record_id.encode()).hexdigest()[:32]
+def _racer(record_id: str, alias: str, now: datetime) -> Racer:
+    email = _EMAIL.format(name=hashlib.sha256(record_id.encode()).hexdigest()[:32])
     # "!": a password that nothing matches
-    return alias, _EMAIL.format(name=name), "!", False, now, record_id
+    return Racer(alias=alias, email=email, password="!", is_active=False, joined_at=now, record_id=record_id)
 
 
 def _free_alias(alias: str, record_id: str, taken: set[str]) -> str:
@@ -178,11 +173,21 @@ def _free_slug(stem: str) -> str:
 
 
 def _make_entries(race: Race, results: Sequence[ResultRow], racers: dict[str, int]) -> None:
-    rows = [(race.pk, racers[one.racer], *_values_of_entry(one), *_standing(one)) for one in results]
-    insert_rows(Entry, _ENTRY, rows)
-    entries = dict(Entry.objects.filter(race=race).values_list("racer", "pk"))
-    records = [(entries[racers[one.racer]], *_values_of_record(one)) for one in results]
-    insert_rows(RecordedResult, ("entry", *_RECORD), records)
+    rows = [
+        Entry(
+            race=race,
+            racer_id=racers[one.racer],
+            **{column: getattr(one, name) for column, name in _OF_RESULT.items()},
+            **_standing(one),
+        )
+        for one in results
+    ]
+    entries = Entry.objects.bulk_create(rows, batch_size=BATCH)
+    records = (
+        RecordedResult(entry=entry, **{name: getattr(one, name) for name in _RECORD})
+        for entry, one in zip(entries, results, strict=True)
+    )
+    RecordedResult.objects.bulk_create(records, batch_size=BATCH)
 
 
 # Columns of an entry by the value of a result that stands in them; _standing makes the others.
@@ -194,57 +199,17 @@ _OF_RESULT = {
     "complete_laps": "laps",
     **{name: name for name in ("score_ms", "average_ms", "best_lap_ms", "total_ms", "off_tracks", "resets")},
 }
-_DRAWN = ("seed", "points", "duels", "duel_lap_ms")
-_ENTRY = ("race", "racer", *_OF_RESULT, "classified", "own_lap_ms", "rank_score", "rank_lap", *_DRAWN)
 _RECORD = ("alias", "rank", "score", "measured", "collisions", "average_resets", "status", "division", "blank")
-_values_of_entry, _values_of_record = attrgetter(*_OF_RESULT.values()), attrgetter(*_RECORD)
 
 
-def _standing(result: ResultRow) -> tuple:
+def _standing(result: ResultRow) -> dict[str, Any]:
     """What a recorded result is worth: its score, or how far the car drove."""
     classified, duel = result.score_ms is not None, result.duel
-    own_lap = result.best_lap_ms if classified else None
+    worth: dict[str, Any] = {"classified": classified, "own_lap_ms": result.best_lap_ms if classified else None}
     if duel is not None and duel.seed is not None:
-        rank = drawn_rank(duel.points, duel.lap_ms, duel.seed)
-        return classified, own_lap, *rank, duel.seed, duel.points, duel.duels, duel.lap_ms
-    score = NOT_CLASSIFIED - result.driven_percent if result.score_ms is None else result.score_ms
-    return classified, own_lap, score, LAST if result.best_lap_ms is None else result.best_lap_ms, None, 0, 0, None
-
-
-BATCH = 1000  # rows of up to 65 columns: PostgreSQL takes 65,535 values in a statement
-# What the database's driver takes as it is. Others are prepared value by value.
-_PLAIN = (models.IntegerField, models.BooleanField, models.CharField, models.FloatField, models.ForeignKey)
-
-
-def insert_rows(model: type[models.Model], columns: Sequence[str], rows: Iterable[Sequence[Any]]) -> int:
-    """Insert ``rows``, the values of ``columns`` (foreign keys: the id), with defaults for other fields; returns how
-    many.
-
-    Several times as fast as ``bulk_create``, which makes an object of every row. Raises IntegrityError.
-    """
-    named: Mapping[str, models.Field] = {field.name: field for field in model._meta.concrete_fields}
-    rest = [field for name, field in named.items() if name not in columns and not isinstance(field, models.AutoField)]
-    fields = [named[name] for name in columns] + rest
-    defaults = tuple(_prepared(field)(field.get_default()) for field in rest)
-    prepare = [None if isinstance(named[name], _PLAIN) else _prepared(named[name]) for name in columns]
-    values = (
-        (*(value if ready is None else ready(value) for value, ready in zip(row, prepare, strict=True)), *defaults)
-        for row in rows
-    )
-    quote = connection.ops.quote_name
-    into_columns = ", ".join(quote(field.column or "") for field in fields)
-    into = f"INSERT INTO {quote(model._meta.db_table)} ({into_columns}) VALUES "
-    one = f"({', '.join(['%s'] * len(fields))})"
-    count = 0
-    with transaction.atomic(), connection.cursor() as cursor:
-        while batch := list(islice(values, BATCH)):
-            count += len(batch)
-            if connection.vendor == "sqlite":
-                cursor.executemany(into + one, batch)
-            else:  # a server counts and answers statements, so there are few of them
-                cursor.execute(into + ", ".join([one] * len(batch)), [value for row in batch for value in row])
-    return count
-
-
-def _prepared(field: models.Field) -> Callable[[Any], Any]:
-    return lambda value: field.get_db_prep_save(value, connection)
+        score, lap = drawn_rank(duel.points, duel.lap_ms, duel.seed)
+        worth |= {"seed": duel.seed, "points": duel.points, "duels": duel.duels, "duel_lap_ms": duel.lap_ms}
+    else:
+        score = NOT_CLASSIFIED - result.driven_percent if result.score_ms is None else result.score_ms
+        lap = LAST if result.best_lap_ms is None else result.best_lap_ms
+    return worth | {"rank_score": score, "rank_lap": lap}

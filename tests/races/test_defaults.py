@@ -12,7 +12,7 @@ from django.db.models import Model
 from django.utils import timezone
 
 from league.models import Stage, StageRules
-from league.seasons.forms.stage_fields import PROPOSALS as OF_A_SEASON
+from league.seasons.forms.season_form import PROPOSALS as OF_A_SEASON
 from paddock.rules.race import PROPOSED_BOTS, PROPOSED_BOXES, RACE_TYPES, RaceRules
 from paddock.simulator.envs.configuration import rules_of_episodes
 from paddock.simulator.envs.setting import head_to_head, object_avoidance

@@ -1,5 +1,9 @@
 """The pages of sweeps."""
 
+from collections.abc import Sequence
+from html import escape
+from itertools import accumulate
+
 from django.contrib import messages
 from django.contrib.auth.decorators import login_required
 from django.http import Http404, HttpRequest, HttpResponse
@@ -10,17 +14,19 @@ from django.views.decorators.http import require_http_methods, require_POST, req
 
 from accounts.request_racer import racer_of
 from core.forms import explain
+from core.pages.charts import Chart
 from paddock.errors import UserFault
 
 from ..models import Sweep
-from .charts import progress_chart
 from .halving import plan
 from .selectors import (
+    TrialRow,
     can_delete_sweep,
     can_stop_sweep,
     dimension_label,
     importances,
     rows_of,
+    score_of,
     value_words,
     visible_sweeps,
 )
@@ -88,3 +94,34 @@ def sweep_delete(request: HttpRequest, public_id: str) -> HttpResponse:
 def visible_sweep(request: HttpRequest, public_id: str) -> Sweep:
     sweeps = visible_sweeps(request.user).select_related("owner", "best__job__best_model")
     return get_object_or_404(sweeps, public_id=public_id)
+
+
+CHART = Chart("sweep-chart", 860, 300, left=56, right=14, top=14, bottom=30)
+_PERCENTS = (0, 25, 50, 75, 100)
+
+
+def progress_chart(rows: Sequence[TrialRow]) -> str:
+    """Empty before the first evaluation. Above 100 % stand whole laps, the faster the higher."""
+    drawn = [row for row in rows if row.points]
+    if not drawn:
+        return ""
+    longest = max(row.points[-1][0] for row in drawn)
+    highest = max(100.0, *(score_of(progress, lap) for row in drawn for _s, progress, lap in row.points)) * 1.02
+    fastest = min((lap for row in drawn for _s, progress, lap in row.points if lap and progress >= 100.0), default=None)
+    marks = [(1 - percent / highest, f"{percent} %") for percent in _PERCENTS]
+    if fastest is not None:
+        marks.append((1 - score_of(100.0, fastest) / highest, f"{fastest / 1000:.1f} s"))
+    lines = []
+    for row in sorted(drawn, key=lambda row: row.state == "best"):
+        best = accumulate((score_of(progress, lap) for _s, progress, lap in row.points), max)
+        places = [(point[0] / longest, 1 - value / highest) for point, value in zip(row.points, best, strict=True)]
+        number = row.trial.number
+        x, y = places[-1]
+        lines.append(
+            f'<g class="sweep-trial {row.state}"><title>{escape(_("Trial %(number)s") % {"number": number})}</title>'
+            f'<path d="{CHART.line([(0.0, places[0][1]), *places])}"/>'
+            f'<circle cx="{CHART.x(x):.1f}" cy="{CHART.y(y):.1f}" r="3"/></g>'
+        )
+    seconds = [(share, f"{longest * share:.0f} s") for share in (0.25, 0.5, 0.75)]
+    title = _("Best progress of each trial over its seconds of training")
+    return "".join((CHART.begin(title), CHART.scale(marks), *lines, CHART.labels(seconds), "</svg>"))

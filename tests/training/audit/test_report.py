@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import pytest
 
-from training.rewards.audit.chart import rank_chart
 from training.rewards.audit.drives import RecordedDrive
 from training.rewards.audit.report import audit_reward, correlation, worth_of
+from training.rewards.audit.views import rank_chart
 
 
 def a_drive(name, steps, *, lap_ms=None, ended="lap_complete", progress=100.0):

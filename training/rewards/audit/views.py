@@ -1,5 +1,9 @@
 """The audit of the reward function in the editor, and its report as pages show it."""
 
+from collections.abc import Sequence
+from dataclasses import replace
+from html import escape
+from operator import itemgetter
 from typing import Any
 
 from django.contrib.auth.decorators import login_required
@@ -14,13 +18,13 @@ from django.views.decorators.http import require_POST
 from accounts.models import Racer
 from accounts.request_racer import racer_of
 from core.forms import explain
+from core.pages.charts import Chart
 from paddock.errors import PaddockError, PlatformFault
 from paddock.rules.hyperparameters import HYPERPARAMETERS, PPO
 from races.models import RaceType
 from tracks.models import Direction, Track
 
 from ..check_slots import described
-from .chart import rank_chart
 from .services import audited
 
 DRIVE_NAMES = {
@@ -121,3 +125,35 @@ def _discount(text: str) -> float:
     except ValueError:
         return DEFAULT_DISCOUNT
     return value if (_DISCOUNT.least or 0.0) <= value <= (_DISCOUNT.most or 1.0) else DEFAULT_DISCOUNT
+
+
+LINE_PX = 26
+CHART = Chart("audit-chart", 376, 42, left=148, right=148, top=34, bottom=8)  # without a drive
+
+
+def rank_chart(rows: Sequence[tuple[str, int, int]], *, title: str, by_time: str, by_reward: str) -> str:
+    """``rows``: name, rank by time and rank by reward of each drive, the best first; at least two. The texts are those
+    of the chart for screen readers and of its columns."""
+    chart = replace(CHART, height=CHART.height + LINE_PX * len(rows))
+    places = [[row[0] for row in sorted(rows, key=itemgetter(rank))] for rank in (1, 2)]
+    parts = [
+        chart.begin(title),
+        f'<text class="audit-head left" x="{chart.x(0) - 10}" y="20">{escape(by_time)}</text>',
+        f'<text class="audit-head right" x="{chart.x(1) + 10}" y="20">{escape(by_reward)}</text>',
+    ]
+    for name, time, reward in rows:
+        a, b = ((names.index(name) + 0.5) / len(rows) for names in places)
+        style = "up" if reward < time else "down" if reward > time else "level"
+        sides = ((0, a, f"{escape(name)} <tspan>{time}</tspan>"), (1, b, f"<tspan>{reward}</tspan> {escape(name)}"))
+        parts.append(
+            f'<g class="audit-drive {style}"><title>{escape(name)}: {time} → {reward}</title>'
+            f'<path d="{chart.line([(0, a), (1, b)])}"/>'
+            + "".join(
+                f'<circle cx="{chart.x(side)}" cy="{chart.y(place):.1f}" r="4"/>'
+                f'<text class="{("left", "right")[side]}" x="{chart.x(side) + (-10, 10)[side]}" '
+                f'y="{chart.y(place) + 4.5:.1f}">{text}</text>'
+                for side, place, text in sides
+            )
+            + "</g>"
+        )
+    return "".join((*parts, "</svg>"))
