@@ -15,7 +15,7 @@ class CoursesConfig(AppConfig):
         from core.pages.registry import register_slots
         from core.streams import register_moves
         from evaluation.signals import evaluation_ended
-        from races.entries.selectors.visibility import RunAudience, register_run_audience
+        from races.entries.selectors.visibility import AUDIENCES, RunAudience
 
         from .assignments.selectors import event_audience, moves
         from .assignments.services import take_runs_along
@@ -29,7 +29,7 @@ class CoursesConfig(AppConfig):
         register_reader(NOTICES)
         register_audience(ASSIGNMENT, can_see=event_audience.can_see, seen=event_audience.seen)
         register_moves(moves)
-        register_run_audience("attempts", RunAudience(sees_run, runs_seen))
+        AUDIENCES.append(RunAudience(sees_run, runs_seen))
         pre_delete.connect(take_runs_along, sender="courses.Assignment", dispatch_uid="courses.take_runs_along")
         evaluation_ended.connect(take_ended_evaluation, dispatch_uid="courses.take_ended_evaluation")
 

@@ -13,9 +13,8 @@ class LeagueConfig(AppConfig):
         from core.events import register_reader
         from core.pages.registry import register_slots
         from races.boards.qualifying_line import register_cut
-        from races.entries.eligibility import register
-        from races.entries.engines import register_final, register_official
-        from races.rules.validation import register_hold, register_time_check
+        from races.entries import eligibility, engines
+        from races.rules import validation
         from races.signals import board_changed
 
         from . import spoilers
@@ -31,18 +30,18 @@ class LeagueConfig(AppConfig):
         from .webhooks import deliveries  # noqa: F401 - its kind of job is known from the start
         from .webhooks.services import WEBHOOKS, drop_webhooks
 
-        register(check_division, reads=read_rounds)
+        eligibility.CHECKS += [check_division, check_cup]
+        eligibility.READERS.append(read_rounds)
         register_quota(inviting.INVITED_A_DAY)
-        register(check_cup)
         for reader in (NOTICES, WEBHOOKS, SEASONS):
             register_reader(reader)
-        register_time_check(check_round_times)
+        validation.TIME_CHECKS.append(check_round_times)
         streams.register()
         spoilers.register()
         register_cards(["league.cards.kinds"])
-        register_hold(hold_season)
-        register_official(is_official)
-        register_final(is_final)
+        validation.HOLDS.append(hold_season)
+        engines.OFFICIAL_CHECKS.append(is_official)
+        engines.FINAL_CHECKS.append(is_final)
         register_cut(cut_shown)
         register_slots(
             {

@@ -19,11 +19,8 @@ class RacesConfig(AppConfig):
         from .boards import track_figures
         from .boards.triggers import installed_after_migrate
         from .duels.services import recount
-        from .entries import queues
+        from .entries import eligibility, hooks, queues
         from .entries.audiences import register_audiences
-        from .entries.eligibility import check_group, check_learner, check_program, check_team
-        from .entries.eligibility import register as check_races
-        from .entries.hooks import register_departure, register_recount
         from .live.services.sealing import take_out_departed
         from .quotas import OWN_RUNS_A_DAY, OWN_RUNS_AT_ONCE, RACES
         from .receivers import take_ended_evaluation
@@ -32,18 +29,15 @@ class RacesConfig(AppConfig):
         from .spoilers import hidden_addresses as spoiler_pages
         from .spoilers import selectors as spoilers
         from .timing import selectors as timing
-        from .web.race_page import register_part
+        from .web import race_page
 
-        check_races(check_program)
-        check_races(check_group)
-        check_races(check_team)
-        check_races(check_learner)
+        eligibility.CHECKS += [eligibility.check_program, eligibility.check_group]
+        eligibility.CHECKS += [eligibility.check_team, eligibility.check_learner]
         for quota in (RACES, OWN_RUNS_AT_ONCE, OWN_RUNS_A_DAY):
             register(quota)
-        for feature in (spoilers, latest_run, timing, certificate):
-            register_part(feature.race_page_part)
-        register_recount(recount)
-        register_departure(take_out_departed)
+        race_page.PARTS += [feature.race_page_part for feature in (spoilers, latest_run, timing, certificate)]
+        hooks.RECOUNTS.append(recount)
+        hooks.DEPARTURES.append(take_out_departed)
         video_words.register()
         queues.register()
         track_figures.register()

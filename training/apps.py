@@ -25,7 +25,7 @@ class TrainingConfig(AppConfig):
         from accounts.usage import storage
         from core.pages.registry import register_slots
         from evaluation.running import proof
-        from races.telemetry.rewards import register_rewards
+        from races.telemetry import rewards
 
         # register the kinds of events and the reasons of sandboxed processes
         from . import events, sb3  # noqa: F401
@@ -43,7 +43,7 @@ class TrainingConfig(AppConfig):
         register_sweep_topic()
         _read_policies_of_sb3()
         proof.register(_prove)
-        register_rewards(rewards_of_runs)
+        rewards.SOURCES.append(rewards_of_runs)
         register_slots(
             {
                 "home.stage": "training/jobs/parts/home_stage.html",

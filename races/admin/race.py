@@ -7,7 +7,7 @@ from typing import Any
 from django import forms
 from django.contrib import admin, messages
 from django.core.exceptions import ValidationError
-from django.db.models import Count, OuterRef, Q, QuerySet, Subquery
+from django.db.models import Count, OuterRef, QuerySet, Subquery
 from django.db.models.functions import Coalesce
 from django.http import HttpRequest, HttpResponse, HttpResponseRedirect
 from django.urls import reverse
@@ -21,6 +21,7 @@ from core.times import written
 from paddock.errors import PaddockError
 from paddock.rules.race import BOX_RULES, LAYOUT, RULES, RUN_RULES
 
+from ..entries.selectors.lists import in_state
 from ..entries.services.standings import recompute_race
 from ..entries.terms import keep_terms, one_form
 from ..errors import problem
@@ -111,19 +112,12 @@ class StateFilter(admin.SimpleListFilter):
     title = gettext_lazy("state")
     parameter_name = "state"
 
-    def lookups(self, request: HttpRequest, model_admin: admin.ModelAdmin) -> list[tuple[str, str]]:
-        return [(state.value, str(state.label)) for state in RaceState]
+    def lookups(self, request: HttpRequest, model_admin: admin.ModelAdmin) -> list[tuple[str, Any]]:
+        return RaceState.choices
 
     def queryset(self, request: HttpRequest, queryset: QuerySet) -> QuerySet:
-        now = timezone.now()
-        conditions: dict[str, Q] = {
-            RaceState.CANCELLED: Q(cancelled_at__isnull=False),
-            RaceState.UPCOMING: Q(cancelled_at=None, opens_at__gt=now),
-            RaceState.OPEN: Q(cancelled_at=None, opens_at__lte=now, closes_at__gt=now),
-            RaceState.CLOSED: Q(cancelled_at=None, closes_at__lte=now),
-        }
-        wanted = conditions.get(self.value() or "")
-        return queryset if wanted is None else queryset.filter(wanted)
+        state = self.value()
+        return queryset.filter(in_state(state, timezone.now())) if state in RaceState.values else queryset
 
 
 def _value(name: str, form: forms.ModelForm) -> Any:

@@ -5,8 +5,6 @@ line for 0.3 to 3 s, then a second on the track); the last 20 s of the **fastest
 the heat with the smallest gap, else the lap by which a neighbour missed the place). Two moments of one run never
 overlap."""
 
-import csv
-import io
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from datetime import datetime
@@ -30,6 +28,7 @@ from videos.services import VideoRequest, request_reel
 from ..live.selectors.events import live_standings
 from ..live.selectors.runs import DrivenRun, driven_runs, without_withdrawn
 from ..models import LiveEvent
+from ..replays.document import trace_columns
 from .watch_again import require_ended
 
 _REEL = ("evaluation__result", "evaluation__track", "evaluation__owner", "evaluation__model", "asked_by")
@@ -66,17 +65,6 @@ class Highlight:
         return same and self.start_ms < other.end_ms and other.start_ms < self.end_ms
 
 
-def steps_of(trace: bytes) -> list[TracedStep]:
-    rows = list(csv.DictReader(io.StringIO(trace.decode())))
-    first = float(rows[0]["tstamp"]) if rows else 0.0
-    return [
-        TracedStep(
-            round((float(row["tstamp"]) - first) * 1000), row["episode_status"], row["all_wheels_on_track"] == "True"
-        )
-        for row in rows
-    ]
-
-
 def crashes_in(steps: Sequence[TracedStep]) -> Iterator[tuple[int, str]]:
     """When a car hit something ("crashed") or left the track ("off_track")."""
     for before, step in pairwise(steps):
@@ -109,7 +97,9 @@ def moments_of(event: LiveEvent) -> list[Highlight]:
     runs = driven_runs(event)
     crashed, saved = [], []
     for run in runs:
-        steps = steps_of(_trace_of(run))
+        if run.standing is None:
+            continue
+        steps = _steps_of(run)
         crashed += [_crash(run, at, status) for at, status in crashes_in(steps)]
         saved += [_save(run, *times) for times in saves_in(steps)]
     chosen: list[Highlight] = []
@@ -249,8 +239,8 @@ def _before(first: DrivenRun, second: DrivenRun, gap_ms: int) -> Callable[[], st
     return lambda: _("%(first)s before %(second)s by %(gap)s s") % values
 
 
-def _trace_of(run: DrivenRun) -> bytes:
-    if run.standing is None:
-        return b""
+def _steps_of(run: DrivenRun) -> list[TracedStep]:
     result = Result.objects.get(evaluation=run.evaluation)
-    return read_trace(result if run.number == 0 else result.rivals.get(number=run.number))
+    columns = trace_columns(read_trace(result if run.number == 0 else result.rivals.get(number=run.number)))
+    steps = zip(columns["t"], columns["status"], columns["on_track"], strict=True)
+    return [TracedStep(*step) for step in steps]

@@ -1,6 +1,5 @@
 """The results of a race or of its live event as CSV and as PDF."""
 
-import csv
 from collections.abc import Iterable, Iterator, Sequence
 from datetime import datetime
 from itertools import accumulate, islice
@@ -12,7 +11,7 @@ from django.utils.translation import gettext as _
 
 from core.times import clock, gap
 
-from ..boards.exports import Echo, plain
+from ..boards.exports import csv_lines
 from ..boards.ranking import rule_for
 from ..boards.selectors.board import whole_board
 from ..live.selectors.events import LiveRow, live_standings
@@ -38,19 +37,12 @@ _ROW_MM = 7.0
 
 def event_csv(event: LiveEvent) -> Iterator[str]:
     """A live event's standings as CSV lines, heading first, with empty cells for missing values."""
-    return _csv(RESULT_COLUMNS, (_result_row(row) for row in live_standings(event)))
+    return csv_lines(RESULT_COLUMNS, (_result_row(row) for row in live_standings(event)))
 
 
 def laps_csv(event: LiveEvent) -> Iterator[str]:
     """Every lap of every run of a live event that was shown."""
-    return _csv(LAP_COLUMNS, _lap_rows(event))
-
-
-def _csv(heading: Sequence[str], rows: Iterable[Sequence[Any]]) -> Iterator[str]:
-    writer = csv.writer(Echo(), lineterminator="\r\n")
-    yield writer.writerow(heading)
-    for row in rows:
-        yield writer.writerow(int(one) if isinstance(one, bool) else plain(one) for one in row)
+    return csv_lines(LAP_COLUMNS, _lap_rows(event))
 
 
 def _result_row(row: LiveRow) -> list[Any]:

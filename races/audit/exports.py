@@ -1,13 +1,12 @@
 """The audit log as plain data, CSV and JSON Lines."""
 
-import csv
 import json
 from collections.abc import Callable, Iterable, Iterator
 from typing import Annotated, TypedDict, cast
 
 from core.audit.models import AuditEntry
 
-from ..boards.exports import Echo, plain
+from ..boards import exports
 
 
 class ChangesByField(TypedDict, total=False):
@@ -62,11 +61,8 @@ def entry_data(entry: AuditEntry, *, in_full: bool = True) -> AuditDocument:
 
 def csv_lines(entries: Iterable[AuditEntry]) -> Iterator[str]:
     """The log as CSV, a heading first."""
-    writer = csv.writer(Echo(), lineterminator="\r\n")
-    yield writer.writerow(COLUMNS)
-    for entry in entries:
-        row = entry_data(entry) | {"changes": json.dumps(entry.changes, ensure_ascii=False)}
-        yield writer.writerow(plain(value) for value in row.values())
+    rows = (entry_data(entry) | {"changes": json.dumps(entry.changes, ensure_ascii=False)} for entry in entries)
+    return exports.csv_lines(COLUMNS, (row.values() for row in rows))
 
 
 def json_lines(entries: Iterable[AuditEntry]) -> Iterator[str]:

@@ -1,11 +1,10 @@
 """A board as plain data, for CSV and JSON exports."""
 
 import csv
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Sequence
 from datetime import datetime
 from typing import Annotated, Any, TypedDict
 
-from accounts.models import Viewer
 from paddock.rules.race import RANKING
 
 from ..models import Race
@@ -73,7 +72,7 @@ def row_data(row: BoardRow) -> ExportedRow:
     }
 
 
-def board_data(race: Race, now: datetime, racer: Viewer = None) -> dict[str, Any]:
+def board_data(race: Race, now: datetime) -> dict[str, Any]:
     return {
         "race": race.slug,
         "name": race.name,
@@ -83,16 +82,21 @@ def board_data(race: Race, now: datetime, racer: Viewer = None) -> dict[str, Any
         **{name: getattr(race, name) for name in RANKING},
         "opens_at": race.opens_at.isoformat(),
         "closes_at": race.closes_at.isoformat(),
-        "rows": [row_data(row) for row in whole_board(race, racer)],
+        "rows": [row_data(row) for row in whole_board(race)],
     }
 
 
-def csv_lines(rows: Iterable[BoardRow]) -> Iterator[str]:
-    """The board as CSV, line by line, a heading first; an empty cell for None, 1 and 0 for yes and no."""
+def board_csv(race: Race) -> Iterator[str]:
+    """The board as CSV lines (:func:`csv_lines`)."""
+    return csv_lines(COLUMNS, (row_data(row).values() for row in whole_board(race)))
+
+
+def csv_lines(heading: Sequence[str], rows: Iterable[Iterable[Any]]) -> Iterator[str]:
+    """Rows as CSV, line by line, the heading first; an empty cell for None, 1 and 0 for yes and no."""
     writer = csv.writer(Echo(), lineterminator="\r\n")
-    yield writer.writerow(COLUMNS)
+    yield writer.writerow(heading)
     for row in rows:
-        yield writer.writerow(int(one) if isinstance(one, bool) else plain(one) for one in row_data(row).values())
+        yield writer.writerow(int(one) if isinstance(one, bool) else plain(one) for one in row)
 
 
 def plain(value: Any) -> Any:

@@ -64,9 +64,3 @@ def medal_target(
     by_ms = None if rival is None or rival.best_lap_ms is None else rival.best_lap_ms - slowest
     missing = None if best_lap_ms is None else best_lap_ms - slowest
     return MedalTarget(medal, slowest, missing, rival, by_ms)
-
-
-def house_entries(race: Race) -> list[Entry]:
-    """The house cars of a race with a lap, the fastest first: the rivals of a racer alone on a board. One query."""
-    found = Entry.objects.filter(race=race, is_baseline=True, withdrawn_at=None, best_lap_ms__isnull=False)
-    return list(found.select_related("racer", "best__evaluation").order_by("best_lap_ms", "pk"))

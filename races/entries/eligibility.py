@@ -13,20 +13,10 @@ from paddock.errors import UserFault
 
 from ..models import Entry, Race, TeamEntries
 
-Check = Callable[[Race, Racer, datetime], None]
-Reader = Callable[[Sequence[Race], Racer], None]
-
-_CHECKS: list[Check] = []
-_READERS: list[Reader] = []
-
-
-def register(check: Check, reads: Reader | None = None) -> Check:
-    """Add a check: ``check(race, racer, now)`` raises UserFault to refuse. ``reads(races, racer)`` reads for many races
-    at once what the check needs. Registering one twice changes nothing."""
-    if check not in _CHECKS:
-        _CHECKS.append(check)
-        _READERS.extend([reads] if reads is not None else [])
-    return check
+# Higher rooms add theirs when the site starts: each raises UserFault to refuse.
+CHECKS: list[Callable[[Race, Racer, datetime], None]] = []
+# Each reads for many races at once what a check needs.
+READERS: list[Callable[[Sequence[Race], Racer], None]] = []
 
 
 def read_for_checks(races: Sequence[Race], racer: Racer) -> None:
@@ -39,7 +29,7 @@ def read_for_checks(races: Sequence[Race], racer: Racer) -> None:
         found = Racer.objects.select_related(*related).only("pk", *related).get(pk=racer.pk)
         for name in wanted:
             known.setdefault(name, getattr(found, name, None))
-    for reads in _READERS:
+    for reads in READERS:
         reads(races, racer)
 
 
@@ -47,7 +37,7 @@ def check_eligible(race: Race, racer: Racer, now: datetime) -> None:
     """Raise the UserFault of the first check that refuses. House cars race everywhere, outside the ranking."""
     if racer.is_house:
         return
-    for check in _CHECKS:
+    for check in CHECKS:
         check(race, racer, now)
 
 

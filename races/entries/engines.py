@@ -11,38 +11,20 @@ from paddock.simulator import engine as simulator
 from ..models import Draw, LiveEvent, Opponents, Race, RaceState, Redrive, RedriveState, Submission
 from ..models.live import OVER
 
-# Checks of higher rooms whether a race's results are official: its board is then final.
-OfficialCheck = Callable[[Race], bool]
-_OFFICIAL: list[OfficialCheck] = []
-
-
-def register_official(check: OfficialCheck) -> OfficialCheck:
-    """Ask ``check`` too whether a race is official. Registering one twice changes nothing."""
-    if check not in _OFFICIAL:
-        _OFFICIAL.append(check)
-    return check
+# Checks of higher rooms, which add them when the site starts: whether a race's results are official, so that its
+# board is final, and whether they can no longer be corrected.
+OFFICIAL_CHECKS: list[Callable[[Race], bool]] = []
+FINAL_CHECKS: list[Callable[[Race, datetime], bool]] = []
 
 
 def is_official(race: Race) -> bool:
     """Whether the results of a race are official by any check of a higher room."""
-    return any(check(race) for check in _OFFICIAL)
-
-
-# Checks of higher rooms whether a race's results can no longer be corrected.
-FinalCheck = Callable[[Race, datetime], bool]
-_FINAL: list[FinalCheck] = []
-
-
-def register_final(check: FinalCheck) -> FinalCheck:
-    """Ask ``check`` too whether a race's results are final. Registering one twice changes nothing."""
-    if check not in _FINAL:
-        _FINAL.append(check)
-    return check
+    return any(check(race) for check in OFFICIAL_CHECKS)
 
 
 def is_final(race: Race, now: datetime) -> bool:
     """Whether corrections of a race's results have ended by any check of a higher room."""
-    return any(check(race, now) for check in _FINAL)
+    return any(check(race, now) for check in FINAL_CHECKS)
 
 
 def site_engine() -> str:

@@ -2,6 +2,7 @@
 
 from collections.abc import Iterable
 
+from paddock.errors import UserFault
 from paddock.packages import inputs
 
 # deepracer-simapp, sensors/sensors_rollout.py: "observation" is the name of the one camera in the oldest models.
@@ -24,3 +25,9 @@ def not_offered(reads: Iterable[str], offered: Iterable[str]) -> list[str]:
     """The sensors that a model reads and a race does not offer, in the model's order."""
     offered = set(offered)
     return [name for name in reads if SAME_AS.get(name, name) not in offered]
+
+
+def require_offered(reads: Iterable[str], offered: Iterable[str]) -> None:
+    """Raises UserFault("sensors_not_offered") for a model that reads what a race does not offer."""
+    if missing := not_offered(reads, offered):
+        raise UserFault("sensors_not_offered", needed=", ".join(missing), offered=", ".join(offered))

@@ -19,13 +19,11 @@ MAX_AHEAD = timedelta(days=2 * 366)
 # A form is filled in for a while; a race that "opens now" may have opened when it is sent.
 OPENING_SLACK = timedelta(hours=1)
 
-# Checks of higher rooms: ``check(race, before)`` raises ValidationError by field for a change of times that it
-# refuses, where ``before`` is the stored race.
-ChangeCheck = Callable[[Race, Race], None]
-_TIME_CHECKS: list[ChangeCheck] = []
-# Locks of higher rooms before a change of a race: the data of those checks then stays unchanged.
-Hold = Callable[[Race], None]
-_HOLDS: list[Hold] = []
+# Of higher rooms, which add them when the site starts. Checks of changed times: ``check(race, before)`` raises
+# ValidationError by field, where ``before`` is the stored race.
+TIME_CHECKS: list[Callable[[Race, Race], None]] = []
+# Locks before a change of a race: the data of those checks then stays unchanged.
+HOLDS: list[Callable[[Race], None]] = []
 
 # Rules with an effect on lap times or order: fixed from the first submission on.
 PHYSICAL_FIELDS = ("physical", "session_s", "minimum_lap_ms")
@@ -55,23 +53,9 @@ EDITABLE_FIELDS = (
 )
 
 
-def register_time_check(check: ChangeCheck) -> ChangeCheck:
-    """Ask ``check`` too whenever the opening or the closing of a race moves. Registering one twice changes nothing."""
-    if check not in _TIME_CHECKS:
-        _TIME_CHECKS.append(check)
-    return check
-
-
-def register_hold(hold: Hold) -> Hold:
-    """Call ``hold`` before a race is locked to be changed. Registering one twice changes nothing."""
-    if hold not in _HOLDS:
-        _HOLDS.append(hold)
-    return hold
-
-
 def hold_above(race: Race) -> None:
     """Take the locks that rooms above have over a race, within a transaction."""
-    for hold in _HOLDS:
+    for hold in HOLDS:
         hold(race)
 
 
@@ -86,7 +70,7 @@ def check_race(race: Race, *, now: datetime, before: Race | None = None, submiss
     changed = set() if before is None else set(changed_fields(before, race))
     times = {"opens_at", "closes_at"}
     if before is not None and times & changed and not times & set(problems.error_dict):
-        for check in _TIME_CHECKS:
+        for check in TIME_CHECKS:
             _collect(problems, partial(check, race, before))
     if (before is None or changed & set(BOX_AND_BOT_FIELDS)) and not LAID_OUT_BY & set(problems.error_dict):
         _collect(problems, lambda: check_layout(race))

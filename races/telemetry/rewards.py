@@ -18,19 +18,12 @@ class RewardFunction:
     along: Callable[[int], dict[int, float]]
 
 
-Source = Callable[[Sequence[Evaluation], Racer], dict[int, RewardFunction]]
-_SOURCES: list[Source] = []
-
-
-def register_rewards(source: Source) -> None:
-    """Let ``source`` say which of some finished runs have a reward function that a racer may read, by their keys.
-    Registering one twice changes nothing."""
-    if source not in _SOURCES:
-        _SOURCES.append(source)
+# Which of some finished runs have a reward function that a racer may read, by their keys.
+SOURCES: list[Callable[[Sequence[Evaluation], Racer], dict[int, RewardFunction]]] = []
 
 
 def reward_functions(runs: Sequence[Evaluation], reader: Racer | AnonymousUser) -> dict[int, RewardFunction]:
     """The reward functions of runs that the reader may read, by the runs' keys."""
     if isinstance(reader, AnonymousUser):
         return {}
-    return {key: function for source in _SOURCES for key, function in source(runs, reader).items()}
+    return {key: function for source in SOURCES for key, function in source(runs, reader).items()}

@@ -27,7 +27,7 @@ from ..entries.services.submissions import submit_model
 from ..entries.terms import check_terms
 from ..entries.time_checks import require_open
 from ..models import OwnEvaluation, Race
-from ..models.sensors import not_offered
+from ..models.sensors import require_offered
 from ..quotas import OWN_RUNS_A_DAY, OWN_RUNS_AT_ONCE
 from .rules import own_rules, rules_as_in
 from .selectors import fault_of_better
@@ -166,9 +166,7 @@ def _check_race(owner: Racer, model: TrainedModel, race: Race, now: datetime) ->
     require_open(race, now)
     if model.owner_id != owner.pk:
         raise UserFault("model_not_yours")
-    missing = not_offered(model.sensors, race.sensors)
-    if missing:
-        raise UserFault("sensors_not_offered", needed=", ".join(missing), offered=", ".join(race.sensors))
+    require_offered(model.sensors, race.sensors)
     check_eligible(race, owner, now)
     check_terms(race, owner)
 

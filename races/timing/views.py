@@ -35,7 +35,7 @@ from races.timing.services.files import MOST_BYTES, FileRefused, lap_lines
 from races.web.audit_log import log_if_admin
 
 from ..web.race_page import race_context
-from ..web.views import faults_reported, organised_race, visible_race
+from ..web.views import downloaded, faults_reported, organised_race, visible_race
 
 SESSIONS_PER_PAGE = 30
 # What the timekeeper's page is made of besides itself, so that it can be loaded again without a network.
@@ -156,9 +156,7 @@ def race_laps(request: HttpRequest, slug: str) -> HttpResponse:
 def race_laps_csv(request: HttpRequest, slug: str) -> HttpResponse:
     """The same as CSV, which may be taken in again."""
     race = _physical(visible_race(request, slug))
-    response = HttpResponse("".join(lap_lines(race)), content_type="text/csv; charset=utf-8")
-    response["Content-Disposition"] = f'attachment; filename="{race.slug}-laps.csv"'
-    return response
+    return downloaded("".join(lap_lines(race)), f"{race.slug}-laps.csv", "text/csv; charset=utf-8")
 
 
 @login_required

@@ -22,15 +22,8 @@ from ..models import Entry, Race, RaceState, Submission
 from ..models.sensors import not_offered
 
 Part = Callable[[HttpRequest, Race, Entry | None], dict[str, Any]]
-_PARTS: list[Part] = []
+PARTS: list[Part] = []  # of features above: each adds its values to the context of every page of a race
 NO_ENTRY = 0  # no row has this id
-
-
-def register_part(part: Part) -> Part:
-    """Add the values of ``part`` to the context of every page of a race. Registering one twice changes nothing."""
-    if part not in _PARTS:
-        _PARTS.append(part)
-    return part
 
 
 def race_context(request: HttpRequest, shown: Race, entry: Entry | None = None, *, looked_up: bool = False) -> dict:
@@ -50,7 +43,7 @@ def race_context(request: HttpRequest, shown: Race, entry: Entry | None = None, 
         "left": left,
         "used_up": left is not None and left <= 0,
     }
-    for part in _PARTS:
+    for part in PARTS:
         context |= part(request, shown, entry)
     if request.user.is_authenticated and state in (RaceState.OPEN, RaceState.UPCOMING):
         context["asks_terms"] = not has_accepted(entry, shown)

@@ -213,7 +213,7 @@ def test_a_registered_eligibility_check_refuses_entry_and_car(alice, now, monkey
 
     race = a_race(now)
     enter_race(race=race, racer=alice, now=now)
-    monkeypatch.setattr(eligibility, "_CHECKS", [nobody])
+    monkeypatch.setattr(eligibility, "CHECKS", [nobody])
     refused("race_pro_only", submit_model, race=race, racer=alice, model=a_model(alice), now=now)
     refused("race_pro_only", enter_race, race=race, racer=a_racer(), now=now)
     house = a_racer(is_house=True)

@@ -190,7 +190,7 @@ def test_a_race_that_would_refuse_the_model_is_refused_at_once(alice, oval, now,
     def check(race, racer, when):
         raise UserFault("race_needs_invitation")
 
-    monkeypatch.setattr("races.entries.eligibility._CHECKS", [check])
+    monkeypatch.setattr("races.entries.eligibility.CHECKS", [check])
     assert refusal(alice, oval, now, submit_to_race=a_race(now)).code == "race_needs_invitation"
 
 

@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from datetime import UTC, datetime
 from typing import Any
 
 from django.db import connection
@@ -50,32 +51,10 @@ def places_of(entries: Sequence[int]) -> dict[int, int]:
 
 def racers_before(race: Race, key: tuple[int, int, int]) -> int:
     """Number of racers ranked above a new ``Standing.key``, equals included, which came earlier. One query."""
-    score, lap, resets = key
-    params: dict[str, int] = {"race": race.pk, "score": score, "lap": lap, "resets": resets}
-    for number, shift in enumerate(SHIFTS):
-        params |= {f"to_{number}": score >> shift, f"from_{number}": 0}
-        if number:
-            params[f"from_{number}"] = (score >> SHIFTS[number - 1]) << LEVEL_BITS
+    last = connection.ops.adapt_datetimefield_value(datetime.max.replace(tzinfo=UTC))
     with connection.cursor() as cursor:
-        cursor.execute(_BEFORE, params)
+        cursor.execute(_BEFORE, (race.pk, *key, last))
         return int(cursor.fetchone()[0])
-
-
-def _before() -> str:
-    counts, entry = BoardCount._meta.db_table, Entry._meta.db_table
-    levels = [
-        f"COALESCE((SELECT SUM(c.racers) FROM {counts} c WHERE c.race_id = %(race)s AND c.shift = {shift} "
-        f"AND c.bucket >= %(from_{number})s AND c.bucket < %(to_{number})s), 0)"
-        for number, shift in enumerate(SHIFTS)
-    ]
-    ties = (
-        f"(SELECT COUNT(*) FROM {entry} o WHERE o.race_id = %(race)s AND o.withdrawn_at IS NULL AND NOT o.is_baseline "
-        "AND o.rank_score = %(score)s AND (o.rank_lap, o.resets) <= (%(lap)s, %(resets)s))"
-    )
-    return f"SELECT {' + '.join([*levels, ties])}"
-
-
-_BEFORE = _before()
 
 
 def with_place(entries: QuerySet[Entry]) -> QuerySet[Any]:
@@ -103,6 +82,8 @@ def _places(entry: str) -> str:
 
 
 _PLACES = f"SELECT e.id, {_places('e')} FROM {Entry._meta.db_table} e"
+_NEW = "SELECT %s AS race_id, %s AS rank_score, %s AS rank_lap, %s AS resets, %s AS achieved_at, 0 AS id"
+_BEFORE = f"SELECT {_places('e')} FROM ({_NEW}) AS e"
 
 
 def score_at(race: Race, position: int) -> tuple[int, int] | None:

@@ -22,12 +22,7 @@ class RunAudience:
     seen: Callable[[Racer], Q]
 
 
-_AUDIENCES: dict[str, RunAudience] = {}
-
-
-def register_run_audience(name: str, audience: RunAudience) -> None:
-    """Let further racers see runs. Registering it again replaces it."""
-    _AUDIENCES[name] = audience
+AUDIENCES: list[RunAudience] = []  # rooms above add theirs when the site starts
 
 
 def can_organise(racer: Viewer, race: Race) -> bool:
@@ -92,7 +87,7 @@ def can_see_evaluation(racer: Viewer, evaluation: Evaluation) -> bool:
         duel = Duel.objects.filter(evaluation=evaluation).select_related("race").first()
         if duel is not None:
             return can_see_race(racer, duel.race)
-        return _known(racer) and any(audience.can_see(racer, evaluation) for audience in _AUDIENCES.values())
+        return _known(racer) and any(audience.can_see(racer, evaluation) for audience in AUDIENCES)
     entry = submission.entry
     if can_organise(racer, entry.race):
         return True
@@ -119,7 +114,7 @@ def evaluations_visible_to(racer: Viewer) -> QuerySet[Evaluation]:
         member = Entry.objects.filter(race=OuterRef("race"), racer_id=racer.pk, removed_at=None)
         in_group = _in_its_group(racer, "race")
         seen |= Q(Exists(duel.filter(Q(race__organiser_id=racer.pk) | Exists(member) | in_group)))
-        for audience in _AUDIENCES.values():
+        for audience in AUDIENCES:
             seen |= audience.seen(racer)
     return evaluations.filter(~hidden_runs(), seen)
 

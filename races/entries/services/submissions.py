@@ -15,7 +15,7 @@ from paddock.errors import UserFault
 
 from ...models import Draw, Entry, Race, Submission
 from ...models.entry import MOST_SUBMISSIONS
-from ...models.sensors import not_offered
+from ...models.sensors import require_offered
 from ...rules.layout import race_rules
 from ..eligibility import check_eligible
 from ..engines import is_over, keeps_engine, site_engine
@@ -59,9 +59,7 @@ def _submit(race: Race, racer: Racer, model: TrainedModel, now: datetime, terms:
     # under the locks: two tabs are one after the other here, and an organiser cannot change the rules in between
     _require_takes_cars(race, entry, now)
     accept_terms(entry, race, accepted=terms, now=now)
-    missing = not_offered(model.sensors, race.sensors)
-    if missing:
-        raise UserFault("sensors_not_offered", needed=", ".join(missing), offered=", ".join(race.sensors))
+    require_offered(model.sensors, race.sensors)
     _refuse_same_car(entry, model)
     take_place(entry=entry, race=race, network=model.network)
     _refuse_second_car(entry)

@@ -95,7 +95,6 @@ def _why_not(event: LiveEvent) -> str:
 
 _EVENT = ("state", "submissions_open", "roll_call", "auto_run", "message", "winner_id", "podium_at", "ended_at")
 _SLOT = ("state", "position", "starts_at", "ends_at", "reason_code")
-_TIMES = ("podium_at", "ended_at", "starts_at", "ends_at")
 
 
 class EventSnapshot(TypedDict):
@@ -154,18 +153,14 @@ def _stands(event: LiveEvent, undo: EventSnapshot, now: datetime) -> bool:
 
 def _bring_back(event: LiveEvent, undo: EventSnapshot) -> None:
     for name, (before, _after) in undo["event"].items():
-        setattr(event, name, _python(name, before))
+        setattr(event, name, before)  # Django reads times as they are written here
     for key, (before, _after) in undo["slots"].items():
         slots = LiveSlot.objects.filter(event=event, pk=int(key))
         if before is None:
             slots.update(state=SlotState.REMOVED)  # its sealed run goes with the event's end
         else:
-            slots.update(**{name: _python(name, value) for name, value in before.items()})
+            slots.update(**before)
 
 
 def _plain(value: Any) -> Any:
     return value.isoformat() if isinstance(value, datetime) else value
-
-
-def _python(name: str, value: Any) -> Any:
-    return parse_datetime(value) if name in _TIMES and value is not None else value

@@ -26,7 +26,7 @@ from ...models import (
     Submission,
 )
 from ...models.live import TO_COME, UNDER_WAY
-from ...models.sensors import not_offered
+from ...models.sensors import require_offered
 from ..selectors.speed import slots_of_racer
 from .event_action import acting, publish_change
 
@@ -52,9 +52,7 @@ def choose_model(*, event: LiveEvent, racer: Racer, model: TrainedModel, now: da
     mine = LiveRacer.objects.filter(event=event, entry=entry).first()
     if mine is not None and slots_of_racer(mine).filter(state__in=(SlotState.CALLED, SlotState.RUNNING)).exists():
         raise UserFault("live_called")
-    missing = not_offered(model.sensors, event.race.sensors)
-    if missing:
-        raise UserFault("sensors_not_offered", needed=", ".join(missing), offered=", ".join(event.race.sensors))
+    require_offered(model.sensors, event.race.sensors)
     if mine is not None:
         drop_computed(mine, but=model, now=now)
     entry = lock_entry(entry.pk)

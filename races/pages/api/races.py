@@ -19,6 +19,7 @@ from paddock.rules.race import RULES
 from tracks.api import TrackField
 
 from ...boards.ranking import order_rule, rule_for
+from ...entries.selectors.lists import in_state
 from ...entries.selectors.visibility import can_organise, can_see_race, races_visible_to
 from ...models import Division, Entry, Race, RaceKind, RaceState, RaceType, TeamEntries, Visibility
 from ...models.race import MINIMUM_LAP_MS, MOST_TERMS, SESSION_S
@@ -210,7 +211,7 @@ class RacesView(ListAPIView):
         if "race_type" in wanted:
             races = races.filter(race_type=wanted["race_type"])
         if "state" in wanted:
-            races = races.filter(_in_state(RaceState(wanted["state"])))
+            races = races.filter(in_state(wanted["state"], timezone.now()))
         if wanted["mine"]:
             if not isinstance(racer, Racer):
                 return races.none()
@@ -321,16 +322,3 @@ class SpectatorLinkRenewView(APIView):
     )
     def post(self, request: Request, race: Race) -> Race:
         return services.renew_spectator_link(race=race, now=timezone.now())
-
-
-def _in_state(state: RaceState) -> Q:
-    """The condition of Race.state_at, for the database."""
-    now = timezone.now()
-    if state == RaceState.CANCELLED:
-        return Q(cancelled_at__isnull=False)
-    during = {
-        RaceState.UPCOMING: Q(opens_at__gt=now),
-        RaceState.OPEN: Q(opens_at__lte=now, closes_at__gt=now),
-        RaceState.CLOSED: Q(closes_at__lte=now),
-    }
-    return during[state] & Q(cancelled_at=None)

@@ -6,8 +6,8 @@ from django.utils.feedgenerator import Atom1Feed
 from django.utils.translation import gettext as _
 from django.views.decorators.http import require_safe
 
-from races.boards.exports import board_data, csv_lines
-from races.boards.selectors.board import board, podiums, whole_board
+from races.boards import exports
+from races.boards.selectors.board import board, podiums
 from races.models import Race, Visibility
 from races.pages.badge import badge
 from races.rules.descriptions import score_words
@@ -19,12 +19,13 @@ from ...web.views import downloaded, visible_race
 @require_safe
 def board_csv(request: HttpRequest, slug: str) -> HttpResponse:
     race = visible_race(request, slug)
-    return downloaded("".join(csv_lines(whole_board(race))), f"{race.slug}.csv", "text/csv; charset=utf-8")
+    return downloaded("".join(exports.board_csv(race)), f"{race.slug}.csv", "text/csv; charset=utf-8")
 
 
 @require_safe
 def board_json(request: HttpRequest, slug: str) -> HttpResponse:
-    return JsonResponse(board_data(visible_race(request, slug), timezone.now()), json_dumps_params={"indent": 1})
+    data = exports.board_data(visible_race(request, slug), timezone.now())
+    return JsonResponse(data, json_dumps_params={"indent": 1})
 
 
 @require_safe

@@ -22,7 +22,7 @@ from core.times import clock
 from paddock.errors import UserFault
 
 from ...boards.counted_laps import counted_ms, is_complete
-from ...boards.exports import Echo, plain
+from ...boards.exports import csv_lines
 from ...models import Guest, MeasuredLap, Race, Source, TimedSession
 from ..selectors import sessions_of
 from .checks import MOST_FAULTS, SentLap, check_time, require_may_correct
@@ -267,11 +267,9 @@ def _moment(text: str) -> datetime:
 
 def lap_lines(race: Race) -> Iterator[str]:
     """Every lap, line by line, a heading first. ``counted_ms``: with penalties; empty for a lap that does not count."""
-    writer = csv.writer(Echo(), lineterminator="\r\n")
-    yield writer.writerow(HEADING)
-    for session in sessions_of(race):
-        for lap in session.laps.all():
-            yield writer.writerow([plain(cell) for cell in _cells(race, session, lap)])
+    return csv_lines(
+        HEADING, (_cells(race, session, lap) for session in sessions_of(race) for lap in session.laps.all())
+    )
 
 
 def _cells(race: Race, session: TimedSession, lap: MeasuredLap) -> tuple:
@@ -289,8 +287,8 @@ def _cells(race: Race, session: TimedSession, lap: MeasuredLap) -> tuple:
         lap.time_ms,
         lap.off_tracks,
         lap.resets,
-        int(lap.valid),
+        lap.valid,
         counted_ms(race, lap) if is_complete(race, lap) else "",
         lap.note,
-        int(lap.corrected),
+        lap.corrected,
     )

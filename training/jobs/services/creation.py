@@ -25,7 +25,7 @@ from races.entries.eligibility import check_eligible
 from races.entries.terms import check_terms
 from races.entries.time_checks import require_open
 from races.models import Race
-from races.models.sensors import not_offered
+from races.models.sensors import require_offered
 from races.test_runs.rules import own_rules
 from tracks.models import Track
 
@@ -164,9 +164,7 @@ def _check_tracks(track: Track, more: Sequence[Track]) -> None:
 
 def _check_race(job: TrainingJob, race: Race, now: datetime) -> None:
     require_open(race, now)
-    missing = not_offered(job.sensors, race.sensors)
-    if missing:
-        raise UserFault("sensors_not_offered", needed=", ".join(missing), offered=", ".join(race.sensors))
+    require_offered(job.sensors, race.sensors)
     check_eligible(race, job.owner, now)
     check_terms(race, job.owner)
 
