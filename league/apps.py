@@ -12,7 +12,7 @@ class LeagueConfig(AppConfig):
         from core.cards.registry import register_cards
         from core.events import register_reader
         from core.pages.registry import register_slots
-        from races.boards.qualifying_line import register_cut
+        from races.boards.drawn_boards import register_cut
         from races.entries import eligibility, engines
         from races.rules import validation
         from races.signals import board_changed

@@ -20,7 +20,7 @@ class RacesConfig(AppConfig):
         from .boards.triggers import installed_after_migrate
         from .duels.services import recount
         from .entries import eligibility, hooks, queues
-        from .entries.audiences import register_audiences
+        from .entries.selectors.visibility import register_audiences
         from .live.services.sealing import take_out_departed
         from .quotas import OWN_RUNS_A_DAY, OWN_RUNS_AT_ONCE, RACES
         from .receivers import take_ended_evaluation

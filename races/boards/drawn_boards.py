@@ -2,7 +2,9 @@
 
 import threading
 from collections import OrderedDict
+from collections.abc import Callable
 from dataclasses import dataclass, replace
+from typing import Protocol
 
 from django.template.loader import render_to_string
 from django.utils import timezone
@@ -15,7 +17,6 @@ from tracks.reference.selectors import reference_times
 
 from ..models import Race
 from .medals import race_reference_ms
-from .qualifying_line import Cut, cut_of
 from .selectors.board import Board, BoardRow
 from .selectors.shared_boards import board_of_all
 
@@ -24,6 +25,32 @@ LINES_LIVE_S = 60  # a line shows the age of a result in minutes
 
 _kept: OrderedDict[tuple, dict[tuple, SafeString]] = OrderedDict()
 _lock = threading.Lock()
+
+
+class Cut(Protocol):
+    """The qualifying line of a board, drawn by a higher room: racers above it move on.
+
+    ``last_rank``: the last rank above the line, else 0. ``moved``: ids of the page's promoted racers."""
+
+    @property
+    def last_rank(self) -> int: ...
+    @property
+    def moved(self) -> frozenset[int]: ...
+    @property
+    def sentence(self) -> str: ...
+
+
+_registered: list[Callable[[Board], Cut | None]] = []
+
+
+def register_cut(of_board: Callable[[Board], Cut | None]) -> None:
+    """Called once, when the site starts."""
+    _registered[:] = [of_board]
+
+
+def cut_of(board: Board) -> Cut | None:
+    """The line through a board; None for races without promotion."""
+    return _registered[0](board) if _registered else None
 
 
 @dataclass(frozen=True)

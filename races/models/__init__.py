@@ -24,12 +24,13 @@ from .live import (
     LiveLog,
     LiveOrder,
     LiveRacer,
+    LiveReaction,
     LiveSlot,
     LiveState,
+    ReactionKind,
     SlotPhase,
     SlotState,
 )
-from .live_reaction import LiveReaction, ReactionKind
 from .race import Race, new_invitation
 from .recheck import Elsewhere, Recheck, RecheckState
 from .redrive import Redrive, RedriveState, Retiming

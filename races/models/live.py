@@ -58,40 +58,31 @@ class LiveEvent(models.Model):
     ``version`` counts the organisers' actions: each action names the version it was based on, so two organisers do one
     thing once. The time alone opens the lobby (:meth:`in_lobby`). ``last_at``: time of the last action
     or run; an idle event ends by itself. ``clock_at``: when the clock last saw the present run on track. ``start_m``,
-    ``seed``: of its runs (:mod:`races.rules.live_start`); None in older events: the race's.
+    ``seed``: of its runs (:mod:`races.rules.live_start`); None in older events: the race's. ``attempt_ms``: simulated
+    time, shown in real time.
     """
 
-    race = models.OneToOneField(Race, models.CASCADE, related_name="live_event", verbose_name=_("race"))
-    starts_at = models.DateTimeField(_("starts"))
-    time_zone = models.CharField(_("time zone"), max_length=64, default="UTC")
-    lobby_opens_at = models.DateTimeField(_("lobby opens"))
-    submissions_open = models.BooleanField(_("racers choose their models"), default=True)
+    race = models.OneToOneField(Race, models.CASCADE, related_name="live_event")
+    starts_at = models.DateTimeField()
+    time_zone = models.CharField(max_length=64, default="UTC")
+    lobby_opens_at = models.DateTimeField()
+    submissions_open = models.BooleanField(default=True)
     roll_call = models.BooleanField(
         _("roll call"), default=False, help_text=_("Racers who have not checked in are held.")
     )
     rounds = models.PositiveSmallIntegerField(
-        _("rounds"), default=2, validators=[MinValueValidator(1), MaxValueValidator(MOST_ROUNDS)]
+        default=2, validators=[MinValueValidator(1), MaxValueValidator(MOST_ROUNDS)]
     )
     attempt_ms = models.PositiveIntegerField(
-        _("time of an attempt"),
-        default=180_000,
-        validators=[MinValueValidator(LEAST_ATTEMPT_MS), MaxValueValidator(MOST_ATTEMPT_MS)],
-        help_text=_("Simulated milliseconds, shown in real time."),
+        default=180_000, validators=[MinValueValidator(LEAST_ATTEMPT_MS), MaxValueValidator(MOST_ATTEMPT_MS)]
     )
-    start_m = models.FloatField(
-        _("start"),
-        null=True,
-        blank=True,
-        help_text=_("Distance from the race's finish line, in metres, where laps of the event begin and end."),
-    )
-    seed = models.PositiveIntegerField(_("seed"), null=True, blank=True)
+    start_m = models.FloatField(null=True, blank=True)
+    seed = models.PositiveIntegerField(null=True, blank=True)
     order = models.CharField(_("order"), max_length=16, choices=LiveOrder.choices, default=LiveOrder.SLOWEST_FIRST)
     auto_run = models.BooleanField(
         _("automatic"), default=False, help_text=_("The event starts on time and runs automatically.")
     )
-    gap_s = models.PositiveSmallIntegerField(
-        _("seconds between two runs"), default=20, validators=[MaxValueValidator(600)]
-    )
+    gap_s = models.PositiveSmallIntegerField(default=20, validators=[MaxValueValidator(600)])
     speed_control = models.BooleanField(
         _("racers set their car's speed"),
         default=False,
@@ -99,20 +90,16 @@ class LiveEvent(models.Model):
         help_text=_("Before a run and while it is shown. Speed commands count in the result."),
     )
 
-    state = models.CharField(_("state"), max_length=9, choices=LiveState.choices, default=LiveState.PLANNED)
-    version = models.PositiveIntegerField(_("version"), default=1)
-    message = OneLineField(_("message to spectators"), max_length=200, blank=True, default="")
-    winner = models.ForeignKey(
-        Entry, models.SET_NULL, null=True, blank=True, related_name="+", verbose_name=_("winner")
-    )
-    podium_at = models.DateTimeField(_("podium shown"), null=True, blank=True)
-    begun_at = models.DateTimeField(_("begun"), null=True, blank=True)
-    ended_at = models.DateTimeField(_("ended"), null=True, blank=True)
-    last_at = models.DateTimeField(_("last moved"), default=timezone.now)
-    clock_at = models.DateTimeField(_("clock last saw the run on track"), null=True, blank=True, editable=False)
-    planned_by = models.ForeignKey(
-        settings.AUTH_USER_MODEL, models.SET_NULL, null=True, blank=True, related_name="+", verbose_name=_("planned by")
-    )
+    state = models.CharField(max_length=9, choices=LiveState.choices, default=LiveState.PLANNED)
+    version = models.PositiveIntegerField(default=1)
+    message = OneLineField(max_length=200, blank=True, default="")
+    winner = models.ForeignKey(Entry, models.SET_NULL, null=True, blank=True, related_name="+")
+    podium_at = models.DateTimeField(null=True, blank=True)
+    begun_at = models.DateTimeField(null=True, blank=True)
+    ended_at = models.DateTimeField(null=True, blank=True)
+    last_at = models.DateTimeField(default=timezone.now)
+    clock_at = models.DateTimeField(null=True, blank=True, editable=False)
+    planned_by = models.ForeignKey(settings.AUTH_USER_MODEL, models.SET_NULL, null=True, blank=True, related_name="+")
 
     class Meta:
         verbose_name = _("live event")
@@ -165,26 +152,15 @@ class LiveRacer(models.Model):
     """
 
     # no separate index: the unique one over event and entry begins with it
-    event = models.ForeignKey(
-        LiveEvent, models.CASCADE, related_name="racers", verbose_name=_("live event"), db_index=False
-    )
-    entry = models.ForeignKey(Entry, models.CASCADE, related_name="live_racers", verbose_name=_("entry"))
-    model = models.ForeignKey(
-        "evaluation.TrainedModel",
-        models.SET_NULL,
-        null=True,
-        blank=True,
-        related_name="+",
-        verbose_name=_("model"),
-    )
-    here_at = models.DateTimeField(_("is here since"), null=True, blank=True)
-    qualified_rank = models.PositiveIntegerField(_("place in qualifying"), null=True, blank=True)
-    qualified_ms = models.PositiveBigIntegerField(_("score in qualifying"), null=True, blank=True)
-    deputy = models.ForeignKey(
-        settings.AUTH_USER_MODEL, models.SET_NULL, null=True, blank=True, related_name="+", verbose_name=_("deputy")
-    )
-    speed: models.JSONField[Any, Any] = models.JSONField(_("speed at the start"), null=True, blank=True)
-    speed_at = models.DateTimeField(_("speed last commanded"), null=True, blank=True)
+    event = models.ForeignKey(LiveEvent, models.CASCADE, related_name="racers", db_index=False)
+    entry = models.ForeignKey(Entry, models.CASCADE, related_name="live_racers")
+    model = models.ForeignKey("evaluation.TrainedModel", models.SET_NULL, null=True, blank=True, related_name="+")
+    here_at = models.DateTimeField(null=True, blank=True)
+    qualified_rank = models.PositiveIntegerField(null=True, blank=True)
+    qualified_ms = models.PositiveBigIntegerField(null=True, blank=True)
+    deputy = models.ForeignKey(settings.AUTH_USER_MODEL, models.SET_NULL, null=True, blank=True, related_name="+")
+    speed: models.JSONField[Any, Any] = models.JSONField(null=True, blank=True)
+    speed_at = models.DateTimeField(null=True, blank=True)
 
     class Meta:
         verbose_name = _("racer of a live event")
@@ -227,50 +203,29 @@ class LiveSlot(models.Model):
     one command more; ``speed_wish``: what is commanded after it; ``speed_reason``: why the last one expired.
     """
 
-    event = models.ForeignKey(LiveEvent, models.CASCADE, related_name="slots", verbose_name=_("live event"))
-    racer = models.ForeignKey(
-        LiveRacer, models.CASCADE, null=True, blank=True, related_name="slots", verbose_name=_("racer")
-    )
-    duel = models.ForeignKey(
-        "races.Duel", models.CASCADE, null=True, blank=True, related_name="live_slots", verbose_name=_("duel")
-    )
-    round = models.PositiveSmallIntegerField(_("round"))
-    attempt = models.PositiveSmallIntegerField(_("attempt"), default=1)
-    position = models.PositiveIntegerField(_("position"))
-    state = models.CharField(_("state"), max_length=7, choices=SlotState.choices, default=SlotState.WAITING)
+    event = models.ForeignKey(LiveEvent, models.CASCADE, related_name="slots")
+    racer = models.ForeignKey(LiveRacer, models.CASCADE, null=True, blank=True, related_name="slots")
+    duel = models.ForeignKey("races.Duel", models.CASCADE, null=True, blank=True, related_name="live_slots")
+    round = models.PositiveSmallIntegerField()
+    attempt = models.PositiveSmallIntegerField(default=1)
+    position = models.PositiveIntegerField()
+    state = models.CharField(max_length=7, choices=SlotState.choices, default=SlotState.WAITING)
     evaluation = models.OneToOneField(
-        "evaluation.Evaluation",
-        models.PROTECT,
-        null=True,
-        blank=True,
-        related_name="live_slot",
-        verbose_name=_("evaluation"),
+        "evaluation.Evaluation", models.PROTECT, null=True, blank=True, related_name="live_slot"
     )
-    starts_at = models.DateTimeField(_("starts"), null=True, blank=True)
-    ends_at = models.DateTimeField(_("ends"), null=True, blank=True)
-    done_at = models.DateTimeField(_("done"), null=True, blank=True)
-    interrupted_at = models.DateTimeField(_("interrupted"), null=True, blank=True, editable=False)
+    starts_at = models.DateTimeField(null=True, blank=True)
+    ends_at = models.DateTimeField(null=True, blank=True)
+    done_at = models.DateTimeField(null=True, blank=True)
+    interrupted_at = models.DateTimeField(null=True, blank=True, editable=False)
     submission = models.OneToOneField(
-        "races.Submission",
-        models.SET_NULL,
-        null=True,
-        blank=True,
-        related_name="live_slot",
-        verbose_name=_("submission"),
+        "races.Submission", models.SET_NULL, null=True, blank=True, related_name="live_slot"
     )
-    reason_code = models.CharField(_("reason"), max_length=40, blank=True, default="")
-    speed_log: models.JSONField[Any, Any] = models.JSONField(_("speed commands"), null=True, blank=True)
-    speed_next: models.JSONField[Any, Any] = models.JSONField(_("next speed command"), null=True, blank=True)
-    speed_wish: models.JSONField[Any, Any] = models.JSONField(_("speed wished after it"), null=True, blank=True)
-    speed_reason = models.CharField(_("why a speed command expired"), max_length=40, null=True, blank=True)
-    speed_run = models.OneToOneField(
-        "evaluation.Evaluation",
-        models.PROTECT,
-        null=True,
-        blank=True,
-        related_name="+",
-        verbose_name=_("run with the next speed command"),
-    )
+    reason_code = models.CharField(max_length=40, blank=True, default="")
+    speed_log: models.JSONField[Any, Any] = models.JSONField(null=True, blank=True)
+    speed_next: models.JSONField[Any, Any] = models.JSONField(null=True, blank=True)
+    speed_wish: models.JSONField[Any, Any] = models.JSONField(null=True, blank=True)
+    speed_reason = models.CharField(max_length=40, null=True, blank=True)
+    speed_run = models.OneToOneField("evaluation.Evaluation", models.PROTECT, null=True, blank=True, related_name="+")
 
     class Meta:
         verbose_name = _("place in the running order")
@@ -340,15 +295,13 @@ class LiveSlot(models.Model):
 class LiveLog(models.Model):
     """An action in a live event. ``by``: None for the clock. ``undo``: values before and after; None for final ones."""
 
-    event = models.ForeignKey(LiveEvent, models.CASCADE, related_name="log", verbose_name=_("live event"))
-    at = models.DateTimeField(_("time"))
-    by = models.ForeignKey(
-        settings.AUTH_USER_MODEL, models.SET_NULL, null=True, blank=True, related_name="+", verbose_name=_("by")
-    )
-    action = models.CharField(_("action"), max_length=16)
-    told: models.JSONField[Any, Any] = models.JSONField(_("details"), default=dict, blank=True)
-    undo: models.JSONField[Any, Any] = models.JSONField(_("how to undo it"), null=True, blank=True)
-    undone_at = models.DateTimeField(_("undone"), null=True, blank=True)
+    event = models.ForeignKey(LiveEvent, models.CASCADE, related_name="log")
+    at = models.DateTimeField()
+    by = models.ForeignKey(settings.AUTH_USER_MODEL, models.SET_NULL, null=True, blank=True, related_name="+")
+    action = models.CharField(max_length=16)
+    told: models.JSONField[Any, Any] = models.JSONField(default=dict, blank=True)
+    undo: models.JSONField[Any, Any] = models.JSONField(null=True, blank=True)
+    undone_at = models.DateTimeField(null=True, blank=True)
 
     class Meta:
         verbose_name = _("entry in the log of a live event")
@@ -357,3 +310,32 @@ class LiveLog(models.Model):
 
     def __str__(self) -> str:
         return f"{self.event} {self.action}"
+
+
+class ReactionKind(models.TextChoices):
+    CLAP = "clap", _("applause")
+    FIRE = "fire", _("fast")
+    WOW = "wow", _("astonished")
+    LAUGH = "laugh", _("funny")
+    HEART = "heart", _("love it")
+    FLAG = "flag", _("finish")
+
+
+class LiveReaction(models.Model):
+    """The count of a reaction; its senders are not stored."""
+
+    # no separate index: the unique one over event and kind begins with it
+    event = models.ForeignKey(LiveEvent, models.CASCADE, related_name="reactions", db_index=False)
+    kind = models.CharField(max_length=8, choices=ReactionKind.choices)
+    count = models.PositiveBigIntegerField(default=0)
+
+    class Meta:
+        verbose_name = _("reaction to a live event")
+        verbose_name_plural = _("reactions to live events")
+        constraints = [
+            models.UniqueConstraint(fields=["event", "kind"], name="live_reaction_once_a_kind"),
+            models.CheckConstraint(condition=Q(kind__in=ReactionKind.values), name="live_reaction_kind_known"),
+        ]
+
+    def __str__(self) -> str:
+        return f"{self.event} {self.kind}: {self.count}"

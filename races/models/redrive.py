@@ -23,23 +23,14 @@ class Redrive(models.Model):
     ``replaced``: once taken, the evaluation that the submission had before.
     """
 
-    submission = models.ForeignKey(
-        Submission, models.CASCADE, related_name="redrives", verbose_name=_("submission"), db_index=False
-    )
-    evaluation = models.OneToOneField(
-        "evaluation.Evaluation", models.PROTECT, related_name="redrive", verbose_name=_("evaluation")
-    )
+    submission = models.ForeignKey(Submission, models.CASCADE, related_name="redrives", db_index=False)
+    evaluation = models.OneToOneField("evaluation.Evaluation", models.PROTECT, related_name="redrive")
     replaced = models.OneToOneField(
-        "evaluation.Evaluation",
-        models.PROTECT,
-        null=True,
-        blank=True,
-        related_name="replaced_by",
-        verbose_name=_("evaluation before"),
+        "evaluation.Evaluation", models.PROTECT, null=True, blank=True, related_name="replaced_by"
     )
-    engine = models.CharField(_("engine"), max_length=32)
-    tries = models.PositiveSmallIntegerField(_("runs"), default=1)
-    state = models.CharField(_("state"), max_length=8, choices=RedriveState.choices, default=RedriveState.PENDING)
+    engine = models.CharField(max_length=32)
+    tries = models.PositiveSmallIntegerField(default=1)
+    state = models.CharField(max_length=8, choices=RedriveState.choices, default=RedriveState.PENDING)
 
     class Meta:
         verbose_name = _("repeated run")
@@ -68,16 +59,16 @@ class Retiming(models.Model):
     counted run came to no result this time; ``""`` where it did.
     """
 
-    entry = models.ForeignKey(Entry, models.CASCADE, related_name="retimings", verbose_name=_("entry"), db_index=False)
-    at = models.DateTimeField(_("at"))
-    old_engine = models.CharField(_("engine before"), max_length=32)
-    new_engine = models.CharField(_("engine"), max_length=32)
-    old_score_ms = models.PositiveIntegerField(_("score before"), null=True, blank=True)
-    new_score_ms = models.PositiveIntegerField(_("score"), null=True, blank=True)
-    old_rank = models.PositiveIntegerField(_("place before"), null=True, blank=True)
-    new_rank = models.PositiveIntegerField(_("place"), null=True, blank=True)
-    reason_code = models.CharField(_("reason"), max_length=40, blank=True)
-    reason_params = models.JSONField(_("details"), default=dict, blank=True)
+    entry = models.ForeignKey(Entry, models.CASCADE, related_name="retimings", db_index=False)
+    at = models.DateTimeField()
+    old_engine = models.CharField(max_length=32)
+    new_engine = models.CharField(max_length=32)
+    old_score_ms = models.PositiveIntegerField(null=True, blank=True)
+    new_score_ms = models.PositiveIntegerField(null=True, blank=True)
+    old_rank = models.PositiveIntegerField(null=True, blank=True)
+    new_rank = models.PositiveIntegerField(null=True, blank=True)
+    reason_code = models.CharField(max_length=40, blank=True)
+    reason_params = models.JSONField(default=dict, blank=True)
 
     class Meta:
         verbose_name = _("changed time")

@@ -11,12 +11,12 @@ class ServiceDay(models.Model):
     ``p50_ms``, ``p95_ms``: from a submission to its result on the board; ``faults``: runs whose last platform fault was
     then; ``given_back``: runs that ended by one, and count for nobody."""
 
-    day = models.DateField(_("day"), primary_key=True)
-    runs = models.PositiveIntegerField(_("runs"), default=0)
-    p50_ms = models.PositiveBigIntegerField(_("median"), null=True)
-    p95_ms = models.PositiveBigIntegerField(_("95th percentile"), null=True)
-    faults = models.PositiveIntegerField(_("faults"), default=0)
-    given_back = models.PositiveIntegerField(_("given back"), default=0)
+    day = models.DateField(primary_key=True)
+    runs = models.PositiveIntegerField(default=0)
+    p50_ms = models.PositiveBigIntegerField(null=True)
+    p95_ms = models.PositiveBigIntegerField(null=True)
+    faults = models.PositiveIntegerField(default=0)
+    given_back = models.PositiveIntegerField(default=0)
 
     class Meta:
         verbose_name = _("day of service")

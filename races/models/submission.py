@@ -79,9 +79,9 @@ def car_of(sha256: str, facts: dict | None) -> str:
 class RaceCar(models.Model):
     """The entry that holds a car (:func:`car_of`) in a race, where no other may send it."""
 
-    race = models.ForeignKey(Race, models.CASCADE, related_name="cars", verbose_name=_("race"), db_index=False)
-    car = models.CharField(_("car"), max_length=64)
-    entry = models.ForeignKey(Entry, models.CASCADE, related_name="cars", verbose_name=_("entry"))
+    race = models.ForeignKey(Race, models.CASCADE, related_name="cars", db_index=False)
+    car = models.CharField(max_length=64)
+    entry = models.ForeignKey(Entry, models.CASCADE, related_name="cars")
 
     class Meta:
         verbose_name = _("car of a race")
@@ -96,16 +96,13 @@ class RaceCar(models.Model):
 
 
 class RefusedCar(models.Model):
-    """Another racer's attempt to send a car that was in the race already, for organisers."""
+    """Another racer's attempt to send a car that was in the race already, for organisers. ``same_file``: with the same
+    network, not just one with the same outputs."""
 
-    car = models.ForeignKey(RaceCar, models.CASCADE, related_name="refused", verbose_name=_("car"), db_index=False)
-    racer = models.ForeignKey(
-        settings.AUTH_USER_MODEL, models.CASCADE, related_name="refused_cars", verbose_name=_("racer")
-    )
-    at = models.DateTimeField(_("last tried"))
-    same_file = models.BooleanField(
-        _("byte-identical"), help_text=_("The same network as in the race, not just one with the same outputs.")
-    )
+    car = models.ForeignKey(RaceCar, models.CASCADE, related_name="refused", db_index=False)
+    racer = models.ForeignKey(settings.AUTH_USER_MODEL, models.CASCADE, related_name="refused_cars")
+    at = models.DateTimeField()
+    same_file = models.BooleanField()
 
     class Meta:
         verbose_name = _("refused car")

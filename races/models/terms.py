@@ -12,10 +12,10 @@ from .race import MOST_TERMS, Race
 class RaceTerms(models.Model):
     """One version of a race's terms. It never changes: other words are the next version."""
 
-    race = models.ForeignKey(Race, models.CASCADE, related_name="terms_written", verbose_name=_("race"), db_index=False)
-    version = models.PositiveSmallIntegerField(_("version"))
-    text = models.TextField(_("terms"), max_length=MOST_TERMS)
-    written_at = models.DateTimeField(_("written at"), default=timezone.now)
+    race = models.ForeignKey(Race, models.CASCADE, related_name="terms_written", db_index=False)
+    version = models.PositiveSmallIntegerField()
+    text = models.TextField(max_length=MOST_TERMS)
+    written_at = models.DateTimeField(default=timezone.now)
 
     class Meta:
         verbose_name = _("version of a race's terms")
@@ -35,11 +35,9 @@ class TermsAcceptance(models.Model):
     """A racer's acceptance of a version of the terms of their race."""
 
     # no separate index: the unique one begins with it
-    entry = models.ForeignKey(
-        Entry, models.CASCADE, related_name="accepted_terms", verbose_name=_("entry"), db_index=False
-    )
-    terms = models.ForeignKey(RaceTerms, models.RESTRICT, related_name="acceptances", verbose_name=_("terms"))
-    accepted_at = models.DateTimeField(_("accepted"), default=timezone.now)
+    entry = models.ForeignKey(Entry, models.CASCADE, related_name="accepted_terms", db_index=False)
+    terms = models.ForeignKey(RaceTerms, models.RESTRICT, related_name="acceptances")
+    accepted_at = models.DateTimeField(default=timezone.now)
 
     class Meta:
         verbose_name = _("acceptance of terms")

@@ -43,7 +43,7 @@ class Timekeeper(models.Model):
 
     race = models.ForeignKey(Race, models.CASCADE, related_name="timekeepers", db_index=False)
     racer = models.ForeignKey(settings.AUTH_USER_MODEL, models.CASCADE, related_name="timed_races")
-    named_at = models.DateTimeField(_("named"), default=timezone.now)
+    named_at = models.DateTimeField(default=timezone.now)
 
     class Meta:
         verbose_name = _("timekeeper")
@@ -60,10 +60,10 @@ class Guest(models.Model):
     id = models.UUIDField(primary_key=True, default=uuid.uuid4, editable=False)
     race = models.ForeignKey(Race, models.CASCADE, related_name="guests")
     entry = models.ForeignKey(Entry, models.CASCADE, related_name="guests")
-    name = OneLineField(_("name"), max_length=64)
+    name = OneLineField(max_length=64)
     claim = models.CharField(max_length=24, unique=True, default=new_claim, editable=False)
-    made_at = models.DateTimeField(_("created"), default=timezone.now)
-    linked_at = models.DateTimeField(_("taken over"), null=True, blank=True)
+    made_at = models.DateTimeField(default=timezone.now)
+    linked_at = models.DateTimeField(null=True, blank=True)
 
     class Meta:
         verbose_name = _("guest")
@@ -77,13 +77,13 @@ class TimingSensor(models.Model):
     """A device that reports crossings of the finish line. ``hint``: the token's first characters."""
 
     race = models.ForeignKey(Race, models.CASCADE, related_name="timing_sensors")
-    name = OneLineField(_("name"), max_length=64)
+    name = OneLineField(max_length=64)
     token_sha256 = models.CharField(max_length=64, unique=True, editable=False)
     hint = models.CharField(max_length=12, editable=False)
-    made_at = models.DateTimeField(_("created"), default=timezone.now)
+    made_at = models.DateTimeField(default=timezone.now)
     made_by = models.ForeignKey(settings.AUTH_USER_MODEL, models.SET_NULL, null=True, related_name="+")
-    revoked_at = models.DateTimeField(_("revoked"), null=True, blank=True)
-    seen_at = models.DateTimeField(_("last seen"), null=True, blank=True)
+    revoked_at = models.DateTimeField(null=True, blank=True)
+    seen_at = models.DateTimeField(null=True, blank=True)
 
     class Meta:
         verbose_name = _("timing sensor")
@@ -100,21 +100,17 @@ class TimedSession(models.Model):
     id = models.UUIDField(primary_key=True, editable=False)
     race = models.ForeignKey(Race, models.CASCADE, related_name="timed_sessions")
     entry = models.ForeignKey(Entry, models.CASCADE, related_name="timed_sessions")
-    number = models.PositiveSmallIntegerField(_("number"))
+    number = models.PositiveSmallIntegerField()
     revision = models.PositiveIntegerField(default=1)
-    source = models.CharField(_("timed"), max_length=6, choices=Source.choices, default=Source.HAND)
+    source = models.CharField(max_length=6, choices=Source.choices, default=Source.HAND)
     sensor = models.ForeignKey(TimingSensor, models.SET_NULL, null=True, blank=True, related_name="sessions")
-    started_at = models.DateTimeField(_("started"))
-    received_at = models.DateTimeField(_("carried over"))
-    ended_at = models.DateTimeField(_("ended"), null=True, blank=True)
-    discarded_at = models.DateTimeField(_("discarded"), null=True, blank=True)
-    model = models.ForeignKey(
-        "evaluation.TrainedModel", models.SET_NULL, null=True, blank=True, related_name="+", verbose_name=_("model")
-    )
-    car = OneLineField(_("car"), max_length=64, blank=True)
-    timekeeper = models.ForeignKey(
-        settings.AUTH_USER_MODEL, models.SET_NULL, null=True, blank=True, related_name="+", verbose_name=_("timekeeper")
-    )
+    started_at = models.DateTimeField()
+    received_at = models.DateTimeField()
+    ended_at = models.DateTimeField(null=True, blank=True)
+    discarded_at = models.DateTimeField(null=True, blank=True)
+    model = models.ForeignKey("evaluation.TrainedModel", models.SET_NULL, null=True, blank=True, related_name="+")
+    car = OneLineField(max_length=64, blank=True)
+    timekeeper = models.ForeignKey(settings.AUTH_USER_MODEL, models.SET_NULL, null=True, blank=True, related_name="+")
 
     class Meta:
         verbose_name = _("session")
@@ -140,13 +136,13 @@ class MeasuredLap(models.Model):
 
     id = models.UUIDField(primary_key=True, editable=False)
     session = models.ForeignKey(TimedSession, models.CASCADE, related_name="laps", db_index=False)
-    number = models.PositiveSmallIntegerField(_("lap"))
-    time_ms = models.PositiveIntegerField(_("time"))
-    off_tracks = models.PositiveSmallIntegerField(_("off tracks"), default=0)
-    resets = models.PositiveSmallIntegerField(_("resets"), default=0)
-    valid = models.BooleanField(_("valid"), default=True)
-    note = models.CharField(_("measured"), max_length=8, choices=LapNote.choices, blank=True)
-    corrected = models.BooleanField(_("corrected"), default=False)
+    number = models.PositiveSmallIntegerField()
+    time_ms = models.PositiveIntegerField()
+    off_tracks = models.PositiveSmallIntegerField(default=0)
+    resets = models.PositiveSmallIntegerField(default=0)
+    valid = models.BooleanField(default=True)
+    note = models.CharField(max_length=8, choices=LapNote.choices, blank=True)
+    corrected = models.BooleanField(default=False)
 
     class Meta:
         verbose_name = _("lap")
@@ -168,8 +164,8 @@ class LapCorrection(models.Model):
 
     lap = models.ForeignKey(MeasuredLap, models.CASCADE, related_name="corrections")
     by = models.ForeignKey(settings.AUTH_USER_MODEL, models.SET_NULL, null=True, related_name="+")
-    at = models.DateTimeField(_("corrected"))
-    reason = OneLineField(_("reason"), max_length=255)
+    at = models.DateTimeField()
+    reason = OneLineField(max_length=255)
     before = models.JSONField()
     after = models.JSONField()
 

@@ -11,12 +11,10 @@ class WatchedRace(models.Model):
     """A race whose results are no longer hidden from a racer. ``live``: whether its live event had begun by then."""
 
     # no separate index: the unique one over racer and race begins with it
-    racer = models.ForeignKey(
-        settings.AUTH_USER_MODEL, models.CASCADE, related_name="watched_races", verbose_name=_("racer"), db_index=False
-    )
-    race = models.ForeignKey(Race, models.CASCADE, related_name="watched_by", verbose_name=_("race"))
-    at = models.DateTimeField(_("watched"))
-    live = models.BooleanField(_("with its live event"), default=False)
+    racer = models.ForeignKey(settings.AUTH_USER_MODEL, models.CASCADE, related_name="watched_races", db_index=False)
+    race = models.ForeignKey(Race, models.CASCADE, related_name="watched_by")
+    at = models.DateTimeField()
+    live = models.BooleanField(default=False)
 
     class Meta:
         verbose_name = _("watched race")

@@ -1,4 +1,5 @@
-"""The run document, which the viewer plays: every step of each car in metres and degrees of the track's frame."""
+"""The documents of the viewer, in metres and degrees of the track's frame: a run with every step of each car, and the
+scene with the track."""
 
 import csv
 import io
@@ -12,13 +13,17 @@ from evaluation.running.competitors import CompetitorRow
 from evaluation.running.messages import DrivenLapDocument
 from evaluation.running.results import read_layout, read_trace
 from evaluation.templatetags.looks import shell_from_above
+from paddock.analysis.turns import turns_of
 from paddock.errors import PlatformFault
+from paddock.geometry.checks import Points
 from paddock.simulator.solids import box as box_solid
 from paddock.simulator.trace import CRASHED, OFF_TRACK
+from tracks.models import Track
 
 from .selectors import direction_of
 
 RUN_FORMAT = 1
+SCENE_FORMAT = 2
 JUMP_M = 0.6  # a car moves less in a step; more is a reset
 _INCIDENTS = {OFF_TRACK: "off_track", CRASHED: "crash"}
 
@@ -162,4 +167,40 @@ def box_document(box: Mapping[str, Any]) -> dict[str, Any]:
         "length": 2 * solid.half_length,
         "width": 2 * solid.half_width,
         "height": solid.height,
+    }
+
+
+def scene_document(track: Track, direction: str) -> dict[str, Any]:
+    """The lines of a track in driving order, an open one's with its road before the start and beyond the finish.
+    ``start`` and ``finish``: the middle of their line, its heading and the road's width there."""
+    geometry = track.geometry.in_direction(direction)
+    centre, inner, outer = geometry.lines
+    if geometry.is_open:
+        outer = outer[::-1]  # the line around an open road comes back along it
+    return {
+        "track": track.slug,
+        "name": track.name,
+        "direction": direction,
+        "closed": not geometry.is_open,
+        "length": round(geometry.length, 4),
+        "width": round(float(geometry.half_widths.sum(axis=1).mean()), 4),
+        "bounds": [round(each, 4) for each in geometry.bounds],
+        "centre": _points(centre),
+        "inner": _points(inner),
+        "outer": _points(outer),
+        "start": _line_across(geometry, 0.0),
+        "finish": _line_across(geometry, geometry.finish_m),
+        "turns": [turn._asdict() for turn in turns_of(track.geometry, direction)],
+    }
+
+
+def _points(line: Points) -> list[list[float]]:
+    return [[round(x, 4), round(y, 4)] for x, y in line.tolist()]
+
+
+def _line_across(geometry: Any, metres: float) -> dict[str, float]:
+    x, y, yaw = geometry.point_at(metres)
+    return {
+        **{"x": round(x, 4), "y": round(y, 4), "yaw": round(math.degrees(yaw), 2)},
+        "width": round(geometry.width_at(metres), 4),
     }

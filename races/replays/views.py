@@ -17,11 +17,10 @@ from evaluation.running.competitors import car_rows
 from paddock.errors import PaddockError, PlatformFault, UserFault
 from paddock.geometry.track import CCW, DIRECTIONS
 from races.replays.comparison import LapComparison, LapLine, best_lap, compare, driven_trace, lap_line
-from races.replays.document import document_key, look_document, run_document
+from races.replays.document import SCENE_FORMAT, document_key, look_document, run_document, scene_document
 from races.replays.reference import viewed_reference
 from races.replays.responses import Make, document_response, documents_response
 from races.replays.run_maps import LAP_COLOURS, LapRow, lap_rows
-from races.replays.scene import SCENE_FORMAT, scene_document
 from races.replays.selectors import (
     RunOffer,
     Why,
@@ -168,7 +167,7 @@ def evaluation_replay(request: HttpRequest, public_id: str) -> HttpResponse:
 
 @require_safe
 def track_scene(request: HttpRequest, slug: str) -> HttpResponse:
-    """The scene document (:mod:`races.replays.scene`); ``direction``: ``ccw`` or ``cw``."""
+    """The scene document (:func:`races.replays.document.scene_document`); ``direction``: ``ccw`` or ``cw``."""
     track = get_object_or_404(Track, slug=slug, length_m__isnull=False)
     direction = request.GET.get("direction", CCW)
     if direction not in DIRECTIONS:

@@ -5,7 +5,7 @@ import re
 from paddock.analysis import losses
 from paddock.analysis.losses import LEAST, Mistake
 from paddock.analysis.mini_sectors import MINI_SECTORS
-from races.telemetry.sentences import REASONS
+from races.telemetry.document import REASONS
 from tests.docs.pages import section, text
 
 PAGE = text("analysis.md")

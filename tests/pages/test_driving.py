@@ -11,7 +11,7 @@ from django.test import Client
 
 from paddock.geometry.track import CCW, CW
 from paddock.simulator.physics import PADDOCK_CAR
-from races.driving.selectors import ghosts_on
+from races.driving.views import ghosts_on
 from races.models import Race
 from tests.drawn_runs import a_driven_run
 from tests.factories import a_race, a_racer

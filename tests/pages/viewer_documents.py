@@ -12,7 +12,7 @@ from paddock.simulator.layout import lay_out
 from paddock.simulator.policies import CentreLinePilot
 from paddock.simulator.race import Entrant, RaceSettings, run_race
 from paddock.simulator.results import RaceResult
-from races.replays.scene import scene_document as the_sites_document
+from races.replays.document import scene_document as the_sites_document
 from tests.shared import CHECKOUT
 
 SITE = "http://viewer.test"

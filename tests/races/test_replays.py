@@ -20,8 +20,7 @@ from paddock.geometry.checks import MAX_WAYPOINTS
 from paddock.geometry.track import TrackGeometry
 from races.entries.services.entries import accept_invitation
 from races.models import Visibility, WatchedRace
-from races.replays.document import car_events, trace_columns
-from races.replays.scene import scene_document
+from races.replays.document import car_events, scene_document, trace_columns
 from races.spoilers.selectors import HIDDEN
 from tests.drawn_runs import a_driven_run, driven_trace
 from tests.evaluation.stubs import HEADER

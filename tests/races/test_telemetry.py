@@ -20,7 +20,7 @@ from paddock.analysis.turns import turns_of
 from paddock.simulator.engine import ENGINE_ID
 from races.entries.services.entries import accept_invitation
 from races.models import Visibility
-from races.telemetry.sentences import REASONS, loss_sentence
+from races.telemetry.document import REASONS, loss_sentence
 from tests.drawn_runs import a_driven_run
 from tests.factories import a_race, a_racer
 from tests.paddock.analysis.mistakes import drive
