@@ -6,17 +6,17 @@ import numpy as np
 from django.db.models import QuerySet
 from django.utils import timezone
 from django.utils.translation import gettext
-from drf_spectacular.utils import OpenApiParameter, extend_schema, extend_schema_field, extend_schema_view
-from rest_framework import serializers, status
+from drf_spectacular.utils import extend_schema_field
+from rest_framework import serializers
 from rest_framework.exceptions import NotFound
 from rest_framework.parsers import MultiPartParser
 from rest_framework.request import Request
-from rest_framework.response import Response
 
 from accounts.request_racer import racer_of
 from accounts.scopes import ORGANISE
-from core.api.bodies import Body, read_as
-from core.api.views import APIView, ListAPIView
+from core.api.bodies import Body
+from core.api.operations import operation
+from core.api.views import APIView
 from paddock.geometry.catalogue.names import direction_in
 from paddock.geometry.files import MAX_BYTES
 
@@ -107,7 +107,12 @@ class TrackDetailSerializer(TrackSerializer):
 class FindSerializer(serializers.Serializer):
     """Which tracks to list, and in which order."""
 
-    search = serializers.CharField(required=False, allow_blank=True, max_length=64)
+    search = serializers.CharField(
+        required=False,
+        allow_blank=True,
+        max_length=64,
+        help_text="Part of any name, an address, or an importer's alias.",
+    )
 
     def get_fields(self) -> dict[str, serializers.Field]:
         """With the figures of now: rooms above add theirs when the site starts."""
@@ -135,46 +140,25 @@ class ImportSerializer(Body):
     )
 
 
-@extend_schema_view(
-    get=extend_schema(
-        operation_id="list_tracks",
-        summary="Tracks",
-        parameters=[
-            OpenApiParameter("search", str, description="Part of any name, an address, or an importer's alias."),
-            OpenApiParameter(
-                "sort", str, description="`name`, `length`, `width`, `corners`, `difficulty`, `record`, `raced`."
-            ),
-        ],
-    )
-)
-class TracksView(ListAPIView):
+class TracksView(APIView):
     token_scope = ORGANISE
     parser_classes = [MultiPartParser]
-    serializer_class = TrackSerializer
 
-    def get_queryset(self) -> QuerySet[Track]:
-        asked = read_as(FindSerializer, self.request.query_params)
+    @operation("list_tracks", "Tracks", query=FindSerializer, answer=TrackSerializer, paged=True)
+    def get(self, request: Request, asked: dict[str, str]) -> QuerySet[Track]:
         return found_tracks(search=asked.get("search", ""), sort=asked.get("sort", ""))
 
-    @extend_schema(
-        operation_id="import_track",
-        summary="Import a track",
-        request={"multipart/form-data": ImportSerializer},
-        responses={201: TrackDetailSerializer},
-    )
-    def post(self, request: Request) -> Response:
-        sent = read_as(ImportSerializer, request.data)
+    @operation("import_track", "Import a track", body=ImportSerializer, answer=TrackDetailSerializer, status=201)
+    def post(self, request: Request, sent: dict[str, Any]) -> Track:
         # one byte more than a track may have, so that a huge file is refused without being read whole
         data = sent.pop("file").read(MAX_BYTES + 1)
-        track = services.import_track(data=data, owner=racer_of(request), now=timezone.now(), **sent)
-        return Response(TrackDetailSerializer(track).data, status=status.HTTP_201_CREATED)
+        return services.import_track(data=data, owner=racer_of(request), now=timezone.now(), **sent)
 
 
 class TrackView(APIView):
-    @extend_schema(operation_id="read_track", summary="A track with its points", responses=TrackDetailSerializer)
-    def get(self, request: Request, slug: str) -> Response:
+    @operation("read_track", "A track with its points", answer=TrackDetailSerializer)
+    def get(self, request: Request, slug: str) -> Track:
         named = track_named(slug)
         if named is None:
             raise NotFound(unknown_track(slug))
-        track = with_figures(Track.objects.select_related("owner")).get(pk=named.pk)
-        return Response(TrackDetailSerializer(track).data)
+        return with_figures(Track.objects.select_related("owner")).get(pk=named.pk)

@@ -5,13 +5,13 @@ from typing import Any
 from django.db.models import Q, QuerySet
 from django.shortcuts import get_object_or_404
 from django.utils import timezone
-from drf_spectacular.utils import OpenApiParameter, extend_schema, extend_schema_field, extend_schema_view
+from drf_spectacular.utils import extend_schema_field
 from rest_framework import serializers
 from rest_framework.request import Request
 
-from core.api.bodies import Body, read_as
+from core.api.bodies import Body
 from core.api.operations import operation
-from core.api.views import APIView, ListAPIView
+from core.api.views import APIView
 from paddock.errors import UserFault
 
 from ..models import GroupMember, RacerGroup
@@ -84,7 +84,7 @@ class GroupRoleBody(Body):
 class GroupsFilter(serializers.Serializer):
     """Which groups to list."""
 
-    mine = serializers.BooleanField(required=False)
+    mine = serializers.BooleanField(required=False, help_text="Only groups that you lead, are in or asked to join.")
 
 
 def visible_group(request: Any, slug: str) -> RacerGroup:
@@ -112,21 +112,16 @@ def own_membership(request: Request, slug: str) -> GroupMember:
     return get_object_or_404(members, racer=request.user)
 
 
-@extend_schema_view(
-    get=extend_schema(
-        operation_id="list_groups",
-        summary="Listed groups and your own, by name",
-        parameters=[OpenApiParameter("mine", bool, description="Only groups that you lead, are in or asked to join.")],
-    )
-)
-class GroupsView(ListAPIView):
+class GroupsView(APIView):
     token_scope = ORGANISE
-    serializer_class = GroupSerializer
 
-    def get_queryset(self) -> QuerySet[RacerGroup]:
-        groups = groups_visible_to(self.request.user)
-        if read_as(GroupsFilter, self.request.query_params).get("mine"):
-            racer = self.request.user.pk or 0  # None would match groups without a leader
+    @operation(
+        "list_groups", "Listed groups and your own, by name", query=GroupsFilter, answer=GroupSerializer, paged=True
+    )
+    def get(self, request: Request, asked: dict[str, bool]) -> QuerySet[RacerGroup]:
+        groups = groups_visible_to(request.user)
+        if asked.get("mine"):
+            racer = request.user.pk or 0  # None would match groups without a leader
             groups = groups.filter(Q(leader=racer) | Q(members__racer=racer)).distinct()
         return groups
 
@@ -199,19 +194,17 @@ class GroupJoinView(APIView):
         return services.ask_to_join(racer=racer_of(request), now=timezone.now(), **sent)
 
 
-@extend_schema_view(
-    get=extend_schema(
-        operation_id="list_group_members",
-        summary="Members of a group, the oldest first",
+class GroupMembersView(APIView):
+    @operation(
+        "list_group_members",
+        "Members of a group, the oldest first",
+        find=visible_group,
+        answer=GroupMemberSerializer,
+        paged=True,
         description="Its leader also sees racers who have asked to join.",
     )
-)
-class GroupMembersView(ListAPIView):
-    serializer_class = GroupMemberSerializer
-
-    def get_queryset(self) -> QuerySet[GroupMember]:
-        group = visible_group(self.request, self.kwargs["slug"])
-        return members_visible_to(self.request.user).filter(group=group).order_by("confirmed_at", "pk")
+    def get(self, request: Request, group: RacerGroup) -> QuerySet[GroupMember]:
+        return members_visible_to(request.user).filter(group=group).order_by("confirmed_at", "pk")
 
 
 class GroupMemberView(APIView):

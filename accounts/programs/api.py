@@ -7,15 +7,14 @@ from django.db.models import QuerySet
 from django.http import Http404
 from django.shortcuts import get_object_or_404
 from django.utils import timezone
-from drf_spectacular.utils import extend_schema, extend_schema_field, extend_schema_view
+from drf_spectacular.utils import extend_schema_field
 from knox.models import AuthToken
 from rest_framework import serializers
-from rest_framework.permissions import IsAuthenticated
 from rest_framework.request import Request
 
 from core.api.bodies import Body
 from core.api.operations import operation
-from core.api.views import APIView, ListAPIView
+from core.api.views import PrivateView
 
 from ..models import ServiceAccount
 from ..request_racer import racer_of
@@ -113,15 +112,13 @@ def _made(made: tuple[AuthToken, str] | None) -> Any:
     return token
 
 
-@extend_schema_view(get=extend_schema(operation_id="list_programs", summary="Programs' accounts, for admins"))
-class ProgramsView(ListAPIView):
-    tag = "programs"
+class ProgramsView(PrivateView):
     token_scope = EVERY
-    permission_classes = [IsAuthenticated]
-    serializer_class = ProgramSerializer
 
-    def get_queryset(self) -> QuerySet[ServiceAccount]:
-        _for_admins(self.request)
+    @operation(
+        "list_programs", "Programs' accounts, for admins", find=_for_admins, answer=ProgramSerializer, paged=True
+    )
+    def get(self, request: Request, _none: None) -> QuerySet[ServiceAccount]:
         return services.programs()
 
     @operation(
@@ -136,10 +133,8 @@ class ProgramsView(ListAPIView):
         return services.make_program(by=racer_of(request), now=timezone.now(), **sent)
 
 
-class ProgramView(APIView):
-    tag = "programs"
+class ProgramView(PrivateView):
     token_scope = EVERY
-    permission_classes = [IsAuthenticated]
 
     @operation("read_program", "A program and its tokens, for admins", find=_program, answer=ProgramDetailSerializer)
     def get(self, request: Request, program: ServiceAccount) -> ServiceAccount:
@@ -161,10 +156,8 @@ class ProgramView(APIView):
         return program
 
 
-class ProgramTokensView(APIView):
-    tag = "programs"
+class ProgramTokensView(PrivateView):
     token_scope = EVERY
-    permission_classes = [IsAuthenticated]
 
     @operation(
         "create_program_token",
@@ -179,10 +172,8 @@ class ProgramTokensView(APIView):
         return _made(made)
 
 
-class ProgramTokenView(APIView):
-    tag = "programs"
+class ProgramTokenView(PrivateView):
     token_scope = EVERY
-    permission_classes = [IsAuthenticated]
 
     @operation(
         "replace_program_token",

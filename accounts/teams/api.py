@@ -4,14 +4,13 @@ from django.db.models import Count, QuerySet
 from django.http import Http404
 from django.shortcuts import get_object_or_404
 from django.utils import timezone
-from drf_spectacular.utils import OpenApiParameter, extend_schema, extend_schema_field, extend_schema_view
+from drf_spectacular.utils import extend_schema_field
 from rest_framework import serializers
-from rest_framework.permissions import IsAuthenticated
 from rest_framework.request import Request
 
-from core.api.bodies import Body, read_as
+from core.api.bodies import Body
 from core.api.operations import operation
-from core.api.views import APIView, ListAPIView
+from core.api.views import APIView, PrivateView
 from paddock.errors import UserFault
 
 from ..groups.api import JoinBody
@@ -85,8 +84,8 @@ class TeamRoleBody(Body):
 class TeamsFilter(serializers.Serializer):
     """Which teams to list."""
 
-    mine = serializers.BooleanField(required=False)
-    invited = serializers.BooleanField(required=False)
+    mine = serializers.BooleanField(required=False, help_text="Only the team that you are in.")
+    invited = serializers.BooleanField(required=False, help_text="Only teams that invite you.")
 
 
 def team_at(request: Request, slug: str) -> Team:
@@ -129,27 +128,16 @@ def visible_invitation(request: Request, slug: str, alias: str) -> TeamInvitatio
     return get_object_or_404(visible, racer__alias=alias)
 
 
-@extend_schema_view(
-    get=extend_schema(
-        operation_id="list_teams",
-        summary="All teams, by name",
-        parameters=[
-            OpenApiParameter("mine", bool, description="Only the team that you are in."),
-            OpenApiParameter("invited", bool, description="Only teams that invite you."),
-        ],
-    )
-)
-class TeamsView(ListAPIView):
+class TeamsView(APIView):
     token_scope = RACE
-    serializer_class = TeamSerializer
 
-    def get_queryset(self) -> QuerySet[Team]:
-        asked = read_as(TeamsFilter, self.request.query_params)
+    @operation("list_teams", "All teams, by name", query=TeamsFilter, answer=TeamSerializer, paged=True)
+    def get(self, request: Request, asked: dict[str, bool]) -> QuerySet[Team]:
         teams = Team.objects.select_related("captain").order_by("name", "pk")
         if asked.get("mine"):
-            teams = teams.filter(pk__in=TeamMember.objects.filter(racer=self.request.user.pk).values("team"))
+            teams = teams.filter(pk__in=TeamMember.objects.filter(racer=request.user.pk).values("team"))
         if asked.get("invited"):
-            teams = teams.filter(pk__in=TeamInvitation.objects.filter(racer=self.request.user.pk).values("team"))
+            teams = teams.filter(pk__in=TeamInvitation.objects.filter(racer=request.user.pk).values("team"))
         return teams.annotate(member_count=Count("members"))
 
     @operation(
@@ -198,16 +186,16 @@ class TeamJoinView(APIView):
         return services.join_by_link(racer=racer_of(request), now=timezone.now(), **sent)
 
 
-@extend_schema_view(get=extend_schema(operation_id="list_team_members", summary="Members of a team, the oldest first"))
-class TeamMembersView(ListAPIView):
-    serializer_class = TeamMemberSerializer
-
-    def get_queryset(self) -> QuerySet[TeamMember]:
-        return (
-            team_at(self.request, self.kwargs["slug"])
-            .members.select_related("racer", "team")
-            .order_by("joined_at", "pk")
-        )
+class TeamMembersView(APIView):
+    @operation(
+        "list_team_members",
+        "Members of a team, the oldest first",
+        find=team_at,
+        answer=TeamMemberSerializer,
+        paged=True,
+    )
+    def get(self, request: Request, team: Team) -> QuerySet[TeamMember]:
+        return team.members.select_related("racer", "team").order_by("joined_at", "pk")
 
 
 class TeamMemberView(APIView):
@@ -250,21 +238,19 @@ class TeamMembershipView(APIView):
         services.leave_team(racer=racer_of(request))
 
 
-@extend_schema_view(
-    get=extend_schema(
-        operation_id="list_team_invitations",
-        summary="Open invitations of a team",
+class TeamInvitationsView(PrivateView):
+    token_scope = RACE
+
+    @operation(
+        "list_team_invitations",
+        "Open invitations of a team",
+        find=team_at,
+        answer=TeamInvitationSerializer,
+        paged=True,
         description="All of them for its captain, your own otherwise.",
     )
-)
-class TeamInvitationsView(ListAPIView):
-    token_scope = RACE
-    permission_classes = [IsAuthenticated]
-    serializer_class = TeamInvitationSerializer
-
-    def get_queryset(self) -> QuerySet[TeamInvitation]:
-        team = team_at(self.request, self.kwargs["slug"])
-        return services.invitations_visible_to(self.request.user).filter(team=team).order_by("pk")
+    def get(self, request: Request, team: Team) -> QuerySet[TeamInvitation]:
+        return services.invitations_visible_to(request.user).filter(team=team).order_by("pk")
 
     @operation(
         "invite_to_team",

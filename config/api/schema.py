@@ -7,8 +7,18 @@ from drf_spectacular.openapi import AutoSchema
 
 from accounts.scopes import needed
 from core.api.idempotency import HEADER, KEPT, LONGEST, PATTERN, REPLAYED
+from core.api.pagination import Pages
 from paddock.errors.reasons import REASONS
 
+# What the operations below an address are about, if not what its first part names
+SUBJECTS = {
+    "auth": "account",
+    "invitations": "races",
+    "me": "account",
+    "racers": "following",
+    "reward-functions": "trainings",
+    "videos": "evaluations",
+}
 WRITES = ("post", "put", "patch", "delete")
 
 ERROR = {
@@ -93,15 +103,12 @@ class Schema(AutoSchema):
         return ""
 
     def get_tags(self) -> list[str]:
-        return [tag] if (tag := getattr(self.view, "tag", "")) else super().get_tags()
+        (first,) = super().get_tags()
+        return [getattr(self.view, "tag", "") or SUBJECTS.get(first, first)]
 
-    def get_request_serializer(self) -> Any:
-        """None for an operation that refuses fields (:func:`core.api.finding.finds`)."""
+    def _get_paginator(self) -> Pages | None:
         handler = getattr(self.view, self.method.lower(), None)
-        return super().get_request_serializer() if getattr(handler, "takes_fields", True) else None
-
-    def get_response_serializers(self) -> Any:
-        return {204: None} if self.method == "DELETE" else super().get_response_serializers()
+        return Pages() if getattr(handler, "paged", False) else None
 
     def get_operation(self, *args: Any, **kwargs: Any) -> dict[str, Any] | None:
         """The operation, and which scopes a token needs for it (none for an operation that any token may use)."""

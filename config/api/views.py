@@ -13,8 +13,7 @@ from django.db.models import QuerySet
 from django.http import HttpResponseBase
 from django.utils import timezone
 from django.utils.translation import gettext as _
-from drf_spectacular.types import OpenApiTypes
-from drf_spectacular.utils import extend_schema, extend_schema_view
+from drf_spectacular.utils import extend_schema
 from knox.models import AuthToken
 from rest_framework import serializers, status
 from rest_framework.exceptions import NotFound, Throttled
@@ -35,8 +34,8 @@ from accounts.signing_in.second_factor import factors_of, lacks_demanded_factor
 from accounts.tokens.services import LONGEST_DAYS, create_token, revoke_token, scopes_of, tokens_of
 from accounts.usage.selectors import usage_of
 from core.api.bodies import Body
-from core.api.operations import operation
-from core.api.views import APIView, FileView, ListAPIView
+from core.api.operations import ZIP, operation
+from core.api.views import APIView, FileView, PrivateView
 from paddock.errors import UserFault
 
 from .auth import SecondFactorMissing
@@ -136,7 +135,6 @@ def _token(request: Request) -> AuthToken:
 
 
 class TokenView(APIView):
-    tag = "account"
     token_scope = ANY
     slow_methods = ("POST",)
 
@@ -171,10 +169,8 @@ class TokenView(APIView):
         user_logged_out.send(sender=Racer, request=request._request, user=request.user)
 
 
-class MeView(APIView):
-    tag = "account"
+class MeView(PrivateView):
     token_scope = RACE
-    permission_classes = [IsAuthenticated]
 
     @operation("me", "The racer behind the token", answer=RacerSerializer)
     def get(self, request: Request) -> Racer:
@@ -194,26 +190,22 @@ class AliasBody(Body):
     )
 
 
-class AliasView(APIView):
-    tag = "account"
+class AliasView(PrivateView):
     token_scope = EVERY
-    permission_classes = [IsAuthenticated]
 
     @operation("change_alias", "Change my alias, once in some days", body=AliasBody, answer=RacerSerializer)
     def post(self, request: Request, sent: dict[str, Any]) -> Racer:
         return change_alias(racer=racer_of(request), alias=sent["alias"], now=timezone.now())
 
 
-class OwnDataView(FileView):
-    tag = "account"
+class OwnDataView(PrivateView, FileView):
     read_scopes = SCOPES
-    permission_classes = [IsAuthenticated]
 
-    @extend_schema(
-        operation_id="download_data",
-        summary="All personal data of the racer",
+    @operation(
+        "download_data",
+        "All personal data of the racer",
+        answer=ZIP,
         description="A zip of JSON by section with the racer's files; its README lists the contents.",
-        responses={(200, "application/zip"): OpenApiTypes.BINARY},
     )
     def get(self, request: Request) -> HttpResponseBase:
         return download_of_data(racer=racer_of(request), now=timezone.now())
@@ -230,7 +222,6 @@ class DeletionBody(Body):
 
 
 class DeletionView(APIView):
-    tag = "account"
     token_scope = EVERY
     slow_methods = ("POST",)
 
@@ -250,14 +241,10 @@ class DeletionView(APIView):
         delete_account(racer=racer, by=racer, now=timezone.now())
 
 
-@extend_schema_view(get=extend_schema(operation_id="list_tokens", summary="My tokens, the newest first"))
-class TokensView(ListAPIView):
-    tag = "account"
-    permission_classes = [IsAuthenticated]
-    serializer_class = KnownTokenSerializer
-
-    def get_queryset(self) -> QuerySet[AuthToken]:
-        return tokens_of(racer_of(self.request), timezone.now())
+class TokensView(PrivateView):
+    @operation("list_tokens", "My tokens, the newest first", answer=KnownTokenSerializer, paged=True)
+    def get(self, request: Request) -> QuerySet[AuthToken]:
+        return tokens_of(racer_of(request), timezone.now())
 
 
 def own_token(request: Request, key: str) -> AuthToken:
@@ -268,7 +255,6 @@ def own_token(request: Request, key: str) -> AuthToken:
 
 
 class TokenRevocationView(APIView):
-    tag = "account"
     token_scope = EVERY
 
     @operation(
@@ -281,10 +267,7 @@ class TokenRevocationView(APIView):
         revoke_token(racer=racer_of(request), key=token.token_key)
 
 
-class UsageView(APIView):
-    tag = "account"
-    permission_classes = [IsAuthenticated]
-
+class UsageView(PrivateView):
     @operation(
         "usage",
         "Every quota: how much the racer has used, and how much they may",

@@ -33,7 +33,6 @@ class StatusSerializer(serializers.Serializer):
 
 
 class StatusView(APIView):
-    tag = "status"
     permission_classes = [AllowAny]
 
     @operation("read_status", "How the site is, and how fast results were in 30 days", answer=StatusSerializer)

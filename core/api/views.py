@@ -11,9 +11,8 @@ from django.urls import Resolver404, ResolverMatch, resolve
 from django.utils import timezone
 from django.utils.cache import get_conditional_response, set_response_etag
 from django.utils.http import parse_etags
-from rest_framework import generics
 from rest_framework.exceptions import APIException
-from rest_framework.permissions import SAFE_METHODS
+from rest_framework.permissions import SAFE_METHODS, IsAuthenticated
 from rest_framework.renderers import BaseRenderer, JSONRenderer
 from rest_framework.request import Request
 from rest_framework.response import Response
@@ -110,8 +109,10 @@ class APIView(PlainView):
         return holds
 
 
-class ListAPIView(APIView, generics.ListAPIView):
-    """A list in pages."""
+class PrivateView(APIView):
+    """A view that guests cannot even read."""
+
+    permission_classes = [IsAuthenticated]
 
 
 class FileRenderer(BaseRenderer):

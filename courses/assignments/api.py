@@ -5,9 +5,8 @@ from typing import Any
 from django.db.models import Prefetch, QuerySet
 from django.shortcuts import get_object_or_404
 from django.utils import timezone
-from drf_spectacular.utils import extend_schema, extend_schema_field, extend_schema_view
+from drf_spectacular.utils import extend_schema_field
 from rest_framework import serializers
-from rest_framework.permissions import IsAuthenticated
 from rest_framework.request import Request
 
 from accounts.models import Racer
@@ -16,7 +15,7 @@ from accounts.scopes import ORGANISE
 from core.api.bodies import Body
 from core.api.fields import ZonedDateTimeField
 from core.api.operations import operation
-from core.api.views import APIView, ListAPIView
+from core.api.views import PrivateView
 from paddock.errors import UserFault
 from tracks.api import TrackField
 
@@ -222,9 +221,8 @@ def _again(request: Request, assignment: Assignment) -> Assignment:
     return visible_assignment(request, assignment.public_id)
 
 
-class AssignmentView(APIView):
+class AssignmentView(PrivateView):
     token_scope = ORGANISE
-    permission_classes = [IsAuthenticated]
 
     @operation("read_assignment", "An assignment", find=visible_assignment, answer=AssignmentSerializer)
     def get(self, request: Request, assignment: Assignment) -> Assignment:
@@ -252,14 +250,12 @@ class AssignmentView(APIView):
         services.delete_assignment(assignment=assignment, by=racer_of(request))
 
 
-@extend_schema_view(get=extend_schema(operation_id="list_assignments", summary="Assignments that you see, by deadline"))
-class AssignmentsView(ListAPIView):
+class AssignmentsView(PrivateView):
     token_scope = ORGANISE
-    permission_classes = [IsAuthenticated]
-    serializer_class = AssignmentSerializer
 
-    def get_queryset(self) -> QuerySet[Assignment]:
-        return _with_parts(assignments_visible_to(self.request.user))
+    @operation("list_assignments", "Assignments that you see, by deadline", answer=AssignmentSerializer, paged=True)
+    def get(self, request: Request) -> QuerySet[Assignment]:
+        return _with_parts(assignments_visible_to(request.user))
 
     @operation(
         "create_assignment",
@@ -277,9 +273,8 @@ class AssignmentsView(ListAPIView):
         return _again(request, services.make_assignment(group=group, by=by, now=timezone.now(), **sent))
 
 
-class PublicationView(APIView):
+class PublicationView(PrivateView):
     token_scope = ORGANISE
-    permission_classes = [IsAuthenticated]
 
     @operation(
         "publish_assignment",
@@ -293,14 +288,17 @@ class PublicationView(APIView):
         return _again(request, assignment)
 
 
-@extend_schema_view(get=extend_schema(operation_id="list_extensions", summary="Extensions of an assignment"))
-class ExtensionsView(ListAPIView):
+class ExtensionsView(PrivateView):
     token_scope = ORGANISE
-    permission_classes = [IsAuthenticated]
-    serializer_class = ExtensionSerializer
 
-    def get_queryset(self) -> QuerySet[Extension]:
-        assignment = taught_assignment(self.request, self.kwargs["public_id"])
+    @operation(
+        "list_extensions",
+        "Extensions of an assignment",
+        find=taught_assignment,
+        answer=ExtensionSerializer,
+        paged=True,
+    )
+    def get(self, request: Request, assignment: Assignment) -> QuerySet[Extension]:
         return assignment.extensions.select_related("racer", "granted_by")
 
     @operation(
@@ -317,25 +315,25 @@ class ExtensionsView(ListAPIView):
         return services.extend(assignment=assignment, by=racer_of(request), now=timezone.now(), **values)
 
 
-class ExtensionView(APIView):
+class ExtensionView(PrivateView):
     token_scope = ORGANISE
-    permission_classes = [IsAuthenticated]
 
     @operation("end_extension", "Take an extension back", find=given_extension, answer="Taken back.")
     def delete(self, request: Request, given: Extension) -> None:
         services.end_extension(assignment=given.assignment, racer=given.racer, by=racer_of(request), now=timezone.now())
 
 
-@extend_schema_view(
-    get=extend_schema(operation_id="list_submission_groups", summary="Students who submit together, by name")
-)
-class SubmissionGroupsView(ListAPIView):
+class SubmissionGroupsView(PrivateView):
     token_scope = ORGANISE
-    permission_classes = [IsAuthenticated]
-    serializer_class = SubmissionGroupSerializer
 
-    def get_queryset(self) -> QuerySet[SubmissionGroup]:
-        assignment = taught_assignment(self.request, self.kwargs["public_id"])
+    @operation(
+        "list_submission_groups",
+        "Students who submit together, by name",
+        find=taught_assignment,
+        answer=SubmissionGroupSerializer,
+        paged=True,
+    )
+    def get(self, request: Request, assignment: Assignment) -> QuerySet[SubmissionGroup]:
         return assignment.submission_groups.prefetch_related("members__racer")
 
     @operation(
@@ -353,9 +351,8 @@ class SubmissionGroupsView(ListAPIView):
         )
 
 
-class SubmissionGroupView(APIView):
+class SubmissionGroupView(PrivateView):
     token_scope = ORGANISE
-    permission_classes = [IsAuthenticated]
 
     @operation(
         "delete_submission_group",

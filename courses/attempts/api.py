@@ -5,16 +5,14 @@ from typing import Any
 from django.db.models import QuerySet
 from django.shortcuts import get_object_or_404
 from django.utils import timezone
-from drf_spectacular.utils import extend_schema, extend_schema_view
 from rest_framework import serializers
-from rest_framework.permissions import IsAuthenticated
 from rest_framework.request import Request
 
 from accounts.request_racer import racer_of
 from accounts.scopes import ORGANISE, RACE
 from core.api.bodies import Body
 from core.api.operations import operation
-from core.api.views import APIView, ListAPIView
+from core.api.views import PrivateView
 from evaluation.models import TrainedModel
 from evaluation.selectors import visible_models
 from paddock.errors import UserFault
@@ -108,21 +106,19 @@ def _model(request: Request, public_id: str) -> TrainedModel:
     return model
 
 
-@extend_schema_view(
-    get=extend_schema(
-        operation_id="list_attempts",
-        summary="Attempts of an assignment, the newest first",
+class AttemptsView(PrivateView):
+    token_scope = RACE
+
+    @operation(
+        "list_attempts",
+        "Attempts of an assignment, the newest first",
+        find=visible_assignment,
+        answer=AttemptSerializer,
+        paged=True,
         description="Your own and your submission group's; for teachers those of all students.",
     )
-)
-class AttemptsView(ListAPIView):
-    token_scope = RACE
-    permission_classes = [IsAuthenticated]
-    serializer_class = AttemptSerializer
-
-    def get_queryset(self) -> QuerySet[Attempt]:
-        assignment = visible_assignment(self.request, self.kwargs["public_id"])
-        return with_runs(attempts_visible_to(self.request.user).filter(assignment=assignment))
+    def get(self, request: Request, assignment: Assignment) -> QuerySet[Attempt]:
+        return with_runs(attempts_visible_to(request.user).filter(assignment=assignment))
 
     @operation(
         "hand_in",
@@ -140,17 +136,14 @@ class AttemptsView(ListAPIView):
         return visible_attempt(request, made.public_id)
 
 
-class AttemptView(APIView):
-    permission_classes = [IsAuthenticated]
-
+class AttemptView(PrivateView):
     @operation("read_attempt", "An attempt with its runs", find=visible_attempt, answer=AttemptSerializer)
     def get(self, request: Request, attempt: Attempt) -> Attempt:
         return attempt
 
 
-class RefundView(APIView):
+class RefundView(PrivateView):
     token_scope = ORGANISE
-    permission_classes = [IsAuthenticated]
 
     @operation(
         "refund_attempt",
@@ -164,14 +157,18 @@ class RefundView(APIView):
         return visible_attempt(request, attempt.public_id)
 
 
-@extend_schema_view(get=extend_schema(operation_id="list_references", summary="Reference rows of an assignment"))
-class ReferencesView(ListAPIView):
+class ReferencesView(PrivateView):
     token_scope = ORGANISE
-    permission_classes = [IsAuthenticated]
-    serializer_class = ReferenceSerializer
 
-    def get_queryset(self) -> QuerySet[ReferenceRow]:
-        return taught_assignment(self.request, self.kwargs["public_id"]).reference_rows.select_related("attempt")
+    @operation(
+        "list_references",
+        "Reference rows of an assignment",
+        find=taught_assignment,
+        answer=ReferenceSerializer,
+        paged=True,
+    )
+    def get(self, request: Request, assignment: Assignment) -> QuerySet[ReferenceRow]:
+        return assignment.reference_rows.select_related("attempt")
 
     @operation(
         "add_reference",
@@ -188,9 +185,8 @@ class ReferencesView(ListAPIView):
         )
 
 
-class ReferenceView(APIView):
+class ReferenceView(PrivateView):
     token_scope = ORGANISE
-    permission_classes = [IsAuthenticated]
 
     @operation("remove_reference", "Remove a reference row", find=shown_reference, answer="Removed.")
     def delete(self, request: Request, row: ReferenceRow) -> None:

@@ -7,21 +7,20 @@ from django.shortcuts import get_object_or_404
 from django.urls import reverse
 from django.utils import timezone
 from django.utils.cache import set_response_etag
-from drf_spectacular.utils import OpenApiParameter, extend_schema, extend_schema_view
-from rest_framework import serializers, status
-from rest_framework.permissions import IsAuthenticated
+from drf_spectacular.utils import OpenApiParameter
+from rest_framework import serializers
 from rest_framework.request import Request
 from rest_framework.response import Response
 
 from accounts.class_accounts import services
-from accounts.models import ClassLearner, Classroom, ClassTeacher
+from accounts.models import ClassLearner, Classroom, ClassTeacher, Racer
 from accounts.request_racer import racer_of
 from accounts.scopes import ORGANISE
 from accounts.tokens.services import may_read_secrets
 from core.addresses import origin_of
-from core.api.bodies import Body, read_as
-from core.api.finding import finds
-from core.api.views import APIView, ListAPIView
+from core.api.bodies import Body
+from core.api.operations import operation
+from core.api.views import PrivateView
 from core.validators import visible_line
 from paddock.errors import UserFault
 from training.lessons.catalogue import LESSONS
@@ -78,7 +77,7 @@ class CardSerializer(serializers.Serializer):
         return services.shown_code(card.code)
 
     def get_link(self, card: services.Card) -> str:
-        return f"{self.context['origin']}{reverse('class_code', args=[card.code])}"
+        return f"{origin_of(self.context['request']._request)}{reverse('class_code', args=[card.code])}"
 
 
 class CardsSerializer(serializers.Serializer):
@@ -150,6 +149,14 @@ class TeacherBody(Body):
     alias = serializers.CharField(max_length=150)
 
 
+def new_teacher(request: Request) -> Racer:
+    """The caller. Raises UserFault("class_no_teacher") for learners."""
+    teacher = racer_of(request)
+    if services.is_learner(teacher):
+        raise UserFault("class_no_teacher")
+    return teacher
+
+
 def taught_class(request: Any, slug: str) -> Classroom:
     """Raises Http404 for everybody but teachers of the class."""
     return get_object_or_404(services.classes_taught_by(request.user), group__slug=slug)
@@ -175,65 +182,52 @@ def removable_teacher(request: Request, slug: str, alias: str) -> ClassTeacher:
     return get_object_or_404(classroom.teachers.select_related("racer", "classroom__group"), racer__alias=alias)
 
 
-class Organised(APIView):
+class Organised(PrivateView):
     token_scope = ORGANISE
-    permission_classes = [IsAuthenticated]
 
 
-@extend_schema_view(get=extend_schema(operation_id="list_classes", summary="Classes that you teach, the latest first"))
-class ClassesView(Organised, ListAPIView):
-    serializer_class = ClassSerializer
-
-    def get_queryset(self) -> QuerySet[Classroom]:
-        taught = services.classes_taught_by(self.request.user)
+class ClassesView(Organised):
+    @operation("list_classes", "Classes that you teach, the latest first", answer=ClassSerializer, paged=True)
+    def get(self, request: Request) -> QuerySet[Classroom]:
+        taught = services.classes_taught_by(request.user)
         return taught.select_related("group__leader").annotate(size=Count("learners")).order_by("-made_at", "-pk")
 
-    @extend_schema(
-        operation_id="create_class",
-        summary="Create a class",
-        request=ClassBody,
-        responses={201: ClassSerializer},
-    )
-    def post(self, request: Request) -> Response:
-        teacher = racer_of(request)
-        if services.is_learner(teacher):
-            raise UserFault("class_no_teacher")
-        sent = {"plan": [lesson.slug for lesson in LESSONS], **read_as(ClassBody, request.data)}
-        made = services.make_class(teacher=teacher, now=timezone.now(), **sent)
-        return Response(ClassSerializer(made).data, status=status.HTTP_201_CREATED)
+    @operation("create_class", "Create a class", find=new_teacher, body=ClassBody, answer=ClassSerializer, status=201)
+    def post(self, request: Request, teacher: Racer, sent: dict[str, Any]) -> Classroom:
+        plan = sent.get("plan", [lesson.slug for lesson in LESSONS])
+        return services.make_class(teacher=teacher, name=sent["name"], plan=plan, now=timezone.now())
 
 
 class ClassView(Organised):
-    @extend_schema(operation_id="read_class", summary="A class", responses=ClassSerializer)
-    def get(self, request: Request, slug: str) -> Response:
-        return Response(ClassSerializer(taught_class(request, slug)).data)
+    @operation("read_class", "A class", find=taught_class, answer=ClassSerializer)
+    def get(self, request: Request, classroom: Classroom) -> Classroom:
+        return classroom
 
-    @extend_schema(
-        operation_id="change_class",
-        summary="Change the lesson plan of a class",
-        request=ClassPlanBody,
-        responses=ClassSerializer,
+    @operation(
+        "change_class",
+        "Change the lesson plan of a class",
+        find=taught_class,
+        body=ClassPlanBody,
+        partial=True,
+        answer=ClassSerializer,
     )
-    @finds(taught_class)
-    def patch(self, request: Request, classroom: Classroom) -> Response:
-        wanted = read_as(ClassPlanBody, request.data, partial=True).get("plan", classroom.plan)
-        services.change_plan(classroom=classroom, by=racer_of(request), plan=wanted)
-        return Response(ClassSerializer(classroom).data)
+    def patch(self, request: Request, classroom: Classroom, sent: dict[str, Any]) -> Classroom:
+        services.change_plan(classroom=classroom, by=racer_of(request), plan=sent.get("plan", classroom.plan))
+        return classroom
 
-    @extend_schema(
-        operation_id="delete_class",
-        summary="Delete a class with the accounts of its learners",
+    @operation(
+        "delete_class",
+        "Delete a class with the accounts of its learners",
+        find=led_class,
         description="With their models, runs, trainings, the races and the assignments of the class. Nothing can be "
         "restored. A class with marks is deleted with `?marks_exported=true` only.",
         parameters=[
             OpenApiParameter("marks_exported", bool, description="Whether you have exported the marks."),
         ],
     )
-    @finds(led_class, fields=False)
-    def delete(self, request: Request, classroom: Classroom) -> Response:
+    def delete(self, request: Request, classroom: Classroom) -> None:
         exported = request.query_params.get("marks_exported") == "true"
         delete_class(classroom=classroom, by=racer_of(request), marks_exported=exported)
-        return Response(status=status.HTTP_204_NO_CONTENT)
 
 
 class Unstored(Organised):
@@ -248,101 +242,88 @@ class Unstored(Organised):
         return final
 
 
-@extend_schema_view(get=extend_schema(operation_id="list_learners", summary="Learners of a class, by name"))
-class LearnersView(Unstored, ListAPIView):
-    serializer_class = LearnerSerializer
+class LearnersView(Unstored):
+    @operation("list_learners", "Learners of a class, by name", find=taught_class, answer=LearnerSerializer, paged=True)
+    def get(self, request: Request, classroom: Classroom) -> list[LearnerProgress]:
+        return progress_of(classroom)
 
-    def get_queryset(self) -> list[LearnerProgress]:  # type: ignore[override]  # its pages are cut from a list
-        return progress_of(taught_class(self.request, self.kwargs["slug"]))
-
-    @extend_schema(
-        operation_id="add_learners",
-        summary="Create accounts for learners",
+    @operation(
+        "add_learners",
+        "Create accounts for learners",
+        find=taught_class,
+        body=LearnersBody,
+        answer=CardsSerializer,
+        status=201,
         description="All or none. This answer alone has the codes that log in; no cache keeps it.",
-        request=LearnersBody,
-        responses={201: CardsSerializer},
     )
-    @finds(taught_class)
-    def post(self, request: Request, classroom: Classroom) -> Response:
-        names = services.names_in("\n".join(read_as(LearnersBody, request.data)["names"]))
+    def post(self, request: Request, classroom: Classroom, sent: dict[str, Any]) -> dict[str, list[services.Card]]:
+        names = services.names_in("\n".join(sent["names"]))
         cards = services.add_learners(classroom=classroom, by=racer_of(request), names=names, now=timezone.now())
-        return _cards(request, cards, status.HTTP_201_CREATED)
+        return {"cards": cards}
 
 
 class LearnerView(Unstored):
-    @extend_schema(
-        operation_id="change_learner",
-        summary="Change the student ID of a learner",
-        request=LearnerBody,
-        responses=LearnerSerializer,
+    @operation(
+        "change_learner",
+        "Change the student ID of a learner",
+        find=taught_learner,
+        body=LearnerBody,
+        partial=True,
+        answer=LearnerSerializer,
     )
-    @finds(taught_learner)
-    def patch(self, request: Request, learner: ClassLearner) -> Response:
-        wanted = read_as(LearnerBody, request.data, partial=True).get("student_id", learner.student_id)
-        ids = {learner.pk: wanted}
+    def patch(self, request: Request, learner: ClassLearner, sent: dict[str, Any]) -> LearnerProgress:
+        ids = {learner.pk: sent.get("student_id", learner.student_id)}
         services.set_student_ids(classroom=learner.classroom, by=racer_of(request), ids=ids)
         (progress,) = (one for one in progress_of(learner.classroom) if one.learner == learner)
-        return Response(LearnerSerializer(progress, context={"request": request}).data)
+        return progress
 
-    @extend_schema(
-        operation_id="remove_learner", summary="Remove a learner from a class, with the account and all its content"
+    @operation(
+        "remove_learner", "Remove a learner from a class, with the account and all its content", find=taught_learner
     )
-    @finds(taught_learner, fields=False)
-    def delete(self, request: Request, learner: ClassLearner) -> Response:
+    def delete(self, request: Request, learner: ClassLearner) -> None:
         remove_learner(classroom=learner.classroom, by=racer_of(request), racer=learner.racer)
-        return Response(status=status.HTTP_204_NO_CONTENT)
 
 
 class CodesView(Unstored):
-    @extend_schema(
-        operation_id="renew_codes",
-        summary="Give learners new codes",
+    @operation(
+        "renew_codes",
+        "Give learners new codes",
+        find=taught_class,
+        body=CodesBody,
+        answer=CardsSerializer,
         description="Old codes stop working and sessions end. This answer alone has the new codes; no cache keeps it.",
-        request=CodesBody,
-        responses=CardsSerializer,
     )
-    @finds(taught_class)
-    def post(self, request: Request, classroom: Classroom) -> Response:
-        aliases = read_as(CodesBody, request.data).get("learners")
+    def post(self, request: Request, classroom: Classroom, sent: dict[str, Any]) -> dict[str, list[services.Card]]:
+        aliases = sent.get("learners")
         learners = None
         if aliases is not None:
             learners = list(classroom.learners.filter(racer__alias__in=aliases).values_list("racer", flat=True))
             if len(learners) < len(set(aliases)):
                 raise UserFault("class_learner_unknown")
-        return _cards(request, services.new_codes(classroom=classroom, by=racer_of(request), learners=learners))
+        return {"cards": services.new_codes(classroom=classroom, by=racer_of(request), learners=learners)}
 
 
-@extend_schema_view(get=extend_schema(operation_id="list_teachers", summary="Further teachers of a class"))
-class TeachersView(Organised, ListAPIView):
-    serializer_class = TeacherSerializer
+class TeachersView(Organised):
+    @operation("list_teachers", "Further teachers of a class", find=taught_class, answer=TeacherSerializer, paged=True)
+    def get(self, request: Request, classroom: Classroom) -> QuerySet[ClassTeacher]:
+        return classroom.teachers.select_related("racer")
 
-    def get_queryset(self) -> QuerySet[ClassTeacher]:
-        return taught_class(self.request, self.kwargs["slug"]).teachers.select_related("racer")
-
-    @extend_schema(
-        operation_id="add_teacher",
-        summary="Let another racer teach the class",
+    @operation(
+        "add_teacher",
+        "Let another racer teach the class",
+        find=led_class,
+        body=TeacherBody,
+        answer=TeacherSerializer,
+        status=201,
         description="A repeated request changes nothing.",
-        request=TeacherBody,
-        responses={201: TeacherSerializer},
     )
-    @finds(led_class)
-    def post(self, request: Request, classroom: Classroom) -> Response:
-        alias = read_as(TeacherBody, request.data)["alias"]
-        teacher = services.add_teacher(classroom=classroom, by=racer_of(request), alias=alias, now=timezone.now())
-        return Response(TeacherSerializer(teacher).data, status=status.HTTP_201_CREATED)
+    def post(self, request: Request, classroom: Classroom, sent: dict[str, Any]) -> ClassTeacher:
+        return services.add_teacher(classroom=classroom, by=racer_of(request), now=timezone.now(), **sent)
 
 
 class TeacherView(Organised):
-    @extend_schema(
-        operation_id="remove_teacher", summary="Remove a further teacher; further teachers may remove themselves"
+    @operation(
+        "remove_teacher", "Remove a further teacher; further teachers may remove themselves", find=removable_teacher
     )
-    @finds(removable_teacher, fields=False)
-    def delete(self, request: Request, teacher: ClassTeacher) -> Response:
+    def delete(self, request: Request, teacher: ClassTeacher) -> None:
         services.remove_teacher(classroom=teacher.classroom, by=racer_of(request), racer=teacher.racer)
-        return Response(status=status.HTTP_204_NO_CONTENT)
-
-
-def _cards(request: Request, cards: list[services.Card], code: int = status.HTTP_200_OK) -> Response:
-    data = CardsSerializer({"cards": cards}, context={"origin": origin_of(request._request)}).data
-    return Response(data, status=code)

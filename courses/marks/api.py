@@ -5,9 +5,8 @@ from typing import Any
 from django.db.models import QuerySet
 from django.shortcuts import get_object_or_404
 from django.utils import timezone
-from drf_spectacular.utils import extend_schema, extend_schema_field, extend_schema_view
+from drf_spectacular.utils import extend_schema_field
 from rest_framework import serializers
-from rest_framework.permissions import IsAuthenticated
 from rest_framework.request import Request
 
 from accounts.models import Racer
@@ -15,7 +14,7 @@ from accounts.request_racer import racer_of
 from accounts.scopes import ORGANISE
 from core.api.bodies import Body
 from core.api.operations import operation
-from core.api.views import APIView, ListAPIView
+from core.api.views import PrivateView
 
 from ..assignments.api import taught_assignment, visible_assignment
 from ..models import Assignment, Mark, Regrade
@@ -79,30 +78,31 @@ def proposed_regrade(request: Any, public_id: str, number: int) -> Regrade:
     return get_object_or_404(found, pk=number)
 
 
-@extend_schema_view(
-    get=extend_schema(
-        operation_id="list_marks",
-        summary="Marks of an assignment",
+class MarksView(PrivateView):
+    @operation(
+        "list_marks",
+        "Marks of an assignment",
+        find=visible_assignment,
+        answer=MarkSerializer,
+        paged=True,
         description="Your own; for teachers those of all students.",
     )
-)
-class MarksView(ListAPIView):
-    permission_classes = [IsAuthenticated]
-    serializer_class = MarkSerializer
-
-    def get_queryset(self) -> QuerySet[Mark]:
-        assignment = visible_assignment(self.request, self.kwargs["public_id"])
-        return marks_visible_to(self.request.user).filter(assignment=assignment)
+    def get(self, request: Request, assignment: Assignment) -> QuerySet[Mark]:
+        return marks_visible_to(request.user).filter(assignment=assignment)
 
 
-@extend_schema_view(get=extend_schema(operation_id="list_regrades", summary="Regrades of an assignment, newest first"))
-class RegradesView(ListAPIView):
+class RegradesView(PrivateView):
     token_scope = ORGANISE
-    permission_classes = [IsAuthenticated]
-    serializer_class = RegradeSerializer
 
-    def get_queryset(self) -> QuerySet[Regrade]:
-        return taught_assignment(self.request, self.kwargs["public_id"]).regrades.select_related("asked_by")
+    @operation(
+        "list_regrades",
+        "Regrades of an assignment, newest first",
+        find=taught_assignment,
+        answer=RegradeSerializer,
+        paged=True,
+    )
+    def get(self, request: Request, assignment: Assignment) -> QuerySet[Regrade]:
+        return assignment.regrades.select_related("asked_by")
 
     @operation(
         "propose_regrade",
@@ -117,9 +117,8 @@ class RegradesView(ListAPIView):
         return services.propose_regrade(assignment=assignment, by=racer_of(request), now=timezone.now(), **sent)
 
 
-class RegradeApplicationView(APIView):
+class RegradeApplicationView(PrivateView):
     token_scope = ORGANISE
-    permission_classes = [IsAuthenticated]
 
     @operation(
         "apply_regrade",

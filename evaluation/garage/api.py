@@ -8,19 +8,18 @@ from django.http import Http404, HttpResponseBase
 from django.shortcuts import get_object_or_404
 from django.utils import timezone
 from drf_spectacular.types import OpenApiTypes
-from drf_spectacular.utils import OpenApiParameter, extend_schema, extend_schema_view
+from drf_spectacular.utils import OpenApiParameter
 from rest_framework import serializers, status
 from rest_framework.parsers import JSONParser, MultiPartParser
-from rest_framework.permissions import IsAuthenticated
 from rest_framework.request import Request
 from rest_framework.response import Response
 
 from accounts.request_racer import racer_of
 from accounts.scopes import RACE
-from core.api.bodies import Body, read_as
+from core.api.bodies import Body
 from core.api.fields import ChoiceField
-from core.api.operations import operation
-from core.api.views import APIView, FileView, ListAPIView
+from core.api.operations import ZIP, operation
+from core.api.views import FileView, PrivateView
 from core.validators import visible_line
 from paddock.errors import UserFault
 from paddock.packages.kinds import EXPORTS, format_texts, is_weights_file
@@ -78,8 +77,18 @@ class LastRunSerializer(serializers.Serializer):
     ended_at = serializers.DateTimeField(allow_null=True)
 
 
+class GarageListSerializer(serializers.ListSerializer):
+    """A page of the garage; the last runs of its models are read at once."""
+
+    def to_representation(self, data: Any) -> list[Any]:
+        return super().to_representation(with_last_runs(data))
+
+
 class GarageModelSerializer(ModelSerializer):
     """A model of the garage, with its last run."""
+
+    class Meta:
+        list_serializer_class = GarageListSerializer
 
     algorithm = serializers.SerializerMethodField(help_text="PPO, SAC or another word of its metadata; empty for none.")
     last_run = LastRunSerializer(allow_null=True, help_text="That you asked for; null before the first.")
@@ -113,13 +122,25 @@ class UploadedSerializer(ModelSerializer):
         return {**model, "upload": TakenSerializer(uploaded.package).data}
 
 
-class ListFilter(serializers.Serializer):
-    """What a list of models may be asked for."""
+class GarageFilter(serializers.Serializer):
+    """Which models of the garage to list."""
 
-    shared = serializers.BooleanField(required=False, allow_null=True, default=None)
-    search = serializers.CharField(required=False, allow_blank=True, max_length=LONGEST_SEARCH)
-    sort = serializers.ChoiceField(GarageSort.choices, required=False)
-    racer = serializers.CharField(required=False, max_length=64)
+    shared = serializers.BooleanField(
+        required=False, allow_null=True, default=None, help_text="Only those that I share, or do not."
+    )
+    search = serializers.CharField(
+        default="",
+        allow_blank=True,
+        max_length=LONGEST_SEARCH,
+        help_text="Part of a name, a description or an algorithm.",
+    )
+    sort = serializers.ChoiceField(GarageSort.choices, default=GarageSort.NEWEST)
+
+
+class SharedFilter(serializers.Serializer):
+    """Which shared models to list."""
+
+    racer = serializers.CharField(required=False, max_length=64, help_text="Only those of the racer with this alias.")
 
 
 class UploadSerializer(Body):
@@ -178,23 +199,10 @@ def _visible_model(request: Request, public_id: str) -> TrainedModel:
     return get_object_or_404(visible_models(request.user), public_id=public_id)
 
 
-@extend_schema_view(
-    get=extend_schema(
-        operation_id="list_models",
-        summary="My models",
-        parameters=[
-            OpenApiParameter("shared", OpenApiTypes.BOOL, description="Only those that I share, or do not."),
-            OpenApiParameter("search", str, description="Part of a name, a description or an algorithm."),
-            OpenApiParameter("sort", enum=GarageSort.values, description="`newest` unless another is named."),
-        ],
-    )
-)
-class ModelsView(ListAPIView):
+class ModelsView(PrivateView):
     token_scope = RACE
     slow_methods = ("POST",)
-    permission_classes = [IsAuthenticated]
     parser_classes = [MultiPartParser]
-    serializer_class = GarageModelSerializer
     throttle_scope = "upload"
     throttle_refused_scope = "refused_upload"
 
@@ -210,27 +218,21 @@ class ModelsView(ListAPIView):
                 throttle.count_as_refused()
         return response
 
-    def get_queryset(self) -> QuerySet[TrainedModel]:
-        asked = read_as(ListFilter, self.request.query_params)
-        models = garage_of(self.request.user, search=asked.get("search", ""), sort=asked.get("sort", ""))
-        if (wanted := asked.get("shared")) is None:
-            return models
-        return models.filter(shared_at__isnull=not wanted)
+    @operation("list_models", "My models", query=GarageFilter, answer=GarageModelSerializer, paged=True)
+    def get(self, request: Request, asked: dict[str, Any]) -> QuerySet[TrainedModel]:
+        shared = asked.pop("shared")
+        models = garage_of(request.user, **asked)
+        return models if shared is None else models.filter(shared_at__isnull=not shared)
 
-    def paginate_queryset(self, queryset: Any) -> list[Any] | None:
-        page = super().paginate_queryset(queryset)
-        return None if page is None else with_last_runs(page)
-
-    @extend_schema(
-        operation_id="upload_model",
-        summary="Upload a model",
+    @operation(
+        "upload_model",
+        "Upload a model",
+        body=UploadSerializer,
+        answer={201: UploadedSerializer, 200: UploadedSerializer},
         description="Reads, converts and checks it before it answers: 201 with the new model, 200 with the one that "
         "is in your garage already when the network is the same, or the reason why it is refused.",
-        request={"multipart/form-data": UploadSerializer},
-        responses={201: UploadedSerializer, 200: UploadedSerializer},
     )
-    def post(self, request: Request) -> Response:
-        sent = read_as(UploadSerializer, request.data)
+    def post(self, request: Request, sent: dict[str, Any]) -> Response:
         upload: dict[str, Any] = {"owner": racer_of(request), "files": _parts(sent)}
         upload |= {name: sent[name] for name in ("name", "description") if name in sent}
         admitted = services.admit_upload(**upload, checkpoint=sent.get("checkpoint", ""))
@@ -243,49 +245,42 @@ class ModelsView(ListAPIView):
         return self.write(make)
 
 
-@extend_schema_view(
-    get=extend_schema(
-        operation_id="list_shared_models",
-        summary="Shared models",
+class SharedModelsView(PrivateView):
+    @operation(
+        "list_shared_models",
+        "Shared models",
+        query=SharedFilter,
+        answer=ModelSerializer,
+        paged=True,
         description="What racers share and the house's cars, the latest first.",
-        parameters=[OpenApiParameter("racer", str, description="Only those of the racer with this alias.")],
     )
-)
-class SharedModelsView(ListAPIView):
-    permission_classes = [IsAuthenticated]
-    serializer_class = ModelSerializer
-
-    def get_queryset(self) -> QuerySet[TrainedModel]:
-        models = shared_models(self.request.user)
-        asked = read_as(ListFilter, self.request.query_params)
-        alias = asked.get("racer")
-        return models.filter(owner__alias__iexact=alias) if alias else models
+    def get(self, request: Request, asked: dict[str, str]) -> QuerySet[TrainedModel]:
+        models = shared_models(request.user)
+        return models.filter(owner__alias__iexact=asked["racer"]) if asked else models
 
 
-class ModelPackageView(FileView):
-    permission_classes = [IsAuthenticated]
-
-    @extend_schema(
-        operation_id="download_model",
-        summary="A model as a package",
+class ModelPackageView(PrivateView, FileView):
+    @operation(
+        "download_model",
+        "A model as a package",
+        find=_visible_model,
+        answer=ZIP,
         description="A zip of the canonical ONNX and its model_metadata.json, of a model of yours or a shared one.",
-        responses={(200, "application/zip"): OpenApiTypes.BINARY},
     )
-    def get(self, request: Request, public_id: str) -> HttpResponseBase:
-        return download_of(_visible_model(request, public_id))
+    def get(self, request: Request, model: TrainedModel) -> HttpResponseBase:
+        return download_of(model)
 
 
-class ModelExportView(FileView):
-    permission_classes = [IsAuthenticated]
+class ModelExportView(PrivateView, FileView):
     media_type = "application/gzip"
 
-    @extend_schema(
-        operation_id="export_model",
-        summary="A model for a car or for OpenVINO",
+    @operation(
+        "export_model",
+        "A model for a car or for OpenVINO",
+        answer={(200, "application/gzip"): OpenApiTypes.BINARY},
         description="A model of yours or a shared one, as a .tar.gz. car: agent/model.pb, a frozen TensorFlow graph "
         "with the names that cars look for; openvino: model.xml and model.bin. Each with its model_metadata.json.",
         parameters=[OpenApiParameter("form", str, OpenApiParameter.PATH, enum=EXPORTS)],
-        responses={(200, "application/gzip"): OpenApiTypes.BINARY},
     )
     def get(self, request: Request, public_id: str, form: str) -> HttpResponseBase:
         model = _visible_model(request, public_id)
@@ -294,24 +289,23 @@ class ModelExportView(FileView):
         return export_of(model, form, racer_pk=racer_of(request).pk)
 
 
-class ModelUploadView(FileView):
-    permission_classes = [IsAuthenticated]
+class ModelUploadView(PrivateView, FileView):
     media_type = "application/octet-stream"
 
-    @extend_schema(
-        operation_id="download_model_upload",
-        summary="The file that a model was uploaded as",
+    @operation(
+        "download_model_upload",
+        "The file that a model was uploaded as",
+        find=own_model,
+        answer={(200, "application/octet-stream"): OpenApiTypes.BINARY},
         description="To the byte, for its owner; several files as one zip. A model that was made here has none, nor "
         "has one that was uploaded before such files were kept.",
-        responses={(200, "application/octet-stream"): OpenApiTypes.BINARY},
     )
-    def get(self, request: Request, public_id: str) -> HttpResponseBase:
-        return upload_of(own_model(request, public_id))
+    def get(self, request: Request, model: TrainedModel) -> HttpResponseBase:
+        return upload_of(model)
 
 
-class ModelView(APIView):
+class ModelView(PrivateView):
     token_scope = RACE
-    permission_classes = [IsAuthenticated]
     parser_classes = [JSONParser]
 
     @operation("read_model", "A model", find=_visible_model, answer=ModelSerializer)

@@ -5,18 +5,17 @@ from typing import Any
 from django.db.models import QuerySet
 from django.shortcuts import get_object_or_404
 from django.utils import timezone
-from drf_spectacular.utils import OpenApiParameter, extend_schema, extend_schema_field, extend_schema_view
+from drf_spectacular.utils import extend_schema_field
 from rest_framework import serializers
 from rest_framework.exceptions import PermissionDenied
-from rest_framework.permissions import IsAuthenticated
 from rest_framework.request import Request
 
 from accounts.request_racer import racer_of
 from accounts.scopes import RACE
-from core.api.bodies import Body, read_as
+from core.api.bodies import Body
 from core.api.fields import ReasonField
 from core.api.operations import operation
-from core.api.views import APIView, ListAPIView
+from core.api.views import APIView, PrivateView
 from paddock.errors import UserFault
 from paddock.rules.report import KINDS, MOST_SEED, kind_of, percent_of
 from tracks.models import Track
@@ -143,7 +142,7 @@ class ReportFilterSerializer(serializers.Serializer):
     """Which reports to list."""
 
     state = serializers.ChoiceField(State.choices, required=False)
-    model = serializers.CharField(required=False, max_length=12)
+    model = serializers.CharField(required=False, max_length=12, help_text="The model's public id.")
 
 
 def _visible(request: Request, public_id: str) -> CarReport:
@@ -163,26 +162,20 @@ def _with_laps(request: Request, public_id: str) -> CarReport:
     return report
 
 
-@extend_schema_view(
-    get=extend_schema(
-        operation_id="list_reports",
-        summary="Your reports on cars",
-        description="The latest first.",
-        parameters=[
-            OpenApiParameter("state", enum=State.values),
-            OpenApiParameter("model", str, description="The model's public id."),
-        ],
-    )
-)
-class ReportsView(ListAPIView):
+class ReportsView(PrivateView):
     token_scope = RACE
-    permission_classes = [IsAuthenticated]
-    serializer_class = ReportSerializer
 
-    def get_queryset(self) -> QuerySet[CarReport]:
-        asked = read_as(ReportFilterSerializer, self.request.query_params)
+    @operation(
+        "list_reports",
+        "Your reports on cars",
+        query=ReportFilterSerializer,
+        answer=ReportSerializer,
+        paged=True,
+        description="The latest first.",
+    )
+    def get(self, request: Request, asked: dict[str, str]) -> QuerySet[CarReport]:
         ways = {"state": "state", "model": "model__public_id"}
-        return reports_of(self.request.user).filter(**{ways[name]: value for name, value in asked.items()})
+        return reports_of(request.user).filter(**{ways[name]: value for name, value in asked.items()})
 
     @operation(
         "create_report",
@@ -202,9 +195,8 @@ class ReportsView(ListAPIView):
         return _with_laps(request, made.public_id)
 
 
-class ReportView(APIView):
+class ReportView(PrivateView):
     token_scope = RACE
-    permission_classes = [IsAuthenticated]
 
     @operation("get_report", "A report, with its laps", find=_with_laps, answer=ReportDetailSerializer)
     def get(self, request: Request, report: CarReport) -> CarReport:

@@ -4,22 +4,20 @@ from django.db.models import QuerySet
 from django.http import Http404
 from django.shortcuts import get_object_or_404
 from django.utils import timezone
-from drf_spectacular.utils import extend_schema, extend_schema_view
-from rest_framework import serializers, status
-from rest_framework.permissions import IsAuthenticated
+from rest_framework import serializers
 from rest_framework.request import Request
-from rest_framework.response import Response
 
 from accounts.request_racer import racer_of
 from accounts.scopes import RACE
-from core.api.bodies import Body, read_as, refuse_fields
+from core.api.bodies import Body
 from core.api.fields import ComputedField
-from core.api.views import APIView, ListAPIView
+from core.api.operations import operation
+from core.api.views import APIView, PrivateView
 from evaluation.selectors import models_of
 from league.cups.selectors import cups_listed, division_places, stage_of, starter_of
 from league.cups.services import start_always, start_no_more
 from league.cups.views import cup_of
-from league.models import Cup
+from league.models import Cup, CupStarter
 
 STAGES = ("upcoming", "qualifying", "knock_out", "over", "cancelled")
 
@@ -79,49 +77,39 @@ class StarterBody(Body):
     model = serializers.CharField(max_length=12, help_text="A model of yours: its public id.")
 
 
-@extend_schema_view(get=extend_schema(operation_id="list_cups", summary="Cups of the day, the latest first"))
-class CupsView(ListAPIView):
-    serializer_class = CupSerializer
-
-    def get_queryset(self) -> QuerySet[Cup]:
+class CupsView(APIView):
+    @operation("list_cups", "Cups of the day, the latest first", answer=CupSerializer, paged=True)
+    def get(self, request: Request) -> QuerySet[Cup]:
         return cups_listed()
 
 
 class CupView(APIView):
-    @extend_schema(operation_id="read_cup", summary="A day's cup and its winners", responses=CupDetailSerializer)
-    def get(self, request: Request, day: str) -> Response:
-        return Response(CupDetailSerializer(cup_of(day)).data)
+    @operation("read_cup", "A day's cup and its winners", answer=CupDetailSerializer)
+    def get(self, request: Request, day: str) -> Cup:
+        return cup_of(day)
 
 
-class CupStarterView(APIView):
+class CupStarterView(PrivateView):
     token_scope = RACE
-    permission_classes = [IsAuthenticated]
 
-    @extend_schema(
-        operation_id="read_cup_starter",
-        summary="The car of mine that starts in every cup",
-        responses={200: StarterSerializer},
-    )
-    def get(self, request: Request) -> Response:
+    @operation("read_cup_starter", "The car of mine that starts in every cup", answer=StarterSerializer)
+    def get(self, request: Request) -> CupStarter:
         starter = starter_of(racer_of(request))
         if starter is None:
             raise Http404
-        return Response(StarterSerializer(starter).data)
+        return starter
 
-    @extend_schema(
-        operation_id="choose_cup_starter",
-        summary="Let a car start in every cup from the next one on",
-        request=StarterBody,
-        responses={200: StarterSerializer},
+    @operation(
+        "choose_cup_starter",
+        "Let a car start in every cup from the next one on",
+        body=StarterBody,
+        answer=StarterSerializer,
     )
-    def put(self, request: Request) -> Response:
+    def put(self, request: Request, sent: dict[str, str]) -> CupStarter:
         racer = racer_of(request)
-        sent = read_as(StarterBody, request.data)
         model = get_object_or_404(models_of(racer), public_id=sent["model"])
-        return Response(StarterSerializer(start_always(racer=racer, model=model, now=timezone.now())).data)
+        return start_always(racer=racer, model=model, now=timezone.now())
 
-    @extend_schema(operation_id="drop_cup_starter", summary="Let no car of mine start in cups by itself")
-    def delete(self, request: Request) -> Response:
-        refuse_fields(request)
+    @operation("drop_cup_starter", "Let no car of mine start in cups by itself")
+    def delete(self, request: Request) -> None:
         start_no_more(racer=racer_of(request))
-        return Response(status=status.HTTP_204_NO_CONTENT)

@@ -2,18 +2,15 @@
 
 from django.db.models import QuerySet
 from django.utils import timezone
-from drf_spectacular.utils import extend_schema, extend_schema_view
-from rest_framework import serializers, status
-from rest_framework.permissions import IsAuthenticated
+from rest_framework import serializers
 from rest_framework.request import Request
-from rest_framework.response import Response
 
 from accounts.following import follow_racer, followed_by, unfollow_racer
 from accounts.models import Follow, Racer
 from accounts.request_racer import racer_of
 from accounts.scopes import RACE
-from core.api.finding import finds
-from core.api.views import APIView, ListAPIView
+from core.api.operations import operation
+from core.api.views import APIView, PrivateView
 from league.racers.api import shown_racer
 
 
@@ -24,31 +21,25 @@ class FollowSerializer(serializers.Serializer):
     since = serializers.DateTimeField()
 
 
-@extend_schema_view(get=extend_schema(operation_id="list_following", summary="Racers I follow, the latest first"))
-class FollowingView(ListAPIView):
-    permission_classes = [IsAuthenticated]
-    serializer_class = FollowSerializer
-
-    def get_queryset(self) -> QuerySet[Follow]:
-        return followed_by(racer_of(self.request))
+class FollowingView(PrivateView):
+    @operation("list_following", "Racers I follow, the latest first", answer=FollowSerializer, paged=True)
+    def get(self, request: Request) -> QuerySet[Follow]:
+        return followed_by(racer_of(request))
 
 
 class FollowView(APIView):
     token_scope = RACE
 
-    @extend_schema(
-        operation_id="follow_racer",
-        summary="Follow a racer",
+    @operation(
+        "follow_racer",
+        "Follow a racer",
+        find=shown_racer,
+        answer=FollowSerializer,
         description="Whom I follow already I follow still.",
-        responses=FollowSerializer,
     )
-    @finds(shown_racer, fields=False)
-    def put(self, request: Request, racer: Racer) -> Response:
-        follow = follow_racer(follower=racer_of(request), racer=racer, now=timezone.now())
-        return Response(FollowSerializer(follow).data)
+    def put(self, request: Request, racer: Racer) -> Follow:
+        return follow_racer(follower=racer_of(request), racer=racer, now=timezone.now())
 
-    @extend_schema(operation_id="unfollow_racer", summary="Follow a racer no more")
-    @finds(shown_racer, fields=False)
-    def delete(self, request: Request, racer: Racer) -> Response:
+    @operation("unfollow_racer", "Follow a racer no more", find=shown_racer)
+    def delete(self, request: Request, racer: Racer) -> None:
         unfollow_racer(follower=racer_of(request), racer=racer)
-        return Response(status=status.HTTP_204_NO_CONTENT)

@@ -1,22 +1,20 @@
 """API operations on a racer's notices and notice settings."""
 
+from typing import Any
+
 from django.conf import settings
 from django.db.models import QuerySet
 from django.shortcuts import get_object_or_404
 from django.utils import timezone
-from drf_spectacular.types import OpenApiTypes
-from drf_spectacular.utils import OpenApiParameter, extend_schema, extend_schema_view
 from rest_framework import serializers
-from rest_framework.permissions import IsAuthenticated
 from rest_framework.request import Request
-from rest_framework.response import Response
 
 from accounts.request_racer import racer_of
 from accounts.scopes import RACE
-from core.api.bodies import Body, read_as, refuse_fields
+from core.api.bodies import Body
 from core.api.fields import ChoiceField, ComputedField
-from core.api.finding import finds
-from core.api.views import APIView, ListAPIView
+from core.api.operations import operation
+from core.api.views import APIView, PrivateView
 from league.models import Notice, NoticeChoice
 from league.notices.kinds import choices
 from league.notices.selectors import notices_of
@@ -39,7 +37,9 @@ class NoticeSerializer(serializers.Serializer):
 class NoticeFilter(serializers.Serializer):
     """What the list may be asked for."""
 
-    unread = serializers.BooleanField(required=False, allow_null=True, default=None)
+    unread = serializers.BooleanField(
+        required=False, allow_null=True, default=None, help_text="Only those not read yet, or read."
+    )
 
 
 class ReadSerializer(serializers.Serializer):
@@ -68,20 +68,10 @@ class ChoiceBody(Body):
     language = serializers.ChoiceField(settings.LANGUAGES, required=False)
 
 
-@extend_schema_view(
-    get=extend_schema(
-        operation_id="list_notices",
-        summary="My notices, the latest first",
-        parameters=[OpenApiParameter("unread", OpenApiTypes.BOOL, description="Only those not read yet, or read.")],
-    )
-)
-class NoticesView(ListAPIView):
-    permission_classes = [IsAuthenticated]
-    serializer_class = NoticeSerializer
-
-    def get_queryset(self) -> QuerySet[Notice]:
-        asked = read_as(NoticeFilter, self.request.query_params)
-        notices = notices_of(self.request.user)
+class NoticesView(PrivateView):
+    @operation("list_notices", "My notices, the latest first", query=NoticeFilter, answer=NoticeSerializer, paged=True)
+    def get(self, request: Request, asked: dict[str, bool | None]) -> QuerySet[Notice]:
+        notices = notices_of(request.user)
         unread = asked["unread"]
         return notices if unread is None else notices.filter(read_at__isnull=unread)
 
@@ -89,15 +79,9 @@ class NoticesView(ListAPIView):
 class NoticesReadView(APIView):
     token_scope = RACE
 
-    @extend_schema(
-        operation_id="mark_notices_read",
-        summary="Mark all of my notices as read",
-        request=None,
-        responses=ReadSerializer,
-    )
-    def post(self, request: Request) -> Response:
-        refuse_fields(request)
-        return Response(ReadSerializer({"marked": mark_read(racer=racer_of(request), now=timezone.now())}).data)
+    @operation("mark_notices_read", "Mark all of my notices as read", answer=ReadSerializer)
+    def post(self, request: Request) -> dict[str, int]:
+        return {"marked": mark_read(racer=racer_of(request), now=timezone.now())}
 
 
 def own_notice(request: Request, number: int) -> Notice:
@@ -107,40 +91,28 @@ def own_notice(request: Request, number: int) -> Notice:
 class NoticeReadView(APIView):
     token_scope = RACE
 
-    @extend_schema(
-        operation_id="mark_notice_read",
-        summary="Mark one of my notices as read",
+    @operation(
+        "mark_notice_read",
+        "Mark one of my notices as read",
+        find=own_notice,
+        answer=NoticeSerializer,
         description="One that was read stays as it is.",
-        responses=NoticeSerializer,
     )
-    @finds(own_notice, fields=False)
-    def post(self, request: Request, notice: Notice) -> Response:
+    def post(self, request: Request, notice: Notice) -> Notice:
         mark_read(racer=racer_of(request), now=timezone.now(), notice=notice.pk)
         notice.refresh_from_db()
-        return Response(NoticeSerializer(notice).data)
+        return notice
 
 
-class NoticeSettingsView(APIView):
+class NoticeSettingsView(PrivateView):
     token_scope = RACE
-    permission_classes = [IsAuthenticated]
 
-    @extend_schema(
-        operation_id="read_notice_settings",
-        summary="Your notice settings",
-        responses=ChoiceSerializer,
-    )
-    def get(self, request: Request) -> Response:
-        return Response(ChoiceSerializer(choice_of(racer_of(request))).data)
+    @operation("read_notice_settings", "Your notice settings", answer=ChoiceSerializer)
+    def get(self, request: Request) -> NoticeChoice:
+        return choice_of(racer_of(request))
 
-    @extend_schema(
-        operation_id="choose_notices",
-        summary="Change your notice settings",
-        request=ChoiceBody,
-        responses=ChoiceSerializer,
-    )
-    def patch(self, request: Request) -> Response:
-        sent = read_as(ChoiceBody, request.data)
-        before: NoticeChoice = choice_of(racer_of(request))
+    @operation("choose_notices", "Change your notice settings", body=ChoiceBody, answer=ChoiceSerializer)
+    def patch(self, request: Request, sent: dict[str, Any]) -> NoticeChoice:
+        before = choice_of(racer_of(request))
         kept = {name: getattr(before, name) for name in ("site_off", "mail_off", "language")}
-        chosen = choose_notices(racer=racer_of(request), **(kept | sent))
-        return Response(ChoiceSerializer(chosen).data)
+        return choose_notices(racer=racer_of(request), **(kept | sent))

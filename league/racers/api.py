@@ -1,16 +1,16 @@
 """API operation of a racer's public profile."""
 
+from typing import Any
+
 from django.http import Http404
 from django.utils import timezone
-from drf_spectacular.utils import extend_schema
 from rest_framework import serializers
 from rest_framework.request import Request
-from rest_framework.response import Response
 
 from accounts.models import Racer
 from accounts.profile.fields import FIELDS
 from core.api.documents import serializer_of
-from core.api.finding import finds
+from core.api.operations import operation
 from core.api.views import APIView
 
 from .selectors import Honours, profile_of, racer_shown
@@ -71,13 +71,7 @@ def shown_racer(request: Request, alias: str) -> Racer:
 
 
 class RacerView(APIView):
-    @extend_schema(
-        operation_id="read_racer",
-        summary="The public profile of a racer",
-        responses=ProfileSerializer,
-        tags=["following"],
-    )
-    @finds(shown_racer, fields=False)
-    def get(self, request: Request, racer: Racer) -> Response:
+    @operation("read_racer", "The public profile of a racer", find=shown_racer, answer=ProfileSerializer)
+    def get(self, request: Request, racer: Racer) -> dict[str, Any]:
         profile = profile_of(racer, request.user, timezone.now())
-        return Response(ProfileSerializer({**vars(profile), **profile.fields}).data)
+        return {**vars(profile), **profile.fields}

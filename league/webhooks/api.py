@@ -1,21 +1,21 @@
 """API operations on a racer's webhooks and their deliveries."""
 
+from typing import Any
+
 from django.db.models import QuerySet
 from django.shortcuts import get_object_or_404
 from django.utils import timezone
-from drf_spectacular.utils import OpenApiResponse, extend_schema, extend_schema_view
 from rest_framework import serializers, status
-from rest_framework.permissions import IsAuthenticated
 from rest_framework.request import Request
 from rest_framework.response import Response
 
 from accounts.request_racer import racer_of
 from accounts.scopes import ORGANISE
 from accounts.tokens.services import may_read_secrets
-from core.api.bodies import Body, read_as
+from core.api.bodies import Body
 from core.api.fields import ComputedField
-from core.api.finding import finds
-from core.api.views import APIView, ListAPIView
+from core.api.operations import operation
+from core.api.views import APIView, PrivateView
 from league.models import Webhook, WebhookDelivery
 from league.webhooks.deliveries import shown
 from league.webhooks.payloads import EVENTS, chat_of
@@ -81,24 +81,16 @@ def _own(request: Request, number: int) -> Webhook:
     return get_object_or_404(webhooks_of(request.user), pk=number)
 
 
-@extend_schema_view(get=extend_schema(operation_id="list_webhooks", summary="My webhooks"))
-class WebhooksView(ListAPIView):
+class WebhooksView(PrivateView):
     token_scope = ORGANISE
     slow_methods = ("POST",)
-    permission_classes = [IsAuthenticated]
-    serializer_class = WebhookSerializer
 
-    def get_queryset(self) -> QuerySet[Webhook]:
-        return webhooks_of(self.request.user)
+    @operation("list_webhooks", "My webhooks", answer=WebhookSerializer, paged=True)
+    def get(self, request: Request) -> QuerySet[Webhook]:
+        return webhooks_of(request.user)
 
-    @extend_schema(
-        operation_id="add_webhook",
-        summary="Add a webhook",
-        request=WebhookBody,
-        responses={201: WebhookSerializer},
-    )
-    def post(self, request: Request) -> Response:
-        sent = read_as(WebhookBody, request.data)
+    @operation("add_webhook", "Add a webhook", body=WebhookBody, answer=WebhookSerializer, status=201)
+    def post(self, request: Request, sent: dict[str, Any]) -> Response:
         slug = sent.get("race")
         race = None if slug is None else get_object_or_404(races_for_webhooks(racer_of(request)), slug=slug)
         refuse_undeliverable(sent["url"])
@@ -116,63 +108,50 @@ class WebhooksView(ListAPIView):
         return self.write(make)
 
 
-class WebhookView(APIView):
+class WebhookView(PrivateView):
     token_scope = ORGANISE
-    permission_classes = [IsAuthenticated]
 
-    @extend_schema(operation_id="read_webhook", summary="A webhook", responses=WebhookSerializer)
-    def get(self, request: Request, number: int) -> Response:
-        return Response(WebhookSerializer(_own(request, number), context={"request": request}).data)
+    @operation("read_webhook", "A webhook", find=_own, answer=WebhookSerializer)
+    def get(self, request: Request, hook: Webhook) -> Webhook:
+        return hook
 
-    @extend_schema(
-        operation_id="remove_webhook",
-        summary="Take a webhook away",
-        responses={204: OpenApiResponse(description="It receives nothing more.")},
-    )
-    @finds(_own, fields=False)
-    def delete(self, request: Request, hook: Webhook) -> Response:
+    @operation("remove_webhook", "Take a webhook away", find=_own, answer="It receives nothing more.")
+    def delete(self, request: Request, hook: Webhook) -> None:
         remove_webhook(webhook=hook)
-        return Response(status=status.HTTP_204_NO_CONTENT)
 
 
 class WebhookSecretView(APIView):
     token_scope = ORGANISE
 
-    @extend_schema(
-        operation_id="change_webhook_secret",
-        summary="Give a webhook a new secret",
+    @operation(
+        "change_webhook_secret",
+        "Give a webhook a new secret",
+        find=_own,
+        answer=WebhookSerializer,
         description="For a day the one before signs as well: both signatures stand in webhook-signature.",
-        responses=WebhookSerializer,
     )
-    @finds(_own, fields=False)
-    def post(self, request: Request, hook: Webhook) -> Response:
-        hook = change_secret(webhook=hook, now=timezone.now())
-        return Response(WebhookSerializer(hook, context={"request": request}).data)
+    def post(self, request: Request, hook: Webhook) -> Webhook:
+        return change_secret(webhook=hook, now=timezone.now())
 
 
 class WebhookTestView(APIView):
     token_scope = ORGANISE
 
-    @extend_schema(
-        operation_id="test_webhook",
-        summary="Send a test delivery to a webhook",
+    @operation(
+        "test_webhook",
+        "Send a test delivery to a webhook",
+        find=_own,
+        answer=DeliverySerializer,
+        status=202,
         description="The event webhook.test, once. Its answer stands among the deliveries after a moment.",
-        responses={202: DeliverySerializer},
     )
-    @finds(_own, fields=False)
-    def post(self, request: Request, hook: Webhook) -> Response:
-        queued = send_test(webhook=hook, now=timezone.now())
-        return Response(DeliverySerializer(queued).data, status=status.HTTP_202_ACCEPTED)
+    def post(self, request: Request, hook: Webhook) -> WebhookDelivery:
+        return send_test(webhook=hook, now=timezone.now())
 
 
-@extend_schema_view(
-    get=extend_schema(operation_id="list_deliveries", summary="Deliveries of a webhook, the latest first")
-)
-class DeliveriesView(ListAPIView):
-    permission_classes = [IsAuthenticated]
-    serializer_class = DeliverySerializer
-
-    def get_queryset(self) -> QuerySet[WebhookDelivery]:
-        if getattr(self, "swagger_fake_view", False):  # the schema is being written
-            return WebhookDelivery.objects.none()
-        return deliveries_of(self.request.user).filter(webhook=_own(self.request, self.kwargs["number"]))
+class DeliveriesView(PrivateView):
+    @operation(
+        "list_deliveries", "Deliveries of a webhook, the latest first", find=_own, answer=DeliverySerializer, paged=True
+    )
+    def get(self, request: Request, hook: Webhook) -> QuerySet[WebhookDelivery]:
+        return deliveries_of(request.user).filter(webhook=hook)

@@ -5,7 +5,7 @@ from collections.abc import Callable, Iterable
 from django.http import HttpResponse
 from django.utils import timezone
 from drf_spectacular.types import OpenApiTypes
-from drf_spectacular.utils import OpenApiResponse, extend_schema
+from drf_spectacular.utils import OpenApiResponse
 from rest_framework import serializers, status
 from rest_framework.exceptions import Throttled
 from rest_framework.request import Request
@@ -14,8 +14,7 @@ from rest_framework.response import Response
 from accounts.request_racer import racer_of
 from accounts.scopes import RACE
 from core.api.documents import serializer_of
-from core.api.finding import finds
-from core.api.operations import operation
+from core.api.operations import csv_of, operation
 from core.api.views import APIView, FileView
 from paddock.errors import UserFault
 from videos.responses import page_language
@@ -35,6 +34,13 @@ from .watch_again import require_ended
 # A page with Korean letters takes more than a second, and highlights read all traces.
 RATES = {"paper": "20/m", "highlights": "20/m"}
 A_MINUTE_S = 60
+
+
+def settled_event(request: Request, slug: str) -> LiveEvent:
+    """A live event of a race that is over. Raises as :func:`live_event` and :func:`require_settled`."""
+    event = live_event(request, slug)
+    require_settled(event.race, timezone.now())
+    return event
 
 
 class HighlightSerializer(serializers.Serializer):
@@ -84,16 +90,16 @@ class LiveHighlightsView(APIView):
         _spare(request, "highlights")
         return {"moments": _moments(event), "video": latest_reel(event, page_language())}
 
-    @extend_schema(
-        operation_id="ask_for_live_highlights",
-        summary="Ask for one video of the highlights of a live event",
+    @operation(
+        "ask_for_live_highlights",
+        "Ask for one video of the highlights of a live event",
+        find=live_event,
+        answer={200: VideoSerializer, 202: VideoSerializer},
         description=(
             "In the language of the request. Read it until its state is `ready`; asking again answers the same (200). "
             "Refused with `highlights_none` where there is no moment to show."
         ),
-        responses={200: VideoSerializer, 202: VideoSerializer},
     )
-    @finds(live_event, fields=False)
     def post(self, request: Request, event: LiveEvent) -> Response:
         by, now = racer_of(request), timezone.now()
         asked = ask_for_highlights(event=event, by=by, language=page_language(), now=now)
@@ -104,32 +110,27 @@ class LiveHighlightsView(APIView):
 class _CsvView(FileView):
     media_type = "text/csv"
 
-    def written(
-        self, request: Request, slug: str, name: str, lines: Callable[[LiveEvent], Iterable[str]]
-    ) -> HttpResponse:
-        event = live_event(request, slug)
-        require_settled(event.race, timezone.now())
-        return downloaded("".join(lines(event)), f"{slug}-{name}.csv", "text/csv; charset=utf-8")
+    def written(self, event: LiveEvent, name: str, lines: Iterable[str]) -> HttpResponse:
+        return downloaded("".join(lines), f"{event.race.slug}-{name}.csv", "text/csv; charset=utf-8")
 
 
 class LiveResultsView(_CsvView):
-    @extend_schema(
-        operation_id="read_live_results",
-        summary="Results of a live event, as CSV",
-        responses={(200, "text/csv"): OpenApiResponse(OpenApiTypes.STR, description="A line a racer.")},
+    @operation(
+        "read_live_results", "Results of a live event, as CSV", find=settled_event, answer=csv_of("A line a racer.")
     )
-    def get(self, request: Request, slug: str) -> HttpResponse:
-        return self.written(request, slug, "results", event_csv)
+    def get(self, request: Request, event: LiveEvent) -> HttpResponse:
+        return self.written(event, "results", event_csv(event))
 
 
 class LiveLapsView(_CsvView):
-    @extend_schema(
-        operation_id="read_live_laps",
-        summary="Every lap of a live event that has ended, as CSV",
-        responses={(200, "text/csv"): OpenApiResponse(OpenApiTypes.STR, description="A line a lap.")},
+    @operation(
+        "read_live_laps",
+        "Every lap of a live event that has ended, as CSV",
+        find=settled_event,
+        answer=csv_of("A line a lap."),
     )
-    def get(self, request: Request, slug: str) -> HttpResponse:
-        return self.written(request, slug, "laps", laps_csv)
+    def get(self, request: Request, event: LiveEvent) -> HttpResponse:
+        return self.written(event, "laps", laps_csv(event))
 
 
 class _PaperView(FileView):
@@ -144,25 +145,25 @@ class _PaperView(FileView):
 
 
 class ResultsPdfView(_PaperView):
-    @extend_schema(
-        operation_id="read_results_pdf",
-        summary="The results of a race that is over, as PDF",
+    @operation(
+        "read_results_pdf",
+        "The results of a race that is over, as PDF",
+        find=visible_race,
+        answer={(200, "application/pdf"): OpenApiResponse(OpenApiTypes.BINARY, description="A4.")},
         description="Of its live event, with its figures, if it had one. In the language of the request.",
-        responses={(200, "application/pdf"): OpenApiResponse(OpenApiTypes.BINARY, description="A4.")},
     )
-    def get(self, request: Request, slug: str) -> HttpResponse:
-        race = visible_race(request, slug)
+    def get(self, request: Request, race: Race) -> HttpResponse:
         return self.written(
-            request, race, f"{slug}-results.pdf", lambda address: results_pdf(race, timezone.now(), address)
+            request, race, f"{race.slug}-results.pdf", lambda address: results_pdf(race, timezone.now(), address)
         )
 
 
 class CertificateView(_PaperView):
-    @extend_schema(
-        operation_id="read_certificate",
-        summary="A racer's certificate, as PDF",
+    @operation(
+        "read_certificate",
+        "A racer's certificate, as PDF",
+        answer={(200, "application/pdf"): OpenApiResponse(OpenApiTypes.BINARY, description="A4, landscape.")},
         description="Once the race is over. In the language of the request.",
-        responses={(200, "application/pdf"): OpenApiResponse(OpenApiTypes.BINARY, description="A4, landscape.")},
     )
     def get(self, request: Request, slug: str, alias: str) -> HttpResponse:
         race = visible_race(request, slug)

@@ -6,19 +6,19 @@ from django.core.exceptions import PermissionDenied
 from django.db.models import QuerySet
 from django.http import Http404, HttpResponseBase
 from drf_spectacular.types import OpenApiTypes
-from drf_spectacular.utils import OpenApiParameter, extend_schema
+from drf_spectacular.utils import OpenApiParameter
 from rest_framework import serializers
-from rest_framework.permissions import IsAuthenticated
 from rest_framework.renderers import BaseRenderer, JSONRenderer
 from rest_framework.request import Request
 from rest_framework.response import Response
 from rest_framework.utils.urls import replace_query_param
 
-from core.api.bodies import read_as
 from core.api.documents import serializer_of
-from core.api.views import APIView, FileRenderer, FileView
+from core.api.operations import operation
+from core.api.views import FileRenderer, FileView, PrivateView
 from core.audit.models import AuditEntry
 
+from ..models import Race
 from ..web.api import organised_race
 from .exports import FORMS, AuditDocument, entry_data
 from .selectors import PER_PAGE, AuditFilter, entries_visible_to, page_of, reads_all
@@ -52,65 +52,64 @@ class AuditPageSerializer(AuditFilterSerializer):
     page_size = serializers.IntegerField(min_value=1, max_value=MAX_PER_PAGE, default=PER_PAGE)
 
 
-def _listed(request: Request, entries: QuerySet[AuditEntry]) -> Response:
-    asked: dict[str, Any] = dict(read_as(AuditPageSerializer, request.query_params))
-    before, size = asked.pop("before"), asked.pop("page_size")
-    page = page_of(AuditFilter(**asked)(entries), before=before, size=size)
+def _for_admins(request: Request, form: str = "") -> str:
+    """The form of an export, if one is asked for. Raises PermissionDenied, Http404."""
+    if not reads_all(request.user):
+        raise PermissionDenied
+    if form and form not in FORMS:
+        raise Http404
+    return form
+
+
+def _listed(
+    request: Request, entries: QuerySet[AuditEntry], *, before: int | None, page_size: int, **asked: Any
+) -> Response:
+    page = page_of(AuditFilter(**asked)(entries), before=before, size=page_size)
     in_full = reads_all(request.user)
     address = request.build_absolute_uri()
     following = None if page.older is None else replace_query_param(address, "before", page.older)
     return Response({"next": following, "results": [entry_data(entry, in_full=in_full) for entry in page.entries]})
 
 
-class AuditView(APIView):
-    tag = "audit"
-    permission_classes = [IsAuthenticated]
-
-    @extend_schema(
-        operation_id="list_audit_log",
-        summary="The audit log, for admins",
-        parameters=[AuditPageSerializer],
-        responses=AuditListSerializer,
+class AuditView(PrivateView):
+    @operation(
+        "list_audit_log",
+        "The audit log, for admins",
+        find=_for_admins,
+        query=AuditPageSerializer,
+        answer=AuditListSerializer,
     )
-    def get(self, request: Request) -> Response:
-        if not reads_all(request.user):
-            raise PermissionDenied
-        return _listed(request, entries_visible_to(request.user))
+    def get(self, request: Request, _none: None, asked: dict[str, Any]) -> Response:
+        return _listed(request, entries_visible_to(request.user), **asked)
 
 
-class RaceAuditView(APIView):
+class RaceAuditView(PrivateView):
     tag = "audit"
-    permission_classes = [IsAuthenticated]
 
-    @extend_schema(
-        operation_id="list_race_audit_log",
-        summary="What was done about a race, for its organisers",
-        parameters=[AuditPageSerializer],
-        responses=AuditListSerializer,
+    @operation(
+        "list_race_audit_log",
+        "What was done about a race, for its organisers",
+        find=organised_race,
+        query=AuditPageSerializer,
+        answer=AuditListSerializer,
     )
-    def get(self, request: Request, slug: str) -> Response:
-        race = organised_race(request, slug)
-        return _listed(request, entries_visible_to(request.user).filter(race=race.pk))
+    def get(self, request: Request, race: Race, asked: dict[str, Any]) -> Response:
+        return _listed(request, entries_visible_to(request.user).filter(race=race.pk), **asked)
 
 
-class AuditExportView(FileView):
-    tag = "audit"
-    permission_classes = [IsAuthenticated]
-
+class AuditExportView(PrivateView, FileView):
     def get_renderers(self) -> list[BaseRenderer]:
         kinds = (kind.partition(";")[0] for kind, _lines in FORMS.values())
         return [JSONRenderer(), *(FileRenderer(kind) for kind in kinds)]
 
-    @extend_schema(
-        operation_id="export_audit_log",
-        summary="The audit log as a file, for admins",
+    @operation(
+        "export_audit_log",
+        "The audit log as a file, for admins",
+        find=_for_admins,
+        query=AuditFilterSerializer,
+        answer={(200, kind.partition(";")[0]): OpenApiTypes.STR for kind, _lines in FORMS.values()},
         description="The oldest entry first, as CSV or JSON Lines.",
-        parameters=[OpenApiParameter("form", str, OpenApiParameter.PATH, enum=[*FORMS]), AuditFilterSerializer],
-        responses={(200, kind.partition(";")[0]): OpenApiTypes.STR for kind, _lines in FORMS.values()},
+        parameters=[OpenApiParameter("form", str, OpenApiParameter.PATH, enum=[*FORMS])],
     )
-    def get(self, request: Request, form: str) -> HttpResponseBase:
-        if not reads_all(request.user):
-            raise PermissionDenied
-        if form not in FORMS:
-            raise Http404
-        return exported(request.user, AuditFilter(**read_as(AuditFilterSerializer, request.query_params)), form)
+    def get(self, request: Request, form: str, asked: dict[str, Any]) -> HttpResponseBase:
+        return exported(request.user, AuditFilter(**asked), form)

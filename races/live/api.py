@@ -8,7 +8,6 @@ from django.utils import timezone
 from drf_spectacular.types import OpenApiTypes
 from drf_spectacular.utils import OpenApiParameter
 from rest_framework import serializers
-from rest_framework.permissions import IsAuthenticated
 from rest_framework.request import Request
 
 from accounts.request_racer import racer_of
@@ -17,7 +16,7 @@ from core.api.bodies import Body
 from core.api.documents import serializer_of
 from core.api.fields import ZonedDateTimeField
 from core.api.operations import operation
-from core.api.views import APIView
+from core.api.views import APIView, PrivateView
 from evaluation.selectors import models_of
 from paddock.errors import UserFault
 from paddock.rules.speed import MODES
@@ -201,11 +200,10 @@ class LiveView(APIView):
         return live_document(event, now)
 
 
-class LiveActsView(APIView):
+class LiveActsView(PrivateView):
     """What organisers do."""
 
     token_scope = ORGANISE
-    permission_classes = [IsAuthenticated]
 
     @operation(
         "read_live_console",
@@ -238,11 +236,10 @@ class LiveActsView(APIView):
         return live_document(event, timezone.now())
 
 
-class LiveMineView(APIView):
+class LiveMineView(PrivateView):
     """A racer's own part in a live event."""
 
     token_scope = RACE
-    permission_classes = [IsAuthenticated]
 
     @operation(
         "take_part_live",
@@ -338,11 +335,10 @@ def read_car(request: Request, slug: str) -> tuple[LiveEvent, LiveRacer]:
     return event, commanded_racer(event, request, request.query_params.get("racer", ""))
 
 
-class LiveSpeedView(APIView):
+class LiveSpeedView(PrivateView):
     """The speed of a car."""
 
     token_scope = RACE
-    permission_classes = [IsAuthenticated]
 
     @operation(
         "read_live_speed",

@@ -1,11 +1,13 @@
 """Telemetry for programs."""
 
-from drf_spectacular.utils import OpenApiParameter, extend_schema
+from drf_spectacular.utils import OpenApiParameter
 from rest_framework.request import Request
 from rest_framework.response import Response
 
 from core.api.documents import serializer_of
+from core.api.operations import operation
 from core.api.views import APIView
+from evaluation.models import Evaluation
 
 from ..web.api import visible_evaluation
 from .document import TelemetryDocument, telemetry_document
@@ -13,9 +15,11 @@ from .selectors import asked_laps
 
 
 class TelemetryView(APIView):
-    @extend_schema(
-        operation_id="read_telemetry",
-        summary="Laps of one or several runs along their way, with mini-sectors and losses",
+    @operation(
+        "read_telemetry",
+        "Laps of one or several runs along their way, with mini-sectors and losses",
+        find=visible_evaluation,
+        answer={200: serializer_of(TelemetryDocument)},
         description=(
             "Speed, steering, offset, curvature and time at places a tenth of a metre apart. All runs must be "
             "finished, on the same track in the same direction, by the same engine, and you must see them."
@@ -25,8 +29,6 @@ class TelemetryView(APIView):
             OpenApiParameter("with", str, description="Up to seven others: `id`, `id:2` with a lap, `reference`."),
             OpenApiParameter("reward", int, description="1: with the rewards of runs of your trainings' models."),
         ],
-        responses=serializer_of(TelemetryDocument),
-        tags=["evaluations"],
     )
-    def get(self, request: Request, public_id: str) -> Response:
-        return Response(telemetry_document(asked_laps(request, visible_evaluation(request, public_id))))
+    def get(self, request: Request, run: Evaluation) -> Response:
+        return Response(telemetry_document(asked_laps(request, run)))

@@ -1,13 +1,15 @@
 """The API that validates a reward function."""
 
-from drf_spectacular.utils import extend_schema
+from typing import Any
+
 from rest_framework import serializers
 from rest_framework.request import Request
 from rest_framework.response import Response
 
 from accounts.request_racer import racer_of
 from accounts.scopes import TRAIN
-from core.api.bodies import Body, read_as
+from core.api.bodies import Body
+from core.api.operations import operation
 from core.api.views import APIView
 from races.models import RaceType
 from training.rewards.check_slots import checked, described
@@ -52,17 +54,15 @@ class RewardValidationView(APIView):
     token_scope = TRAIN
     slow_methods = ("POST",)
 
-    @extend_schema(
-        operation_id="validate_reward",
-        summary="Check a reward function",
+    @operation(
+        "validate_reward",
+        "Check a reward function",
+        body=RewardBody,
+        answer={200: RewardReportSerializer},
         description="Reads it and calls it in five states of a car on a track, behind the sandbox, as the wizard does "
         "and as beginning a training does. One at a time for each racer.",
-        request=RewardBody,
-        responses=RewardReportSerializer,
-        tags=["trainings"],
     )
-    def post(self, request: Request) -> Response:
-        sent = read_as(RewardBody, request.data)
+    def post(self, request: Request, sent: dict[str, Any]) -> Response:
         report = checked(racer_of(request), sent["reward_code"], sent["race_type"])
         problems, warnings = (
             [{**described(problem), "state": problem.state} for problem in found]

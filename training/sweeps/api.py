@@ -6,17 +6,16 @@ from django.db.models import QuerySet
 from django.http import Http404
 from django.shortcuts import get_object_or_404
 from django.utils import timezone
-from drf_spectacular.utils import OpenApiResponse, extend_schema, extend_schema_field, extend_schema_view
+from drf_spectacular.utils import extend_schema_field
 from rest_framework import serializers, status
-from rest_framework.permissions import IsAuthenticated
 from rest_framework.request import Request
 from rest_framework.response import Response
 
 from accounts.request_racer import racer_of
 from accounts.scopes import TRAIN
-from core.api.bodies import Body, read_as
-from core.api.finding import finds
-from core.api.views import APIView, ListAPIView
+from core.api.bodies import Body
+from core.api.operations import operation
+from core.api.views import APIView, PrivateView
 from paddock.rules.training import taken_from
 from races.models import RaceType
 
@@ -164,26 +163,23 @@ def own_sweep(request: Request, public_id: str) -> Sweep:
     return sweep
 
 
-@extend_schema_view(get=extend_schema(operation_id="list_sweeps", summary="My sweeps"))
-class SweepsView(ListAPIView):
+class SweepsView(PrivateView):
     token_scope = TRAIN
     slow_methods = ("POST",)
-    permission_classes = [IsAuthenticated]
-    serializer_class = SweepSummarySerializer
 
-    def get_queryset(self) -> QuerySet[Sweep]:
-        return sweeps_of(self.request.user)
+    @operation("list_sweeps", "My sweeps", answer=SweepSummarySerializer, paged=True)
+    def get(self, request: Request) -> QuerySet[Sweep]:
+        return sweeps_of(request.user)
 
-    @extend_schema(
-        operation_id="create_sweep",
-        summary="Try several settings",
+    @operation(
+        "create_sweep",
+        "Try several settings",
+        body=CreateSweepSerializer,
+        answer={201: SweepSerializer},
         description="Checks every reward function, and begins with the base settings. The budget counts as the time "
         "limit of one training.",
-        request=CreateSweepSerializer,
-        responses={201: SweepSerializer},
     )
-    def post(self, request: Request) -> Response:
-        sent = read_as(CreateSweepSerializer, request.data)
+    def post(self, request: Request, sent: dict[str, Any]) -> Response:
         count, budget_s, search = sent.pop("settings"), sent.pop("budget_s"), sent.pop("search")
         asked, rest = taken_from(checked_settings(request, sent))
         for code in search.get("reward_functions", ()):
@@ -198,35 +194,30 @@ class SweepsView(ListAPIView):
         return self.write(make)
 
 
-class SweepView(APIView):
+class SweepView(PrivateView):
     token_scope = TRAIN
-    permission_classes = [IsAuthenticated]
 
-    @extend_schema(operation_id="read_sweep", summary="A sweep", responses=SweepSerializer)
-    def get(self, request: Request, public_id: str) -> Response:
-        return Response(SweepSerializer(visible_sweep(request, public_id)).data)
+    @operation("read_sweep", "A sweep", find=visible_sweep, answer=SweepSerializer)
+    def get(self, request: Request, sweep: Sweep) -> Sweep:
+        return sweep
 
-    @extend_schema(
-        operation_id="delete_sweep",
-        summary="Delete a sweep that is over",
-        responses={204: OpenApiResponse(description="Its trials are deleted; models stay.")},
+    @operation(
+        "delete_sweep", "Delete a sweep that is over", find=own_sweep, answer="Its trials are deleted; models stay."
     )
-    @finds(own_sweep, fields=False)
-    def delete(self, request: Request, sweep: Sweep) -> Response:
+    def delete(self, request: Request, sweep: Sweep) -> None:
         delete_sweep(sweep=sweep, now=timezone.now())
-        return Response(status=status.HTTP_204_NO_CONTENT)
 
 
 class SweepStopView(APIView):
     token_scope = TRAIN
 
-    @extend_schema(
-        operation_id="stop_sweep",
-        summary="Stop a sweep",
+    @operation(
+        "stop_sweep",
+        "Stop a sweep",
+        find=visible_sweep,
+        answer=SweepSerializer,
         description="The best trial so far becomes a model. Stopping one that is over changes nothing.",
-        responses=SweepSerializer,
     )
-    @finds(visible_sweep, fields=False)
-    def post(self, request: Request, sweep: Sweep) -> Response:
+    def post(self, request: Request, sweep: Sweep) -> Sweep:
         stop_sweep(sweep=sweep, by=racer_of(request), now=timezone.now())
-        return Response(SweepSerializer(visible_sweep(request, sweep.public_id)).data)
+        return visible_sweep(request, sweep.public_id)

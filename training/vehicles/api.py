@@ -4,17 +4,14 @@ from typing import Any
 
 from django.db.models import QuerySet
 from django.shortcuts import get_object_or_404
-from drf_spectacular.utils import OpenApiResponse, extend_schema, extend_schema_view
-from rest_framework import serializers, status
-from rest_framework.permissions import IsAuthenticated
+from rest_framework import serializers
 from rest_framework.request import Request
-from rest_framework.response import Response
 
 from accounts.request_racer import racer_of
 from accounts.scopes import TRAIN
-from core.api.bodies import Body, read_as
-from core.api.finding import finds
-from core.api.views import APIView, ListAPIView
+from core.api.bodies import Body
+from core.api.operations import operation
+from core.api.views import PrivateView
 from evaluation.appearance.looks import Shell
 from paddock.errors import UserFault
 from paddock.packages.inputs import IN_STEPS, LIDARS, lidar_settings
@@ -77,66 +74,49 @@ class VehicleBody(Body):
         return cameras + lidars
 
 
-@extend_schema_view(get=extend_schema(operation_id="list_vehicles", summary="My vehicles, by name"))
-class VehiclesView(ListAPIView):
+class VehiclesView(PrivateView):
     token_scope = TRAIN
-    permission_classes = [IsAuthenticated]
-    serializer_class = VehicleSerializer
 
-    def get_queryset(self) -> QuerySet[Vehicle]:
-        return vehicles_of(self.request.user)
+    @operation("list_vehicles", "My vehicles, by name", answer=VehicleSerializer, paged=True)
+    def get(self, request: Request) -> QuerySet[Vehicle]:
+        return vehicles_of(request.user)
 
-    @extend_schema(
-        operation_id="add_vehicle",
-        summary="Add a vehicle",
-        request=VehicleBody,
-        responses={201: VehicleSerializer},
-    )
-    def post(self, request: Request) -> Response:
-        vehicle = save_vehicle(owner=racer_of(request), **_values(request, Vehicle(), partial=False))
-        return Response(VehicleSerializer(vehicle).data, status=status.HTTP_201_CREATED)
+    @operation("add_vehicle", "Add a vehicle", body=VehicleBody, answer=VehicleSerializer, status=201)
+    def post(self, request: Request, sent: dict[str, Any]) -> Vehicle:
+        return save_vehicle(owner=racer_of(request), **_values(sent, Vehicle()))
 
 
 def own_vehicle(request: Request, public_id: str) -> Vehicle:
     return get_object_or_404(vehicles_of(request.user), public_id=public_id)
 
 
-class VehicleView(APIView):
+class VehicleView(PrivateView):
     token_scope = TRAIN
-    permission_classes = [IsAuthenticated]
 
-    @extend_schema(operation_id="read_vehicle", summary="A vehicle", responses=VehicleSerializer)
-    @finds(own_vehicle)
-    def get(self, request: Request, vehicle: Vehicle) -> Response:
-        return Response(VehicleSerializer(vehicle).data)
+    @operation("read_vehicle", "A vehicle", find=own_vehicle, answer=VehicleSerializer)
+    def get(self, request: Request, vehicle: Vehicle) -> Vehicle:
+        return vehicle
 
-    @extend_schema(
-        operation_id="change_vehicle",
-        summary="Change a vehicle",
+    @operation(
+        "change_vehicle",
+        "Change a vehicle",
+        find=own_vehicle,
+        body=VehicleBody,
+        partial=True,
+        answer=VehicleSerializer,
         description="What was trained with it stays as it is.",
-        request=VehicleBody,
-        responses=VehicleSerializer,
     )
-    @finds(own_vehicle)
-    def patch(self, request: Request, vehicle: Vehicle) -> Response:
-        values = _values(request, vehicle, partial=True)
-        return Response(VehicleSerializer(save_vehicle(owner=racer_of(request), vehicle=vehicle, **values)).data)
+    def patch(self, request: Request, vehicle: Vehicle, sent: dict[str, Any]) -> Vehicle:
+        return save_vehicle(owner=racer_of(request), vehicle=vehicle, **_values(sent, vehicle))
 
-    @extend_schema(
-        operation_id="delete_vehicle",
-        summary="Delete a vehicle",
-        responses={204: OpenApiResponse(description="Models that were trained with it stay.")},
-    )
-    @finds(own_vehicle, fields=False)
-    def delete(self, request: Request, vehicle: Vehicle) -> Response:
+    @operation("delete_vehicle", "Delete a vehicle", find=own_vehicle, answer="Models that were trained with it stay.")
+    def delete(self, request: Request, vehicle: Vehicle) -> None:
         delete_vehicle(vehicle=vehicle)
-        return Response(status=status.HTTP_204_NO_CONTENT)
 
 
-def _values(request: Request, before: Vehicle, *, partial: bool) -> VehicleValues:
-    """Keyword arguments of ``save_vehicle``: the sent values, completed from the vehicle. Raises ValidationError,
-    UserFault ``vehicle_sensors``, ``vehicle_lidar``."""
-    sent = read_as(VehicleBody, request.data, partial=partial)
+def _values(sent: dict[str, Any], before: Vehicle) -> VehicleValues:
+    """Keyword arguments of ``save_vehicle``: the sent values, completed from the vehicle. Raises UserFault
+    ``vehicle_lidar``."""
     sensors = sent.get("sensors", before.sensors)
     lidar = sent.get("lidar_config", {})
     if IN_STEPS in sensors:

@@ -8,19 +8,17 @@ from django.db import transaction
 from django.http import Http404
 from django.shortcuts import get_object_or_404
 from django.utils import timezone
-from drf_spectacular.utils import extend_schema
-from rest_framework import serializers, status
+from rest_framework import serializers
 from rest_framework.exceptions import PermissionDenied
 from rest_framework.request import Request
-from rest_framework.response import Response
 
 from accounts.request_racer import racer_of
 from accounts.scopes import ORGANISE
-from core.api.bodies import Body, read_as
-from core.api.finding import finds
+from core.api.bodies import Body
+from core.api.operations import operation
 from core.api.views import APIView
-from league.models import Round, Season, Stage
-from league.seasons.selectors import month_races, seasons_listed
+from league.models import Round, Season, Stage, StageRules
+from league.seasons.selectors import MonthRace, month_races, seasons_listed
 from league.seasons.services import seasons
 from league.seasons.services.succession import MOST_MONTHS, copy_season
 from league.standings.selectors.months import months_of
@@ -133,17 +131,18 @@ class SeasonsWrite(APIView):
 
     token_scope = ORGANISE
 
-    @extend_schema(
-        operation_id="create_season",
-        summary="Make a season, for admins",
-        request=NewSeasonSerializer,
-        responses={201: SeasonDetailSerializer},
+    @operation(
+        "create_season",
+        "Make a season, for admins",
+        find=requires("league.add_season"),
+        body=NewSeasonSerializer,
+        answer=SeasonDetailSerializer,
+        status=201,
     )
-    @finds(requires("league.add_season"))
-    def post(self, request: Request, _none: None) -> Response:
-        season = seasons.create_season(**read_as(NewSeasonSerializer, request.data))
+    def post(self, request: Request, _none: None, sent: dict[str, Any]) -> Season:
+        season = seasons.create_season(**sent)
         log(racer_of(request), season, ADDITION, "Made through the API")
-        return Response(SeasonDetailSerializer(season_shown(season.slug)).data, status=status.HTTP_201_CREATED)
+        return season_shown(season.slug)
 
 
 class SeasonWrite(APIView):
@@ -151,83 +150,81 @@ class SeasonWrite(APIView):
 
     token_scope = ORGANISE
 
-    @extend_schema(
-        operation_id="edit_season",
-        summary="Change a season, for admins",
+    @operation(
+        "edit_season",
+        "Change a season, for admins",
+        find=requires("league.change_season", find=season_shown),
+        body=SeasonChangeSerializer,
+        answer=SeasonDetailSerializer,
         description="What official results were worked out from is fixed from the first official round on.",
-        request=SeasonChangeSerializer,
-        responses=SeasonDetailSerializer,
     )
-    @finds(requires("league.change_season", find=season_shown))
-    def patch(self, request: Request, season: Season) -> Response:
-        season = seasons.edit_season(season=season, **read_as(SeasonChangeSerializer, request.data))
+    def patch(self, request: Request, season: Season, sent: dict[str, Any]) -> Season:
+        season = seasons.edit_season(season=season, **sent)
         log(racer_of(request), season, CHANGE, "Changed through the API")
-        return Response(SeasonDetailSerializer(season_shown(season.slug)).data)
+        return season_shown(season.slug)
 
-    @extend_schema(
-        operation_id="delete_season",
-        summary="Delete a season and its races, for admins",
+    @operation(
+        "delete_season",
+        "Delete a season and its races, for admins",
+        find=requires("league.delete_season", find=season_shown),
         description="As long as no race of it has opened or has entries.",
     )
-    @finds(requires("league.delete_season", find=season_shown), fields=False)
-    def delete(self, request: Request, season: Season) -> Response:
+    def delete(self, request: Request, season: Season) -> None:
         with transaction.atomic():
             log(racer_of(request), season, DELETION, "Deleted through the API")
             seasons.delete_season(season=season, now=timezone.now())
-        return Response(status=status.HTTP_204_NO_CONTENT)
 
 
 class SeasonCopyView(APIView):
     token_scope = ORGANISE
 
-    @extend_schema(
-        operation_id="copy_season",
-        summary="Copy a season to later months, for admins",
+    @operation(
+        "copy_season",
+        "Copy a season to later months, for admins",
+        find=requires("league.add_season", find=season_shown),
+        body=SeasonCopySerializer,
+        answer=SeasonDetailSerializer,
+        status=201,
         description="Settings, rules and races, without entries. The first copy that begins after the season continues "
         "it: its divisions are carried over. Races that would be over are left out.",
-        request=SeasonCopySerializer,
-        responses={201: SeasonDetailSerializer},
     )
-    @finds(requires("league.add_season", find=season_shown))
-    def post(self, request: Request, season: Season) -> Response:
-        copied = copy_season(season=season, now=timezone.now(), **read_as(SeasonCopySerializer, request.data))
+    def post(self, request: Request, season: Season, sent: dict[str, Any]) -> Season:
+        copied = copy_season(season=season, now=timezone.now(), **sent)
         log(racer_of(request), copied.season, ADDITION, f"Copied from {season.slug} through the API")
-        shown = season_shown(copied.season.slug)
-        return Response(SeasonDetailSerializer(shown).data, status=status.HTTP_201_CREATED)
+        return season_shown(copied.season.slug)
 
 
 class RoundView(APIView):
     token_scope = ORGANISE
 
-    @extend_schema(
-        operation_id="delete_round",
-        summary="Delete a round and its race, for admins",
+    @operation(
+        "delete_round",
+        "Delete a round and its race, for admins",
+        find=requires("league.change_season", "races.delete_race", find=round_at),
         description="As long as the race has neither opened nor entries.",
     )
-    @finds(requires("league.change_season", "races.delete_race", find=round_at), fields=False)
-    def delete(self, request: Request, round_: Round) -> Response:
+    def delete(self, request: Request, round_: Round) -> None:
         race = round_.race.slug
         seasons.delete_round(round=round_, now=timezone.now())
         log(racer_of(request), round_.season, CHANGE, f"Deleted the race {race} through the API")
-        return Response(status=status.HTTP_204_NO_CONTENT)
 
 
 class StageRulesView(APIView):
     token_scope = ORGANISE
 
-    @extend_schema(
-        operation_id="edit_stage_rules",
-        summary="Say how races of a stage are ranked and limited, for admins",
+    @operation(
+        "edit_stage_rules",
+        "Say how races of a stage are ranked and limited, for admins",
+        find=requires("league.change_season", find=stage_at),
+        body=StageChangeSerializer,
+        answer=StageRulesSerializer,
         description="From now on: races that are made already stay as they are.",
-        request=StageChangeSerializer,
-        responses=StageRulesSerializer,
     )
-    @finds(requires("league.change_season", find=stage_at))
-    def patch(self, request: Request, found: tuple[Season, str]) -> Response:
+    def patch(self, request: Request, found: tuple[Season, str], sent: dict[str, Any]) -> StageRules:
         season, stage = found
-        rules = seasons.set_stage_rules(season=season, stage=stage, **read_as(StageChangeSerializer, request.data))
+        rules = seasons.set_stage_rules(season=season, stage=stage, **sent)
         log(racer_of(request), season, CHANGE, f"Rules of {rules.stage} changed through the API")
-        return Response(StageRulesSerializer(rules).data)
+        return rules
 
 
 class RoundsWrite(APIView):
@@ -235,17 +232,17 @@ class RoundsWrite(APIView):
 
     token_scope = ORGANISE
 
-    @extend_schema(
-        operation_id="create_round",
-        summary="Make a league race and the round of the season that it is, for admins",
+    @operation(
+        "create_round",
+        "Make a league race and the round of the season that it is, for admins",
+        find=requires("league.change_season", "races.add_race", find=season_shown),
+        body=NewRoundSerializer,
+        answer=RoundSerializer,
+        status=201,
         description="The race is changed and cancelled like any other, at its own address.",
-        request=NewRoundSerializer,
-        responses={201: RoundSerializer},
     )
-    @finds(requires("league.change_season", "races.add_race", find=season_shown))
-    def post(self, request: Request, season: Season) -> Response:
+    def post(self, request: Request, season: Season, sent: dict[str, Any]) -> MonthRace:
         now = timezone.now()
-        made = seasons.schedule_round(season=season, now=now, **read_as(NewRoundSerializer, request.data))
+        made = seasons.schedule_round(season=season, now=now, **sent)
         log(racer_of(request), made.race, ADDITION, f"Round {made.number} of {season.name}, made through the API")
-        shown = month_races(months_of(season), now)[made.pk]
-        return Response(RoundSerializer(shown).data, status=status.HTTP_201_CREATED)
+        return month_races(months_of(season), now)[made.pk]

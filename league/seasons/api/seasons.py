@@ -5,14 +5,13 @@ from typing import Any
 from django.db.models import QuerySet
 from django.http import Http404
 from django.utils import timezone
-from drf_spectacular.utils import OpenApiParameter, extend_schema, extend_schema_view
 from rest_framework import serializers
-from rest_framework.permissions import IsAuthenticatedOrReadOnly
 from rest_framework.request import Request
-from rest_framework.response import Response
 
 from accounts.profile.regions import all_regions
-from core.api.views import APIView, ListAPIView
+from core.api.fields import ChoiceField
+from core.api.operations import operation
+from core.api.views import APIView
 from league.models import Season, Stage
 from league.racers.selectors import racer_shown
 from league.seasons.selectors import MonthRace, month_races, racer_season, seasons_listed, standpoint_of
@@ -33,92 +32,82 @@ from .serializers import (
 )
 
 
-@extend_schema_view(
-    get=extend_schema(
-        operation_id="list_seasons",
-        summary="Seasons",
-        description="The latest first.",
-    )
-)
-class SeasonsView(SeasonsWrite, ListAPIView):
-    permission_classes = [IsAuthenticatedOrReadOnly]
-    serializer_class = SeasonSerializer
+class RoundsFilter(serializers.Serializer):
+    """Which rounds to list."""
 
-    def get_queryset(self) -> QuerySet[Season]:
+    stage = serializers.ChoiceField(Stage.values, required=False)
+
+
+class StandingsFilter(serializers.Serializer):
+    """Which standings."""
+
+    division = serializers.ChoiceField(DIVISIONS, required=False, help_text="The first that has points if left out.")
+    of = serializers.ChoiceField(STANDINGS_OF, default=RACERS)
+    region = ChoiceField(
+        lambda: list(all_regions()),
+        required=False,
+        help_text="Of racers: those of one region among each other, by its name.",
+    )
+
+
+class SeasonsView(SeasonsWrite):
+    @operation("list_seasons", "Seasons", answer=SeasonSerializer, paged=True, description="The latest first.")
+    def get(self, request: Request) -> QuerySet[Season]:
         return seasons_listed()
 
 
 class SeasonView(SeasonWrite):
-    permission_classes = [IsAuthenticatedOrReadOnly]
-
-    @extend_schema(
-        operation_id="read_season",
-        summary="A season, its settings and its rules",
-        responses=SeasonDetailSerializer,
-    )
-    def get(self, request: Request, slug: str) -> Response:
-        return Response(SeasonDetailSerializer(season_shown(slug)).data)
+    @operation("read_season", "A season, its settings and its rules", answer=SeasonDetailSerializer)
+    def get(self, request: Request, slug: str) -> Season:
+        return season_shown(slug)
 
 
-@extend_schema_view(
-    get=extend_schema(
-        operation_id="list_rounds",
-        summary="The rounds of a season",
+class RoundsView(RoundsWrite):
+    @operation(
+        "list_rounds",
+        "The rounds of a season",
+        query=RoundsFilter,
+        answer=RoundSerializer,
+        paged=True,
         description="Month by month, each race with its state and its leader or winner.",
-        parameters=[OpenApiParameter("stage", enum=Stage.values)],
     )
-)
-class RoundsView(RoundsWrite, ListAPIView):
-    permission_classes = [IsAuthenticatedOrReadOnly]
-    serializer_class = RoundSerializer
-
-    def get_queryset(self) -> list[MonthRace]:  # type: ignore[override]  # pages are cut from a list as well
-        wanted = _choice(self.request, "stage", Stage.values)
-        races = month_races(shared_months(self.kwargs["slug"]), timezone.now())
-        return [one for one in races.values() if wanted in ("", one.round.stage)]
+    def get(self, request: Request, slug: str, asked: dict[str, str]) -> list[MonthRace]:
+        races = month_races(shared_months(slug), timezone.now())
+        return [one for one in races.values() if asked.get("stage") in (None, one.round.stage)]
 
 
-@extend_schema_view(
-    get=extend_schema(
-        operation_id="list_standings",
-        summary="The standings of a season",
+class StandingsView(APIView):
+    @operation(
+        "list_standings",
+        "The standings of a season",
+        query=StandingsFilter,
+        answer=StandingSerializer,
+        paged=True,
         description="After its official rounds; of racers unless `of` names another kind.",
-        parameters=[
-            OpenApiParameter("division", enum=DIVISIONS, description="The first that has points if left out."),
-            OpenApiParameter("of", enum=STANDINGS_OF),
-            OpenApiParameter("region", description="Of racers: those of one region among each other, by its name."),
-        ],
     )
-)
-class StandingsView(ListAPIView):
-    serializer_class = StandingSerializer
-
-    def get_queryset(self) -> list[StandingsLine]:  # type: ignore[override]  # as above
-        of = _choice(self.request, "of", STANDINGS_OF) or RACERS
-        wanted = _choice(self.request, "division", DIVISIONS)
-        season = shared_season(self.kwargs["slug"])
+    def get(self, request: Request, slug: str, asked: dict[str, str]) -> list[StandingsLine]:
+        season = shared_season(slug)
         months = shared_months(season.slug)
-        kept = divisions_with_points(months) or [Division.OPEN]
-        region = _choice(self.request, "region", all_regions())
-        table = standings_table(season, wanted or kept[0], of, months, region=region)
-        lines = standings_lines(table, wanted or kept[0], of)
+        division = asked.get("division") or (divisions_with_points(months) or [Division.OPEN])[0]
+        table = standings_table(season, division, asked["of"], months, region=asked.get("region", ""))
+        lines = standings_lines(table, division, asked["of"])
         return [{**line, "rounds": [cell for cell in line["rounds"] if cell is not None]} for line in lines]
 
 
 class RacerSeasonView(APIView):
-    @extend_schema(
-        operation_id="read_racer_season",
-        summary="A racer's season",
+    @operation(
+        "read_racer_season",
+        "A racer's season",
+        answer=RacerSeasonSerializer,
         description="Every round that they are in, in the order of closing.",
-        responses=RacerSeasonSerializer,
     )
-    def get(self, request: Request, slug: str, alias: str) -> Response:
+    def get(self, request: Request, slug: str, alias: str) -> dict[str, Any]:
         season, racer = shared_season(slug), racer_shown(alias)
         if racer is None:
             raise Http404
         rows, where = racer_season(season, racer), standpoint_of(season, racer)
         promoted, place = where.promoted_in, where.championship
-        data = {
+        return {
             "season": season.slug,
             "racer": racer.alias,
             "division": where.division,
@@ -127,16 +116,3 @@ class RacerSeasonView(APIView):
             "standings": where.lines,
             "rounds": rows,
         }
-        return Response(RacerSeasonSerializer(data).data)
-
-
-def _choice(request: Request, name: str, known: Any) -> str:
-    """The value of a query parameter, "" where there is none. Raises ValidationError for one that is not known."""
-    wanted = request.query_params.get(name, "")
-    if wanted:
-        field = serializers.ChoiceField(choices=list(known))
-        try:
-            return field.run_validation(wanted)
-        except serializers.ValidationError as refused:
-            raise serializers.ValidationError({name: refused.detail}) from None
-    return ""

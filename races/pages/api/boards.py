@@ -2,20 +2,19 @@
 
 from typing import Any
 
-from drf_spectacular.utils import extend_schema
 from rest_framework import serializers
 from rest_framework.request import Request
-from rest_framework.response import Response
 from rest_framework.utils.urls import replace_query_param
 
-from core.api.bodies import read_as
 from core.api.documents import serializer_of
 from core.api.fields import ChoiceField
+from core.api.operations import operation
 from core.api.views import APIView
 
 from ...boards.exports import ExportedRow, row_data
 from ...boards.selectors.board import PER_PAGE, Board, BoardRow
 from ...boards.selectors.shared_boards import shared_board
+from ...models import Race
 from ...models.choices import ranking_choices
 from ...web.api import visible_race
 
@@ -84,15 +83,13 @@ class PageSerializer(serializers.Serializer):
 
 
 class BoardView(APIView):
-    @extend_schema(
-        operation_id="read_board",
-        summary="The board",
+    @operation(
+        "read_board",
+        "The board",
+        find=visible_race,
+        query=PageSerializer,
+        answer=BoardSerializer,
         description="Racers in order, and house cars between them where their times would stand.",
-        parameters=[PageSerializer],
-        responses=BoardSerializer,
     )
-    def get(self, request: Request, slug: str) -> Response:
-        asked = read_as(PageSerializer, request.query_params)
-        page, page_size = asked["page"], asked["page_size"]
-        shown = shared_board(visible_race(request, slug), request.user, page=page, per_page=page_size)
-        return Response(BoardSerializer(shown, context={"request": request}).data)
+    def get(self, request: Request, race: Race, asked: dict[str, int]) -> Board:
+        return shared_board(race, request.user, page=asked["page"], per_page=asked["page_size"])

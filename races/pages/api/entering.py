@@ -3,17 +3,15 @@
 from typing import Any
 
 from django.utils import timezone
-from drf_spectacular.utils import extend_schema, extend_schema_view
 from rest_framework import serializers
 from rest_framework.fields import empty
-from rest_framework.permissions import IsAuthenticated
 from rest_framework.request import Request
 
 from accounts.request_racer import racer_of
 from accounts.scopes import ORGANISE, RACE
 from core.api.bodies import Body
 from core.api.operations import operation
-from core.api.views import APIView, ListAPIView
+from core.api.views import APIView, PrivateView
 from evaluation.garage.api import ModelSummarySerializer
 from evaluation.models import State
 from evaluation.selectors import models_of
@@ -78,9 +76,8 @@ class RemovalSerializer(Body):
     reason = serializers.CharField(required=False, allow_blank=True, max_length=255, help_text="The racer reads it.")
 
 
-class EntryView(APIView):
+class EntryView(PrivateView):
     token_scope = RACE
-    permission_classes = [IsAuthenticated]
 
     @operation("read_entry", "My entry", find=own_entry, answer=EntrySerializer)
     def get(self, request: Request, entry: Entry) -> Entry:
@@ -107,18 +104,18 @@ class EntryView(APIView):
         withdraw(entry=entry, now=timezone.now())
 
 
-@extend_schema_view(
-    get=extend_schema(operation_id="list_submissions", summary="My submissions to a race, the newest first")
-)
-class SubmissionsView(ListAPIView):
+class SubmissionsView(PrivateView):
     token_scope = RACE
-    permission_classes = [IsAuthenticated]
-    serializer_class = SubmissionSerializer
 
-    def get_queryset(self) -> list[SubmissionRow]:  # type: ignore[override]  # pages are cut from a list as well
-        if getattr(self, "swagger_fake_view", False):  # the schema is being written
-            return []
-        return submissions_of(own_entry(self.request, self.kwargs["slug"]))
+    @operation(
+        "list_submissions",
+        "My submissions to a race, the newest first",
+        find=own_entry,
+        answer=SubmissionSerializer,
+        paged=True,
+    )
+    def get(self, request: Request, entry: Entry) -> list[SubmissionRow]:
+        return submissions_of(entry)
 
     @operation(
         "submit_model",
@@ -147,7 +144,6 @@ class InvitationView(APIView):
         find=invitation,
         body=JoinSerializer,
         answer=EntrySerializer,
-        tags=["races"],
     )
     def post(self, request: Request, token: str, sent: dict) -> Entry:
         return accept_invitation(token=token, racer=racer_of(request), now=timezone.now(), **sent)

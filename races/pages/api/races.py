@@ -1,19 +1,21 @@
 """Races: list, read, create, change and cancel."""
 
+from typing import Any
+
 from django.contrib.admin.models import ADDITION
 from django.db.models import Q, QuerySet
 from django.utils import timezone
-from drf_spectacular.utils import OpenApiParameter, extend_schema, extend_schema_field, extend_schema_view
+from drf_spectacular.utils import extend_schema_field
 from rest_framework import serializers
 from rest_framework.request import Request
 
 from accounts.models import Racer, RacerGroup
 from accounts.request_racer import racer_of
 from accounts.scopes import ORGANISE
-from core.api.bodies import Body, read_as
+from core.api.bodies import Body
 from core.api.fields import ComputedField, ZonedDateTimeField
 from core.api.operations import operation
-from core.api.views import APIView, ListAPIView
+from core.api.views import APIView
 from paddock.errors import UserFault
 from paddock.rules.race import RULES
 from tracks.api import TrackField
@@ -174,10 +176,10 @@ class NewRaceSerializer(RaceChangeSerializer):
 class FilterSerializer(serializers.Serializer):
     """Which races to list."""
 
-    state = serializers.ChoiceField(RaceState.choices, required=False)
-    kind = serializers.ChoiceField(RaceKind.choices, required=False)
+    state = serializers.ChoiceField(RaceState.choices, required=False, help_text="As things stand now.")
+    kind = serializers.ChoiceField(RaceKind.choices, required=False, help_text="Who holds it.")
     race_type = serializers.ChoiceField(RaceType.choices, required=False)
-    mine = serializers.BooleanField(required=False, default=False)
+    mine = serializers.BooleanField(required=False, default=False, help_text="Only those that you are in or organise.")
 
 
 class CancelSerializer(Body):
@@ -186,25 +188,19 @@ class CancelSerializer(Body):
     reason = serializers.CharField(allow_blank=True, max_length=255, help_text="Everybody who entered reads it.")
 
 
-@extend_schema_view(
-    get=extend_schema(
-        operation_id="list_races",
-        summary="Races",
-        description="Public ones, and those by invitation that you are in or organise; the latest first.",
-        parameters=[
-            OpenApiParameter("state", enum=RaceState.values, description="As things stand now."),
-            OpenApiParameter("kind", enum=RaceKind.values, description="Who holds it."),
-            OpenApiParameter("race_type", enum=RaceType.values),
-            OpenApiParameter("mine", bool, description="Only those that you are in or organise."),
-        ],
-    )
-)
-class RacesView(ListAPIView):
+class RacesView(APIView):
     token_scope = ORGANISE
-    serializer_class = RaceSerializer
 
-    def get_queryset(self) -> QuerySet[Race]:
-        wanted, racer = read_as(FilterSerializer, self.request.query_params), self.request.user
+    @operation(
+        "list_races",
+        "Races",
+        query=FilterSerializer,
+        answer=RaceSerializer,
+        paged=True,
+        description="Public ones, and those by invitation that you are in or organise; the latest first.",
+    )
+    def get(self, request: Request, wanted: dict[str, Any]) -> QuerySet[Race]:
+        racer = request.user
         races = races_visible_to(racer).select_related("beside").defer("track__npy").order_by("-opens_at", "-pk")
         if "kind" in wanted:
             races = races.filter(kind=wanted["kind"])

@@ -1,10 +1,10 @@
 """One lap against another, as numbers."""
 
-from drf_spectacular.utils import OpenApiParameter, extend_schema
+from drf_spectacular.utils import OpenApiParameter
 from rest_framework.request import Request
-from rest_framework.response import Response
 
 from core.api.documents import serializer_of
+from core.api.operations import operation
 from core.api.views import APIView
 from evaluation.models import Evaluation
 from paddock.errors import UserFault
@@ -15,21 +15,21 @@ from ...web.api import visible_evaluation
 
 
 class CompareView(APIView):
-    @extend_schema(
-        operation_id="compare_evaluations",
-        summary="The gap between a lap of one run and a lap of another, along the way",
+    @operation(
+        "compare_evaluations",
+        "The gap between a lap of one run and a lap of another, along the way",
+        answer=serializer_of(LapComparison),
         description="Both runs must be on the same track in the same direction, and you must see both.",
         parameters=[
             OpenApiParameter("lap", int, description="Of the first run; its best one unless it is given."),
             OpenApiParameter("other_lap", int, description="Of the other run; its best one unless it is given."),
         ],
-        responses=serializer_of(LapComparison),
     )
-    def get(self, request: Request, public_id: str, other_id: str) -> Response:
+    def get(self, request: Request, public_id: str, other_id: str) -> LapComparison:
         one, other = visible_evaluation(request, public_id), visible_evaluation(request, other_id)
         refuse_incomparable(one, other)
         lines = _line(request, "lap", one), _line(request, "other_lap", other)
-        return Response(serializer_of(LapComparison)(compare(*lines, one.track.geometry.length)).data)
+        return compare(*lines, one.track.geometry.length)
 
 
 def _line(request: Request, name: str, run: Evaluation) -> LapLine:

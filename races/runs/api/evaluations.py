@@ -5,8 +5,7 @@ from typing import Annotated, Any, TypedDict
 from django.http import HttpResponse, HttpResponseBase
 from django.utils import timezone
 from django.utils.translation import gettext as _
-from drf_spectacular.types import OpenApiTypes
-from drf_spectacular.utils import OpenApiParameter, OpenApiResponse, extend_schema, extend_schema_field
+from drf_spectacular.utils import OpenApiParameter, extend_schema_field
 from rest_framework import serializers
 from rest_framework.exceptions import NotFound, PermissionDenied
 from rest_framework.request import Request
@@ -16,7 +15,7 @@ from accounts.request_racer import racer_of
 from accounts.scopes import RACE
 from core.api.documents import serializer_of
 from core.api.fields import ComputedField, ReasonField
-from core.api.operations import operation
+from core.api.operations import ZIP, csv_of, operation
 from core.api.views import APIView, FileView
 from evaluation.garage.api import ModelSummarySerializer
 from evaluation.garage.downloads import logs_of
@@ -230,6 +229,20 @@ def _result(request: Request, public_id: str) -> Result:
     return result
 
 
+def _car(request: Request, public_id: str) -> tuple[CompetitorResult, str]:
+    """The result of the car in ``?car=``, and how its files are named. Raises Http404, NotFound,
+    UserFault("car_number")."""
+    result = _result(request, public_id)
+    wanted = request.query_params.get("car", "0")
+    if wanted == "0":
+        return result, public_id
+    rival = next((rival for rival in result.rivals.all() if str(rival.number) == wanted), None)
+    if rival is None:
+        known = ["0", *sorted(str(rival.number) for rival in result.rivals.all())]
+        raise UserFault("car_number", car=wanted[:20], known=", ".join(known))
+    return rival, f"{public_id}-car{rival.number}"
+
+
 class EvaluationView(APIView):
     token_scope = RACE
 
@@ -274,17 +287,16 @@ class StopView(APIView):
 
 
 class MetricsView(APIView):
-    @extend_schema(
-        operation_id="read_metrics",
-        summary="The evaluation metrics JSON of a finished evaluation",
+    @operation(
+        "read_metrics",
+        "The evaluation metrics JSON of a finished evaluation",
+        find=_car,
+        answer={200: MetricsSerializer},
         parameters=[CAR],
-        responses=MetricsSerializer,
     )
-    def get(self, request: Request, public_id: str) -> Response:
-        car, suffix = _car(request, public_id)
-        return Response(
-            car.metrics, headers={"Content-Disposition": f'attachment; filename="{public_id}{suffix}-metrics.json"'}
-        )
+    def get(self, request: Request, found: tuple[CompetitorResult, str]) -> Response:
+        car, name = found
+        return Response(car.metrics, headers={"Content-Disposition": f'attachment; filename="{name}-metrics.json"'})
 
 
 class DrivenLayoutSerializer(serializers.Serializer):
@@ -311,40 +323,28 @@ class LayoutView(APIView):
 class TraceView(FileView):
     media_type = "text/csv"
 
-    @extend_schema(
-        operation_id="read_trace",
-        summary="The sim-trace CSV of a finished evaluation",
+    @operation(
+        "read_trace",
+        "The sim-trace CSV of a finished evaluation",
+        find=_car,
+        answer=csv_of("A line a control step."),
         parameters=[CAR],
-        responses={(200, "text/csv"): OpenApiResponse(OpenApiTypes.STR, description="A line a control step.")},
     )
-    def get(self, request: Request, public_id: str) -> HttpResponse:
-        car, suffix = _car(request, public_id)
-        return downloaded(read_trace(car), f"{public_id}{suffix}-sim-trace.csv", "text/csv; charset=utf-8")
+    def get(self, request: Request, found: tuple[CompetitorResult, str]) -> HttpResponse:
+        car, name = found
+        return downloaded(read_trace(car), f"{name}-sim-trace.csv", "text/csv; charset=utf-8")
 
 
 class LogsView(FileView):
-    @extend_schema(
-        operation_id="download_evaluation_logs",
-        summary="All files of a finished evaluation as one zip",
+    @operation(
+        "download_evaluation_logs",
+        "All files of a finished evaluation as one zip",
+        find=_result,
+        answer=ZIP,
         description=(
             "Sim-trace, metrics and simulation log of every car, laid out as deepracer-utils looks for them; "
             "model_metadata.json too where you may see the model."
         ),
-        responses={(200, "application/zip"): OpenApiTypes.BINARY},
     )
-    def get(self, request: Request, public_id: str) -> HttpResponseBase:
-        return logs_of(_result(request, public_id).evaluation, request.user)
-
-
-def _car(request: Request, public_id: str) -> tuple[CompetitorResult, str]:
-    """The result of the car in ``?car=`` and its part of a file name. Raises Http404, NotFound,
-    UserFault("car_number")."""
-    result = _result(request, public_id)
-    wanted = request.query_params.get("car", "0")
-    if wanted == "0":
-        return result, ""
-    rival = next((rival for rival in result.rivals.all() if str(rival.number) == wanted), None)
-    if rival is None:
-        known = ["0", *sorted(str(rival.number) for rival in result.rivals.all())]
-        raise UserFault("car_number", car=wanted[:20], known=", ".join(known))
-    return rival, f"-car{rival.number}"
+    def get(self, request: Request, result: Result) -> HttpResponseBase:
+        return logs_of(result.evaluation, request.user)

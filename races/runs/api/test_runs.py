@@ -2,17 +2,15 @@
 
 from django.db.models import QuerySet
 from django.utils import timezone
-from drf_spectacular.utils import OpenApiParameter, extend_schema, extend_schema_view
 from rest_framework import serializers
-from rest_framework.permissions import IsAuthenticated
 from rest_framework.request import Request
 
 from accounts.request_racer import racer_of
 from accounts.scopes import RACE
-from core.api.bodies import Body, read_as
+from core.api.bodies import Body
 from core.api.fields import ComputedField, ReasonField
 from core.api.operations import operation
-from core.api.views import APIView, ListAPIView
+from core.api.views import APIView, PrivateView
 from evaluation.garage.api import ModelSummarySerializer
 from evaluation.models import Evaluation, State
 from paddock.rules.race import MAX_CARS, OWN_RULES
@@ -51,9 +49,9 @@ class OwnFilterSerializer(serializers.Serializer):
 
     state = serializers.ChoiceField(State.choices, required=False)
     race_type = serializers.ChoiceField(RaceType.choices, required=False)
-    track = serializers.CharField(required=False)
-    model = serializers.CharField(required=False)
-    race = serializers.CharField(required=False)
+    track = serializers.CharField(required=False, help_text=NAME_HELP)
+    model = serializers.CharField(required=False, help_text="The model's public id.")
+    race = serializers.CharField(required=False, help_text="The slug of the race that they were driven as in.")
 
 
 class OwnSummarySerializer(serializers.Serializer):
@@ -78,30 +76,21 @@ class OwnSummarySerializer(serializers.Serializer):
     asked_at = serializers.DateTimeField()
 
 
-@extend_schema_view(
-    get=extend_schema(
-        operation_id="list_evaluations",
-        summary="Your test runs",
-        description="Latest first. Runs in races are listed with their races.",
-        parameters=[
-            OpenApiParameter("state", enum=State.values),
-            OpenApiParameter("race_type", enum=RaceType.values),
-            OpenApiParameter("track", str, description=NAME_HELP),
-            OpenApiParameter("model", str, description="The model's public id."),
-            OpenApiParameter("race", str, description="The slug of the race that they were driven as in."),
-        ],
-    )
-)
-class OwnRunsView(ListAPIView):
+class OwnRunsView(PrivateView):
     token_scope = RACE
-    permission_classes = [IsAuthenticated]
-    serializer_class = OwnSummarySerializer
 
-    def get_queryset(self) -> QuerySet[OwnEvaluation]:
-        wanted = read_as(OwnFilterSerializer, self.request.query_params)
+    @operation(
+        "list_evaluations",
+        "Your test runs",
+        query=OwnFilterSerializer,
+        answer=OwnSummarySerializer,
+        paged=True,
+        description="Latest first. Runs in races are listed with their races.",
+    )
+    def get(self, request: Request, wanted: dict[str, str]) -> QuerySet[OwnEvaluation]:
         if named := track_named(wanted.get("track", "")):
             wanted["track"] = named.slug
-        return own_runs_of(self.request.user, **wanted)
+        return own_runs_of(request.user, **wanted)
 
     @operation(
         "create_evaluation",

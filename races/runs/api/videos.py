@@ -8,7 +8,7 @@ from django.http.response import HttpResponseBase
 from django.urls import reverse
 from django.utils import timezone
 from drf_spectacular.types import OpenApiTypes
-from drf_spectacular.utils import OpenApiParameter, OpenApiResponse, extend_schema
+from drf_spectacular.utils import OpenApiParameter, OpenApiResponse
 from rest_framework import serializers, status
 from rest_framework.exceptions import PermissionDenied
 from rest_framework.request import Request
@@ -16,9 +16,8 @@ from rest_framework.response import Response
 
 from accounts.request_racer import racer_of
 from accounts.scopes import RACE
-from core.api.bodies import Body, read_as
+from core.api.bodies import Body
 from core.api.fields import ComputedField, ReasonField
-from core.api.finding import finds
 from core.api.operations import operation
 from core.api.views import APIView, FileView
 from evaluation.models import Evaluation, State
@@ -124,19 +123,19 @@ class VideosView(APIView):
     def get(self, request: Request, evaluation: Evaluation) -> dict[str, list[ShownVideo]]:
         return {"results": videos_of(VideoRun.of(evaluation)) if evaluation.state == State.FINISHED else []}
 
-    @extend_schema(
-        operation_id="ask_for_video",
-        summary="Ask for a video of a finished evaluation",
+    @operation(
+        "ask_for_video",
+        "Ask for a video of a finished evaluation",
+        find=visible_evaluation,
+        body=AskSerializer,
+        answer={200: VideoSerializer, 202: VideoSerializer},
         description=(
             "It is drawn on the server: read it until its state is `ready`. Asking for the same again answers the same "
             "video (200) and counts nothing; one that failed or is stale is made again."
         ),
-        request=AskSerializer,
-        responses={200: VideoSerializer, 202: VideoSerializer},
     )
-    @finds(visible_evaluation)
-    def post(self, request: Request, evaluation: Evaluation) -> Response:
-        wanted = {"language": page_language()} | read_as(AskSerializer, request.data)
+    def post(self, request: Request, evaluation: Evaluation, sent: dict[str, Any]) -> Response:
+        wanted = {"language": page_language()} | sent
         form = ClipForm(*(wanted.pop(name) for name in ("from_ms", "to_ms", "camera", "format")))
         asked = request_video(evaluation=evaluation, by=racer_of(request), now=timezone.now(), form=form, **wanted)
         asked.video.evaluation = evaluation
@@ -155,7 +154,6 @@ class VideoView(APIView):
         "A video: state, place in the queue, progress, reason, file",
         find=seen_video,
         answer=VideoSerializer,
-        tags=["evaluations"],
     )
     def get(self, request: Request, video: Video) -> ShownVideo:
         return shown_video(video)
@@ -177,7 +175,6 @@ class VideoStopView(APIView):
         "Stop a video that you asked for while it waits or is being drawn",
         find=stoppable_video,
         answer=VideoSerializer,
-        tags=["evaluations"],
         description="A finished video stays unchanged.",
     )
     def post(self, request: Request, video: Video) -> ShownVideo:
@@ -190,18 +187,17 @@ class VideoStopView(APIView):
 class VideoFileView(FileView):
     media_type = "video/mp4"
 
-    @extend_schema(
-        operation_id="read_video_file",
-        summary="The file of a video that is ready",
+    @operation(
+        "read_video_file",
+        "The file of a video that is ready",
         description="`Range` gives a part of it (206), `If-None-Match` saves fetching it again (304).",
         parameters=[OpenApiParameter("Range", str, OpenApiParameter.HEADER, description="Such as bytes=0-65535.")],
-        responses={
+        answer={
             (200, "video/mp4"): OpenApiResponse(OpenApiTypes.BINARY, description="MP4 (H.264, no sound)."),
             (206, "video/mp4"): OpenApiResponse(OpenApiTypes.BINARY, description="The part that was asked for."),
             304: OpenApiResponse(description="It is as it was."),
             416: OpenApiResponse(description="The file has no such part; Content-Range gives its length."),
         },
-        tags=["evaluations"],
     )
     def get(self, request: Request, public_id: str) -> HttpResponseBase:
         return video_response(request._request, ready_video(request.user, public_id), download=True)

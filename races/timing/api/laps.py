@@ -8,7 +8,7 @@ from django.shortcuts import get_object_or_404
 from django.utils import timezone
 from rest_framework import serializers
 from rest_framework.authentication import get_authorization_header
-from rest_framework.permissions import AllowAny, IsAuthenticated
+from rest_framework.permissions import AllowAny
 from rest_framework.request import Request
 from rest_framework.response import Response
 
@@ -18,7 +18,7 @@ from core.api.bodies import Body
 from core.api.documents import serializer_of
 from core.api.fields import ZonedDateTimeField
 from core.api.operations import operation
-from core.api.views import APIView
+from core.api.views import APIView, PrivateView
 from core.forms import explain
 from paddock.errors import UserFault
 
@@ -225,11 +225,10 @@ def sending_sensor(request: Request) -> TimingSensor:
     return timing.sensor_with(shown.decode("ascii", "replace"))
 
 
-class TimingView(APIView):
+class TimingView(PrivateView):
     """What a timekeeper needs."""
 
     tag = "timing"
-    permission_classes = [IsAuthenticated]
 
     @operation("read_timing", "Who may be timed, for timekeepers", find=timed_race, answer=TimingSerializer)
     def get(self, request: Request, race: Race) -> Any:

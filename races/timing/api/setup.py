@@ -8,7 +8,6 @@ from django.shortcuts import get_object_or_404
 from django.urls import reverse
 from django.utils import timezone
 from rest_framework import serializers
-from rest_framework.permissions import IsAuthenticated
 from rest_framework.request import Request
 
 from accounts.models import Racer
@@ -16,7 +15,7 @@ from accounts.request_racer import racer_of
 from accounts.scopes import ORGANISE, RACE
 from core.api.bodies import Body
 from core.api.operations import operation
-from core.api.views import APIView
+from core.api.views import PrivateView
 from paddock.errors import UserFault
 
 from ...models import Entry, Guest, Race, Timekeeper, TimingSensor
@@ -28,12 +27,11 @@ from ..selectors import can_keep_time, guests_of, sensors_of, timekeepers_of
 DAY_MS = 86_400_000
 
 
-class OrganisersView(APIView):
+class OrganisersView(PrivateView):
     """Operations of a race's organiser."""
 
     tag = "timing"
     token_scope = ORGANISE
-    permission_classes = [IsAuthenticated]
 
 
 def uuid_or_404(text: str) -> UUID:
@@ -214,11 +212,10 @@ class SensorView(OrganisersView):
         timing.revoke_sensor(sensor=sensor, by=racer_of(request), now=timezone.now())
 
 
-class GuestsView(APIView):
+class GuestsView(PrivateView):
     """The guests of a race."""
 
     tag = "timing"
-    permission_classes = [IsAuthenticated]
 
     @operation(
         "list_guests",
@@ -249,12 +246,11 @@ class GuestView(OrganisersView):
         return guests_of(guest.race).get(pk=guest.pk)
 
 
-class ClaimView(APIView):
+class ClaimView(PrivateView):
     """Laps driven as a guest, of a racer with an account."""
 
     tag = "timing"
     token_scope = RACE
-    permission_classes = [IsAuthenticated]
 
     @operation(
         "claim_guest", "Take over what was timed for you as a guest", body=ClaimSerializer, answer=EntrySerializer

@@ -6,24 +6,17 @@ from django.db.models import QuerySet
 from django.http import Http404
 from django.shortcuts import get_object_or_404
 from django.utils import timezone
-from drf_spectacular.utils import (
-    OpenApiParameter,
-    OpenApiResponse,
-    OpenApiTypes,
-    extend_schema,
-    extend_schema_field,
-    extend_schema_view,
-)
+from drf_spectacular.utils import OpenApiTypes, extend_schema_field
 from rest_framework import serializers, status
-from rest_framework.permissions import IsAuthenticated
 from rest_framework.request import Request
 from rest_framework.response import Response
 
 from accounts.request_racer import racer_of
 from accounts.scopes import TRAIN
-from core.api.bodies import Body, read_as
-from core.api.finding import finds
-from core.api.views import APIView, ListAPIView
+from core.api.bodies import Body
+from core.api.operations import operation
+from core.api.views import APIView, PrivateView
+from evaluation.models import Evaluation
 from evaluation.selectors import visible_models
 from paddock.errors import UserFault
 from paddock.packages.metadata import CONTINUOUS, DISCRETE
@@ -203,25 +196,23 @@ def own_training(request: Request, public_id: str) -> TrainingJob:
     return job
 
 
-@extend_schema_view(get=extend_schema(operation_id="list_trainings", summary="My trainings"))
-class TrainingsView(ListAPIView):
+class TrainingsView(PrivateView):
     token_scope = TRAIN
     slow_methods = ("POST",)
-    permission_classes = [IsAuthenticated]
-    serializer_class = TrainingSummarySerializer
 
-    def get_queryset(self) -> QuerySet[TrainingJob]:
-        return trainings_of(self.request.user)
+    @operation("list_trainings", "My trainings", answer=TrainingSummarySerializer, paged=True)
+    def get(self, request: Request) -> QuerySet[TrainingJob]:
+        return trainings_of(request.user)
 
-    @extend_schema(
-        operation_id="create_training",
-        summary="Begin a training",
+    @operation(
+        "create_training",
+        "Begin a training",
+        body=CreateSerializer,
+        answer={201: TrainingSerializer},
         description="Checks the reward function as the wizard does, and puts the training into the queue.",
-        request=CreateSerializer,
-        responses={201: TrainingSerializer},
     )
-    def post(self, request: Request) -> Response:
-        asked, rest = taken_from(checked_settings(request, read_as(CreateSerializer, request.data)))
+    def post(self, request: Request, sent: dict[str, Any]) -> Response:
+        asked, rest = taken_from(checked_settings(request, sent))
 
         def make() -> Response:
             job = create_training(owner=racer_of(request), settings=asked, now=timezone.now(), **rest)
@@ -230,43 +221,45 @@ class TrainingsView(ListAPIView):
         return self.write(make)
 
 
-class TrainingView(APIView):
+class DeletionQuery(serializers.Serializer):
+    """What else is deleted."""
+
+    models = serializers.BooleanField(default=False, help_text="Its models, too.")
+
+
+class TrainingView(PrivateView):
     token_scope = TRAIN
-    permission_classes = [IsAuthenticated]
 
-    @extend_schema(operation_id="read_training", summary="A training", responses=TrainingSerializer)
-    def get(self, request: Request, public_id: str) -> Response:
-        return Response(TrainingSerializer(visible_training(request, public_id), context={"request": request}).data)
+    @operation("read_training", "A training", find=visible_training, answer=TrainingSerializer)
+    def get(self, request: Request, job: TrainingJob) -> TrainingJob:
+        return job
 
-    @extend_schema(
-        operation_id="delete_training",
-        summary="Delete a training that is over",
+    @operation(
+        "delete_training",
+        "Delete a training that is over",
+        find=own_training,
+        query=DeletionQuery,
+        answer="Deleted; `stored_bytes` are free again.",
         description="Its files, graph, log and reward function are gone for good; its minutes still count this month. "
         "Its models stay in the garage unless `models` is true; what results need of them is kept in any case.",
-        parameters=[OpenApiParameter("models", bool, default=False, description="Its models, too.")],
-        responses={204: OpenApiResponse(description="Deleted; `stored_bytes` are free again.")},
     )
-    @finds(own_training, fields=False)
-    def delete(self, request: Request, job: TrainingJob) -> Response:
-        with_models = serializers.BooleanField().run_validation(request.query_params.get("models", "false"))
-        delete_training(job=job, with_models=with_models, now=timezone.now())
-        return Response(status=status.HTTP_204_NO_CONTENT)
+    def delete(self, request: Request, job: TrainingJob, asked: dict[str, bool]) -> None:
+        delete_training(job=job, with_models=asked["models"], now=timezone.now())
 
 
 class TrainingStopView(APIView):
     token_scope = TRAIN
 
-    @extend_schema(
-        operation_id="stop_training",
-        summary="Stop a training",
+    @operation(
+        "stop_training",
+        "Stop a training",
+        find=visible_training,
+        answer=TrainingSerializer,
         description="What it has learned stays. Stopping one that is over changes nothing.",
-        responses=TrainingSerializer,
     )
-    @finds(visible_training, fields=False)
-    def post(self, request: Request, job: TrainingJob) -> Response:
+    def post(self, request: Request, job: TrainingJob) -> TrainingJob:
         stop_training(job=job, by=racer_of(request), now=timezone.now())
-        job = visible_training(request, job.public_id)
-        return Response(TrainingSerializer(job, context={"request": request}).data)
+        return visible_training(request, job.public_id)
 
 
 class EvaluateBody(Body):
@@ -278,31 +271,29 @@ class EvaluateBody(Body):
 class TrainingEvaluationsView(APIView):
     token_scope = TRAIN
 
-    @extend_schema(
-        operation_id="evaluate_training",
-        summary="Drive the best or the last model of a training by the referee of races",
+    @operation(
+        "evaluate_training",
+        "Drive the best or the last model of a training by the referee of races",
+        find=own_training,
+        body=EvaluateBody,
+        answer=EvaluationSerializer,
+        status=201,
         description="Three laps on the track and the layout that it was trained on. The evaluation is seen by you "
         "and by admins, and stands on no board.",
-        request=EvaluateBody,
-        responses={201: EvaluationSerializer},
     )
-    @finds(own_training)
-    def post(self, request: Request, job: TrainingJob) -> Response:
-        which = read_as(EvaluateBody, request.data)["model"]
-        evaluation = evaluate_training(job=job, which=which, by=racer_of(request), now=timezone.now())
-        return Response(EvaluationSerializer(evaluation).data, status=status.HTTP_201_CREATED)
+    def post(self, request: Request, job: TrainingJob, sent: dict[str, Any]) -> Evaluation:
+        return evaluate_training(job=job, which=sent["model"], by=racer_of(request), now=timezone.now())
 
 
-class TrainingMetricsView(APIView):
-    permission_classes = [IsAuthenticated]
-
-    @extend_schema(
-        operation_id="training_metrics",
-        summary="Training metrics JSON, in the field's own form",
-        responses=OpenApiTypes.OBJECT,
+class TrainingMetricsView(PrivateView):
+    @operation(
+        "training_metrics",
+        "Training metrics JSON, in the field's own form",
+        find=visible_training,
+        answer={200: OpenApiTypes.OBJECT},
     )
-    def get(self, request: Request, public_id: str) -> Response:
-        return Response(training_metrics(visible_training(request, public_id)))
+    def get(self, request: Request, job: TrainingJob) -> Response:
+        return Response(training_metrics(job))
 
 
 def checked_settings(request: Request, sent: dict[str, Any]) -> dict[str, Any]:

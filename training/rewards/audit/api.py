@@ -1,13 +1,14 @@
 """The API that audits a reward function."""
 
-from drf_spectacular.utils import extend_schema
+from typing import Any
+
 from rest_framework import serializers
 from rest_framework.request import Request
 from rest_framework.response import Response
 
 from accounts.request_racer import racer_of
 from accounts.scopes import TRAIN
-from core.api.bodies import read_as
+from core.api.operations import operation
 from core.api.views import APIView
 from core.forms import explain
 from tracks.api import TrackField
@@ -97,17 +98,15 @@ class RewardAuditView(APIView):
     token_scope = TRAIN
     slow_methods = ("POST",)
 
-    @extend_schema(
-        operation_id="audit_reward",
-        summary="Audit a reward function",
+    @operation(
+        "audit_reward",
+        "Audit a reward function",
+        body=RewardAuditBody,
+        answer={200: RewardAuditSerializer},
         description="Calls it at each step of eight recorded drives on a track, behind the sandbox: does it pay for "
         "driving fast? One at a time for each racer.",
-        request=RewardAuditBody,
-        responses=RewardAuditSerializer,
-        tags=["trainings"],
     )
-    def post(self, request: Request) -> Response:
-        sent = read_as(RewardAuditBody, request.data)
+    def post(self, request: Request, sent: dict[str, Any]) -> Response:
         audit = audited(
             owner=racer_of(request),
             code=sent["reward_code"],
