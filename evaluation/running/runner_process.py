@@ -16,7 +16,7 @@ import sys
 import time
 import traceback
 from collections.abc import Callable, Sequence
-from typing import cast
+from typing import Any
 
 import cv2
 import numpy as np
@@ -37,7 +37,6 @@ from paddock.simulator.world import make_ready, new_world
 from ..sandbox.frames import FrameError, read_message, write_message
 from ..sandbox.observation_memory import map_for_writing
 from ..sandbox.policy_client import PolicyClient
-from .messages import CarDocument, ResultDocument
 from .race_setup import VenueDocument
 
 _PROGRESS_S = 0.25
@@ -177,19 +176,18 @@ def _reporting(policy: Policy, number: int, frames_out: int) -> Policy:
     return ask
 
 
-def _outcome(result: RaceResult, cars: Sequence[RaceResult | CompetitorRun]) -> ResultDocument:
-    documents = [
-        {
-            "laps": [lap.to_dict() for lap in car.laps],
-            "end_reason": car.end_reason,
-            "retired": car.retired,
-            "trace_sha256": car.trace.sha256,
-            "metrics": metrics_json(car),
-        }
-        for car in cars
-    ]
+def _outcome(result: RaceResult, cars: Sequence[RaceResult | CompetitorRun]) -> dict[str, Any]:
     return {
-        "cars": cast(list[CarDocument], documents),
+        "cars": [
+            {
+                "laps": [lap.to_dict() for lap in car.laps],
+                "end_reason": car.end_reason,
+                "retired": car.retired,
+                "trace_sha256": car.trace.sha256,
+                "metrics": metrics_json(car),
+            }
+            for car in cars
+        ],
         "order": result.order,
         "simulated_ms": max(car.simulated_ms for car in cars),
         "steps": max(car.steps for car in cars),

@@ -90,7 +90,7 @@ class Progress(CarProgress):
     lap_ms: int
     resets: int
     last_lap_ms: int | None
-    bots: list[tuple[float, float]]
+    bots: Annotated[list[tuple[float, float]], "x, y of each."]
     rivals: list[RivalProgress]
 
     def to_dict(self) -> dict[str, Any]:

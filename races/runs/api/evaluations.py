@@ -20,12 +20,13 @@ from core.api.views import APIView, FileView
 from evaluation.garage.api import ModelSummarySerializer
 from evaluation.garage.downloads import logs_of
 from evaluation.models import CompetitorResult, Evaluation, Result, State
-from evaluation.running.messages import DrivenLapDocument, ProgressDocument
+from evaluation.running.messages import DrivenLapDocument
 from evaluation.running.queue.selectors import expected_wait_s, queue_length, queue_position
 from evaluation.running.queue.services import stop_evaluation
 from evaluation.running.results import read_layout, read_trace
 from paddock.errors import UserFault
 from paddock.rules.ranked import RANKED
+from paddock.simulator.results import Progress
 
 from ...models import OwnEvaluation
 from ...rules.serializers import with_rules
@@ -175,7 +176,7 @@ class EvaluationSerializer(serializers.Serializer):
     rules = serializers.DictField(source="spec.rules", read_only=True, help_text="Frozen when it was queued.")
     queue = ComputedField(serializer_of(QueueDocument)(allow_null=True), queue_document, help_text="While it waits.")
     progress = ComputedField(
-        serializer_of(ProgressDocument)(allow_null=True),
+        serializer_of(Progress)(allow_null=True),
         lambda evaluation: (evaluation.state == State.RUNNING and evaluation.progress) or None,
         help_text="While it runs.",
     )
