@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from concurrent.futures import ThreadPoolExecutor
 from datetime import timedelta
 
@@ -21,10 +21,11 @@ from races.models import Race, Visibility
 from tests.courses.assignments import a_group, an_assignment, hand_in
 from tests.evaluation import reports
 from tests.factories import a_model, a_race, a_racer, a_track, drive, laps
+from tests.kept import Kept
 from tests.kept_parts import parts_are_kept
 from tests.league.seasons import a_round, board
 from tests.live_shows import a_live_race, a_show, begun
-from tests.pages.conftest import World
+from tests.pages.conftest import World, make_world
 from tests.pages.test_pages import address
 from tests.pages.test_queries import queries
 from tests.training.jobs import a_sweep_row, a_trained_one
@@ -84,9 +85,19 @@ def shared(settings) -> Iterator[None]:
         yield
 
 
+@pytest.fixture(scope="session")
+def kept_busy_world(request: pytest.FixtureRequest, keep: Callable) -> Kept:
+    return keep(request, _busy_world, fresh_s=20.0)  # as of the pages' world
+
+
 @pytest.fixture
-def words(world: World, shared: None) -> dict[str, str]:
-    """What addresses name of alice's. All her races are public."""
+def busy(kept_busy_world: Kept, db: None, shared: None) -> tuple[World, dict[str, str]]:
+    return kept_busy_world.copy()
+
+
+def _busy_world() -> tuple[World, dict[str, str]]:
+    """Alice has something of everything, and all her races are public; and what addresses name of hers."""
+    world = make_world()
     now, alice = world.now, world.alice
     Race.objects.filter(pk=world.secret.pk).update(visibility=Visibility.PUBLIC)
     race = a_live_race(now, world.bob, slug="show", name="Show")
@@ -103,7 +114,7 @@ def words(world: World, shared: None) -> dict[str, str]:
     task = an_assignment(group, now, shows="named")
     for racer in (alice, kim):
         hand_in(task, racer, now)
-    return {
+    return world, {
         "task": task.public_id,
         "training": training.public_id,
         "report": report.public_id,
@@ -112,7 +123,8 @@ def words(world: World, shared: None) -> dict[str, str]:
 
 
 @pytest.mark.parametrize("path", PATHS)
-def test_a_signed_in_page_needs_few_queries(world: World, words: dict[str, str], path: str) -> None:
+def test_a_signed_in_page_needs_few_queries(busy: tuple[World, dict[str, str]], path: str) -> None:
+    world, words = busy
     client = world.client("alice")
     filled = path
     for word, value in words.items():
