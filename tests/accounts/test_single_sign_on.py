@@ -28,16 +28,15 @@ CALLBACK = "/accounts/oidc/sso/login/callback/"
 
 
 @pytest.mark.parametrize(
-    "file",
+    "files",
     [
-        pytest.param("test_openid_connect.py", marks=PROVIDER),
-        pytest.param("test_hostile_tokens.py", marks=PROVIDER),
+        pytest.param("test_openid_connect.py test_hostile_tokens.py", marks=PROVIDER),
         pytest.param("test_directory.py", marks=DIRECTORY),
         pytest.param("../../core/personal_data/test_rules.py", marks=[PROVIDER, pytest.mark.slow]),
         pytest.param("test_journey_browser.py", marks=[PROVIDER, BROWSER, pytest.mark.slow]),
     ],
 )
-def test_a_site_with_a_provider(file):
+def test_a_site_with_a_provider(files):
     with short_folder() as folder, ExitStack() as servers:
         provider_port, ldap_port, site_port = (free_port() for _ in range(3))
         (folder / "secret").write_text(f"{SECRET}\n")
@@ -51,7 +50,7 @@ def test_a_site_with_a_provider(file):
             "PADDOCK_SSO_GROUPS": "Paddock-Admins=admin,stewards=steward,staff=teacher,writers=group:Writers",
             "PADDOCK_TEST_PROVIDER": str(folder),
         }
-        if file == "test_directory.py":
+        if files == "test_directory.py":
             (folder / "reader").write_text(directory_server.READER_PASSWORD)
             authority = servers.enter_context(directory_server.directory(folder / "slapd", ldap_port))
             settings |= {
@@ -72,7 +71,7 @@ def test_a_site_with_a_provider(file):
         run = subprocess.run(
             [
                 *(sys.executable, "-m", "pytest", "-q", "-n", "0", "-p", "no:cacheprovider", "-m", "not soak"),
-                *(f"--liveserver=127.0.0.1:{site_port}", str(HERE / file)),
+                *(f"--liveserver=127.0.0.1:{site_port}", *(str(HERE / file) for file in files.split())),
             ],
             cwd=CHECKOUT,
             env={name: value for name, value in os.environ.items() if not name.startswith(("PADDOCK_", "PYTEST_"))}

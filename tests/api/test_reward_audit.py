@@ -65,6 +65,7 @@ def test_a_function_that_is_no_python_has_no_drives(alice, as_racer):
     assert (said["drives"], said["findings"], said["progress_correlation"]) == ([], [], None)
 
 
+@pytest.mark.slow
 def test_a_slow_function_is_bounded_and_answers_for_the_drives_that_it_reached(alice, as_racer):
     slow = "def reward_function(params):\n    sum(range(400_000))\n    return 1.0\n"
     said = as_racer(alice).post(ADDRESS, {"reward_code": slow, "track": a_track().slug}).json()
@@ -75,6 +76,7 @@ def test_a_slow_function_is_bounded_and_answers_for_the_drives_that_it_reached(a
     assert said["problems"] == []
 
 
+@pytest.mark.slow
 def test_an_endless_function_ends_with_its_line(alice, as_racer):
     endless = "def reward_function(params):\n    while params['progress'] > 50:\n        pass\n    return 1.0\n"
     said = as_racer(alice).post(ADDRESS, {"reward_code": endless, "track": a_track().slug}).json()

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 from argparse import SUPPRESS
+from functools import cache
 from pathlib import Path
 
 import pytest
@@ -33,7 +34,8 @@ def sources() -> list[Path]:
     return [path for room in rooms for path in (CHECKOUT / room).rglob("*.py") if path.name != "env.py"]
 
 
-def variables() -> set[str]:
+@cache
+def variables() -> frozenset[str]:
     """Every environment variable that an operator may set."""
     found = set()
     for path in sources():
@@ -41,7 +43,7 @@ def variables() -> set[str]:
         found |= set(re.findall(r'env_\w+\(\s*"([A-Z_]+)"', code))
         found |= set(re.findall(r'^_VARIABLE = "([A-Z_]+)"', code, flags=re.M))
         found |= set(re.findall(r'environ(?:\.get\(|\[)"(PADDOCK_[A-Z_]+)"', code))
-    return found
+    return frozenset(found)
 
 
 def test_the_search_finds_known_variables():
