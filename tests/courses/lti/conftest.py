@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from pathlib import Path
 
 import pytest
 from django.core.cache import cache
@@ -15,10 +16,16 @@ from tests.courses.lti.platform import Platform, new_key, running_platform
 KEY = new_key()
 
 
+@pytest.fixture(scope="session")
+def key_file(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The site's key, which the first test that needs it makes."""
+    return tmp_path_factory.mktemp("lti") / "lti-key.pem"
+
+
 @pytest.fixture(autouse=True)
-def _private(settings, tmp_path) -> None:
+def _private(settings, key_file: Path) -> None:
     settings.LTI_PRIVATE = True  # the platform of the tests is on this machine
-    settings.LTI_KEY_FILE = tmp_path / "lti-key.pem"
+    settings.LTI_KEY_FILE = key_file
     cache.clear()
 
 

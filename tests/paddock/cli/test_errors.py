@@ -87,7 +87,7 @@ class Stranger(BaseHTTPRequestHandler):
 @pytest.fixture(scope="module")
 def stranger() -> Iterator[str]:
     server = ThreadingHTTPServer(("127.0.0.1", 0), Stranger)
-    threading.Thread(target=server.serve_forever, daemon=True).start()
+    threading.Thread(target=server.serve_forever, args=(0.02,), daemon=True).start()
     yield f"http://127.0.0.1:{server.server_port}"
     server.shutdown()
     server.server_close()
@@ -198,7 +198,7 @@ class Recovers(BaseHTTPRequestHandler):
 def recovering(monkeypatch) -> Iterator[str]:
     monkeypatch.setattr(Recovers, "keys", [])
     server = ThreadingHTTPServer(("127.0.0.1", 0), Recovers)
-    threading.Thread(target=server.serve_forever, daemon=True).start()
+    threading.Thread(target=server.serve_forever, args=(0.02,), daemon=True).start()
     yield f"http://127.0.0.1:{server.server_port}"
     server.shutdown()
     server.server_close()
