@@ -165,15 +165,14 @@ begin() { # COMMAND...: beside us, with what it prints in the log and on the ter
     : >$log
     (as_user "$@") >$log 2>&1 &
     process=$!
-    tail -f -n +1 $log &
+    tail -f -n +1 -s 0.1 --pid=$process $log &
     tail=$!
 }
 
 end() { # its exit status
     status=0
     wait $process || status=$?
-    sleep 1
-    kill $tail
+    wait $tail # it reads the last lines, and ends
     return $status
 }
 

@@ -40,9 +40,11 @@ def may_enter() -> bool:
 needs_root = pytest.mark.skipif(not may_enter(), reason="only root may make and enter a system")
 
 
-def call(*arguments: str, path: str = os.environ["PATH"], **environment: str) -> subprocess.CompletedProcess[str]:
+def call(
+    *arguments: str, script: Path = SCRIPT, path: str = os.environ["PATH"], **environment: str
+) -> subprocess.CompletedProcess[str]:
     return subprocess.run(
-        [SCRIPT, *arguments],
+        [script, *arguments],
         env={"PATH": path, **environment},
         capture_output=True,
         text=True,
@@ -96,16 +98,23 @@ def test_an_ubuntu_needs_its_keys(systems):
 
 @pytest.fixture
 def systems(tmp_path):
-    """Call it with a debootstrap that makes a small system at once."""
-    programs, roots = tmp_path / "programs", tmp_path / "roots"
+    """Call it with a debootstrap that makes a small system at once, of a small checkout."""
+    programs, roots, scripts = tmp_path / "programs", tmp_path / "roots", tmp_path / "checkout/scripts"
     programs.mkdir()
+    scripts.mkdir(parents=True)
+    shutil.copy(SCRIPT, scripts)
+    shutil.copy(CHECKOUT / ".gitignore", scripts.parent)
+    (scripts.parent / "manage.py").touch()
     for name, text in {"debootstrap": DEBOOTSTRAP, "pivot_root": '#!/bin/sh\nexec /usr/sbin/pivot_root "$@"\n'}.items():
         (programs / name).write_text(text)
         (programs / name).chmod(0o755)
 
-    def try_it(*arguments: str, **environment: str) -> subprocess.CompletedProcess[str]:
+    def try_it(
+        *arguments: str, script: Path = scripts / SCRIPT.name, **environment: str
+    ) -> subprocess.CompletedProcess[str]:
         return call(
             *("--roots", str(roots), "--bind", "/usr", *arguments),
+            script=script,
             path=f"{programs}:/usr/local/sbin:/usr/local/bin:/usr/sbin:/usr/bin:/sbin:/bin",
             **environment,
         )
@@ -130,7 +139,8 @@ def make(tmp_path):
 
 @needs_root
 def test_a_step_runs_in_a_copy_of_the_checkout_with_namespaces_of_its_own(systems):
-    done = systems("trixie", "sh", "-c", "pwd; ls; ls -A / /mnt; unshare --user --map-root-user id -u")
+    program = "pwd; ls; ls -A / /mnt; unshare --user --map-root-user id -u"
+    done = systems("trixie", "sh", "-c", program, script=SCRIPT)
     assert (done.returncode, done.stderr) == (0, "")
     words = done.stdout.split()
     assert f"{HOME}/paddock" in words and "manage.py" in words and "work" not in words
@@ -197,7 +207,7 @@ def test_a_start_is_measured_twice(systems, make):
         "run = 'import signal; print(\"Paddock is ready\", flush=True); signal.pause()'\n"
         "if sys.argv[1] == 'run':\n    os.execvp('python3', ['python3', '-c', run])\n"
     )
-    done = systems("--rest", "1", *arguments, "trixie", "start")
+    done = systems("--rest", "0", *arguments, "trixie", "start")
     setup, first, second = (line for line in done.stdout.splitlines() if line.endswith((" ms", " at rest")))
     assert setup.startswith("Setup: ")
     assert first.startswith("First start: ") and second.startswith("Second start: ")
