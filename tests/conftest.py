@@ -5,6 +5,7 @@ from __future__ import annotations
 import fcntl
 import gc
 import os
+import re
 import shutil
 import signal
 from collections import Counter
@@ -24,6 +25,9 @@ from tests.pages import browsing
 
 PACK = 20
 LONGEST = ("training", "run")
+JOURNEYS = "slow and not soak"  # of the Makefile
+# in every file with a test that is slow: tests/pages/browsing.py has the other word for it
+NAMES_SLOW = re.compile(r"\bslow\b|\bIN_A_BROWSER\b")
 
 
 def pytest_configure(config: pytest.Config) -> None:
@@ -44,6 +48,13 @@ def pytest_unconfigure(config: pytest.Config) -> None:
         shutil.rmtree(os.environ["PADDOCK_TEST_DATA"], ignore_errors=True)
 
 
+def pytest_ignore_collect(collection_path: Path, config: pytest.Config) -> bool | None:
+    """Journeys are in a quarter of the files: reading the others takes a process 15 seconds."""
+    if config.getoption("markexpr") == JOURNEYS and collection_path.name.startswith("test_"):
+        return True if not _names_slow(collection_path) else None
+    return None
+
+
 @pytest.hookimpl(tryfirst=True)
 def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
     """How ``make test`` deals tests out to its workers: first the longest groups; then those in a browser, by file;
@@ -52,6 +63,9 @@ def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item
 
     Tests that share what their module or package makes once stay together: elsewhere every worker would make it anew.
     """
+    for file in {item.path for item in items if not _is_quick(item)}:
+        if not _names_slow(file):
+            raise pytest.UsageError(f"{file} has slow tests and does not name the mark: journeys would not find them")
     quick_ones: Counter[str] = Counter()
     for item in items:
         if item.get_closest_marker("xdist_group") is not None:
@@ -119,6 +133,10 @@ def _turn(item: pytest.Item) -> int:
 
 def _is_quick(item: pytest.Item) -> bool:
     return item.get_closest_marker("slow") is None and item.get_closest_marker("soak") is None
+
+
+def _names_slow(file: Path) -> bool:
+    return NAMES_SLOW.search(file.read_text()) is not None
 
 
 def _scopes(item: pytest.Item) -> set[str]:

@@ -20,7 +20,7 @@ def drives():
     return eight_drives(next(entry for entry in CATALOGUE if entry.slug == "oval").geometry(), "ccw")
 
 
-@pytest.mark.parametrize("case", parameters())
+@pytest.mark.parametrize("case", parameters())  # some are slow
 def test_a_hostile_function_ends_an_audit_with_its_code_and_line(case, drives, tmp_path, monkeypatch) -> None:
     monkeypatch.chdir(tmp_path)
     text = source(case)

@@ -218,13 +218,14 @@ def body(answer) -> bytes:
     return content + repr(sorted(answer.headers.items())).encode()
 
 
-def fetched(show: Show, viewer: str) -> Iterator[tuple[str, int, bytes]]:
+def fetched(show: Show, viewer: str, under: str = "/") -> Iterator[tuple[str, int, bytes]]:
+    """Every answer to this viewer of the addresses that hold ``under``."""
     client = Client(raise_request_exception=False)
     racer = show.viewers[viewer]
     if racer is not None:
         client.force_login(racer, backend="django.contrib.auth.backends.ModelBackend")
     for address in everything(show):
-        if re.search(r"logout|/stream/", address):
+        if re.search(r"logout|/stream/", address) or under not in address:
             continue
         answer = client.get(address)
         # what a page that there is not has been asked for is said back on the next one
@@ -295,5 +296,8 @@ def test_a_private_show_is_nowhere_for_strangers(show: Show, viewer: str, when: 
         tick_live(now=over)
         end_live(event=show.event, by=show.world.alice, seen=None, now=over)
     type(show.event.race).objects.filter(pk=show.event.race_id).update(visibility=Visibility.INVITATION)
-    for address, status, content in fetched(show, viewer):
-        assert status != 200 or b"Open race" not in content or "/races/open-race" not in address, address
+    statuses = set()
+    for address, status, content in fetched(show, viewer, "/races/open-race"):
+        statuses.add(status)
+        assert status != 200 or b"Open race" not in content, address
+    assert 404 in statuses

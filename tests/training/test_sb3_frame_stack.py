@@ -44,7 +44,7 @@ from tests.pinned import pinned_process
 
 from .test_sb3_env import Pilot
 
-pytestmark = pytest.mark.slow
+pytestmark = [pytest.mark.slow, pytest.mark.xdist_group("frame stack")]  # they share what has learned
 
 RACE = "Paddock/TimeTrial-v1"
 DISCRETE = dict(DEFAULT_METADATA)
