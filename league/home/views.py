@@ -25,7 +25,7 @@ from league.home.selectors import (
     recent_results,
 )
 from races.boards.selectors.board import podiums, to_beat
-from races.entries.selectors.lists import racing_now, sees_only_public, upcoming
+from races.entries.selectors.lists import races_in, racing_now, sees_only_public
 from races.models import Race, RaceKind
 from races.replays.setup import ViewedRun, document_address, scene_address, viewer_setup
 from races.rules.layout import box_marks
@@ -100,7 +100,7 @@ def home(request: HttpRequest) -> HttpResponse:
         "leading": stage,
         "results": part("results", results),
         "open_races": part("open_races", open_races, reader.is_authenticated, chosen),
-        "upcoming": part("upcoming", lambda: {"upcoming": list(upcoming(now, **coming)[:UPCOMING])}),
+        "upcoming": part("upcoming", lambda: {"upcoming": list(races_in("upcoming", now, **coming)[:UPCOMING])}),
         "cup": part("cup", lambda: _cup(now)),
     }
     if reader.is_authenticated:

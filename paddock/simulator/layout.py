@@ -6,7 +6,7 @@
 import math
 import random
 from collections.abc import Iterator, Sequence
-from typing import NamedTuple, NotRequired, TypedDict
+from typing import Annotated, NamedTuple, NotRequired, TypedDict
 
 from paddock.errors import UserFault
 from paddock.geometry.track import TrackGeometry
@@ -40,7 +40,7 @@ class BoxDocument(TypedDict):
     """A box of a layout in JSON, in metres and radians to a thousandth."""
 
     fraction: float
-    lane: str
+    lane: Annotated[str, LANES]
     x: float
     y: float
     yaw: float

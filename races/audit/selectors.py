@@ -11,7 +11,6 @@ from django.utils import timezone
 from accounts.models import Racer, Viewer
 from core.audit.models import AuditEntry
 
-from ..entries.selectors.visibility import can_organise
 from ..models import Race
 
 PER_PAGE = 50
@@ -24,17 +23,9 @@ def reads_all(viewer: Viewer) -> bool:
     return isinstance(viewer, Racer) and viewer.is_staff and viewer.has_perm(PERMISSION)
 
 
-def can_see_entry(viewer: Viewer, entry: AuditEntry) -> bool:
-    """Whether the viewer may read an entry: readers of the whole log, and organisers of its race. Twin of
-    :func:`entries_visible_to`."""
-    if reads_all(viewer):
-        return True
-    race = None if entry.race is None else Race.objects.filter(pk=entry.race).first()
-    return race is not None and can_organise(viewer, race)
-
-
 def entries_visible_to(viewer: Viewer) -> QuerySet[AuditEntry]:
-    """All entries that the viewer may read, the newest first. Twin of :func:`can_see_entry`."""
+    """All entries that the viewer may read, the newest first: all for readers of the whole log, those of their races
+    for organisers."""
     entries = AuditEntry.objects.select_related("actor", "racer").order_by("-pk")
     if reads_all(viewer):
         return entries

@@ -23,7 +23,6 @@ class ChangeKind(StrEnum):
 
 
 BETTER = (ChangeKind.FIRST, ChangeKind.FASTER, ChangeKind.CLASSIFIED, ChangeKind.TIE_WON, ChangeKind.FARTHER)
-WORSE = (ChangeKind.SLOWER, ChangeKind.LOST, ChangeKind.LESS_FAR)
 
 
 class Change(NamedTuple):

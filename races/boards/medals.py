@@ -44,7 +44,6 @@ class MedalTarget:
 
     medal: Medal
     slowest_ms: int
-    missing_ms: int | None
     house: Entry | None
     by_ms: int | None
 
@@ -62,5 +61,4 @@ def medal_target(
     slower = [entry for entry in house if entry.best_lap_ms is not None and entry.best_lap_ms > slowest]
     rival = min(slower, key=lambda entry: entry.best_lap_ms or 0, default=None)
     by_ms = None if rival is None or rival.best_lap_ms is None else rival.best_lap_ms - slowest
-    missing = None if best_lap_ms is None else best_lap_ms - slowest
-    return MedalTarget(medal, slowest, missing, rival, by_ms)
+    return MedalTarget(medal, slowest, rival, by_ms)

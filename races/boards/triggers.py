@@ -36,10 +36,9 @@ def install(using: str) -> bool:
     return True
 
 
-def rebuild(*, using: str = "default", race: int | None = None) -> None:
-    """Work out the counts of a race, or of all, from its entries."""
-    only = "" if race is None else f" AND race_id = {int(race)}"
-    counted = f"SELECT race_id, rank_score, is_baseline FROM {ENTRIES} WHERE withdrawn_at IS NULL{only}"
+def rebuild(*, using: str = "default") -> None:
+    """Work out the counts of all races from their entries."""
+    counted = f"SELECT race_id, rank_score, is_baseline FROM {ENTRIES} WHERE withdrawn_at IS NULL"
     sums = "COUNT(*), SUM(CASE WHEN is_baseline THEN 0 ELSE 1 END)"
     parts = [
         f"SELECT race_id, {shift}, rank_score >> {shift}, {sums} FROM ({counted}) AS e GROUP BY 1, 3"
@@ -50,7 +49,7 @@ def rebuild(*, using: str = "default", race: int | None = None) -> None:
         for bucket, condition in ((EVERYBODY, ""), (CLASSIFIED, f"WHERE rank_score < {_RANKED}"))
     ]
     with transaction.atomic(using=using), connections[using].cursor() as cursor:
-        cursor.execute(f"DELETE FROM {COUNTS} WHERE 1 = 1{only}")
+        cursor.execute(f"DELETE FROM {COUNTS}")
         for part in parts:
             cursor.execute(f"INSERT INTO {COUNTS} (race_id, shift, bucket, rows, racers) {part}")
 

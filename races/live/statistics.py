@@ -76,9 +76,9 @@ class LiveFigures:
     racers: Annotated[tuple[RacerFigures, ...], "In the order of the standings."]
 
 
-def figures_of(event: LiveEvent, runs: Sequence[DrivenRun] | None = None) -> LiveFigures:
+def figures_of(event: LiveEvent) -> LiveFigures:
     """The figures of the runs shown so far; zeros and None before the first."""
-    runs = driven_runs(event) if runs is None else runs
+    runs = driven_runs(event)
     length = event.race.track.length_m or 0.0
     rows = live_standings(event)
     complete = [lap for run in runs for lap in run.complete]

@@ -24,7 +24,6 @@ from core.events import record
 from evaluation.models import Evaluation
 from evaluation.running.queue.turns import reschedule
 from paddock.errors import UserFault
-from tracks.models import Track
 
 from ..entries.services.locks import stop_after_commit
 from ..entries.terms import keep_terms, one_form
@@ -41,52 +40,27 @@ _COPIED = tuple(name for name in EDITABLE_FIELDS if name not in ("opens_at", "cl
 
 @audited("race.created", _("Race created"), by="organiser")
 @transaction.atomic
-def create_community_race(
-    *, organiser: Racer, now: datetime, name: str, track: Track, opens_at: datetime, closes_at: datetime, **options: Any
-) -> Race:
-    """Create a racer's own race. ``options``: fields in ``EDITABLE_FIELDS`` except the division.
+def create_community_race(*, organiser: Racer, now: datetime, **fields: Any) -> Race:
+    """Create a racer's own race. ``fields``: those in ``EDITABLE_FIELDS`` except the division.
 
     Raises RaceRefused, UserFault("race_limit") above the quota of unfinished races (not for admins and the house),
     TypeError."""
-    _refuse_unknown(options, but=("division",))
+    _refuse_unknown(fields, but=("division",))
     if not (organiser.is_staff or organiser.is_house):
         hold(organiser)
         limit = limit_of(organiser, RACES.name)
         if used_by(organiser, RACES.name, now) >= limit:
             raise UserFault("race_limit", limit=limit)
-    return _create(
-        Race(
-            kind=RaceKind.COMMUNITY,
-            organiser=organiser,
-            name=name,
-            track=track,
-            opens_at=opens_at,
-            closes_at=closes_at,
-            **options,
-        ),
-        now,
-    )
+    return _create(Race(kind=RaceKind.COMMUNITY, organiser=organiser, **fields), now)
 
 
 @audited("race.created", _("Race created"))
 @transaction.atomic
-def create_league_race(
-    *, now: datetime, division: str, name: str, track: Track, opens_at: datetime, closes_at: datetime, **options: Any
-) -> Race:
-    """Create a race of the league, by default with unlimited submissions. ``options``: ``slug`` and fields in
+def create_league_race(*, now: datetime, **fields: Any) -> Race:
+    """Create a race of the league, by default with unlimited submissions. ``fields``: ``slug`` and those in
     ``EDITABLE_FIELDS``. Raises RaceRefused, TypeError."""
-    _refuse_unknown(options, also=("slug",))
-    options.setdefault("max_submissions", None)
-    race = Race(
-        kind=RaceKind.LEAGUE,
-        division=division,
-        name=name,
-        track=track,
-        opens_at=opens_at,
-        closes_at=closes_at,
-        **options,
-    )
-    return _create(race, now)
+    _refuse_unknown(fields, also=("slug",))
+    return _create(Race(kind=RaceKind.LEAGUE, **{"max_submissions": None, **fields}), now)
 
 
 def edition_of(race: Race) -> str:

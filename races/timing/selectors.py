@@ -4,7 +4,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any, TypeGuard
 
-from django.db.models import Exists, OuterRef, Prefetch, Q, QuerySet
+from django.db.models import Prefetch, QuerySet
 from django.http import HttpRequest
 
 from accounts.models import Racer, Viewer
@@ -26,22 +26,10 @@ from ..models import (
 
 
 def can_keep_time(racer: Viewer, race: Race) -> bool:
-    """Whether the racer may take times in the race of real cars: its organiser, its timekeepers and admins. Keep in
-    step with :func:`races_timed_by`."""
+    """Whether the racer may take times in the race of real cars: its organiser, its timekeepers and admins."""
     if not race.physical or not _known(racer):
         return False
     return can_organise(racer, race) or Timekeeper.objects.filter(race=race, racer_id=racer.pk).exists()
-
-
-def races_timed_by(racer: Viewer) -> QuerySet[Race]:
-    """All races in which the racer may take times. Keep in step with :func:`can_keep_time`."""
-    races = Race.objects.filter(physical=True).select_related("track", "organiser")
-    if not _known(racer):
-        return races.none()
-    if racer.is_staff:
-        return races
-    named = Exists(Timekeeper.objects.filter(race=OuterRef("pk"), racer_id=racer.pk))
-    return races.filter(Q(organiser_id=racer.pk) | Q(named))
 
 
 def timekeepers_of(race: Race) -> QuerySet[Timekeeper]:

@@ -3,21 +3,14 @@
 from drf_spectacular.utils import extend_schema_field
 from rest_framework import serializers
 
+from core.api.documents import serializer_of
 from core.api.fields import ComputedField
-from paddock.rules.race import LANES
+from paddock.simulator.layout import BoxDocument
 
 from ..boards.selectors.board import rank_of
 from ..models import Entry
 
-
-class PlacedBoxSerializer(serializers.Serializer):
-    """A box on the track: the share of the lap driven there, its lane, and its middle and heading (m, rad)."""
-
-    fraction = serializers.FloatField()
-    lane = serializers.ChoiceField(LANES)
-    x = serializers.FloatField()
-    y = serializers.FloatField()
-    yaw = serializers.FloatField()
+PlacedBoxSerializer = serializer_of(BoxDocument, "PlacedBox")
 
 
 class NamedSerializer(serializers.Serializer):

@@ -12,15 +12,14 @@ from django.test.utils import CaptureQueriesContext
 from accounts.models import Racer
 from races.boards.selectors.board import board, board_entries, podiums, rank_of, whole_board
 from races.entries.selectors.lists import (
-    closed_races,
     entry_of,
     organised_by,
     racer_history,
+    races_in,
     races_of,
     races_on,
     racing_now,
     submissions_of,
-    upcoming,
 )
 from races.entries.selectors.visibility import races_visible_to
 from races.entries.services.entries import enter_race, remove_entry, withdraw
@@ -240,8 +239,8 @@ def test_races_are_listed_by_time(alice, now):
     secret = a_race(now, organiser=alice, visibility="invitation")
     assert list(racing_now(now)) == [league, short, long]
     assert list(racing_now(now, alice)) == [league, short, secret, long]
-    assert list(upcoming(now)) == [soon, later]
-    assert list(closed_races(now)) == [over]
+    assert list(races_in("upcoming", now)) == [soon, later]
+    assert list(races_in("closed", now)) == [over]
     assert list(organised_by(alice, races_visible_to(alice))) == [secret]
     assert list(organised_by(alice, races_visible_to(None))) == []
 

@@ -135,7 +135,7 @@ def test_ranks_and_pages_match_a_full_sort(db, seed):
         check(race)
         check(other)
         before = stored(race)
-        rebuild(race=race.pk)
+        rebuild()
         assert stored(race) == before
         transaction.set_rollback(True)
 

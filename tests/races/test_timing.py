@@ -16,7 +16,7 @@ from races.entries.services.standings import recompute_race
 from races.entries.services.submissions import submit_model
 from races.live.services import plan_live
 from races.models import Entry, MeasuredLap, RaceState, TimedSession, Timekeeper
-from races.timing.selectors import can_keep_time, races_timed_by
+from races.timing.selectors import can_keep_time
 from races.timing.services import carry_over, choose_car, correct_lap, dismiss_timekeeper, name_timekeeper
 from tests.factories import a_model, a_race, a_racer
 from tests.races.timing import a_lap, a_physical_race, a_session, standing, timed
@@ -243,9 +243,8 @@ def test_who_may_take_times(race, organiser, now):
     may = {who for who, racer in cast.items() if can_keep_time(racer, race)}
     assert may == {"organiser", "timekeeper", "staff"}
     for who, racer in cast.items():
-        assert (race in races_timed_by(racer)) == (who in may)
-        assert not can_keep_time(racer, simulated) and simulated not in races_timed_by(racer)
-    assert not can_keep_time(None, race) and not races_timed_by(None)
+        assert not can_keep_time(racer, simulated), who
+    assert not can_keep_time(None, race)
     for who in ("member", "stranger"):
         sent = a_session(now, 10_000, racer="alice")
         refused("timing_not_yours", lambda who=who, sent=sent: carry_over(race=race, by=cast[who], sent=sent, now=now))

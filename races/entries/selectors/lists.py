@@ -57,10 +57,23 @@ def in_state(state: str, now: datetime) -> Q:
     return Q(cancelled_at=None) & times[state]
 
 
+_LEAGUE_FIRST = Case(When(kind=RaceKind.LEAGUE, then=Value(0)), default=Value(1))
+_ORDERS: dict[str, tuple[str | Case, ...]] = {
+    "open": (_LEAGUE_FIRST, "closes_at", "pk"),
+    "upcoming": ("opens_at", _LEAGUE_FIRST, "pk"),
+    "closed": ("-closes_at", _LEAGUE_FIRST, "pk"),
+    "cancelled": ("-cancelled_at", "pk"),
+}
+
+
+def races_in(state: str, now: datetime, racer: Viewer = None) -> QuerySet[Race]:
+    """Races in one of the :data:`STATES` that the racer may see, the next or the latest first, with ``entry_count``."""
+    return _counted(races_visible_to(racer)).filter(in_state(state, now)).order_by(*_ORDERS[state])
+
+
 def racing_now(now: datetime, racer: Viewer = None) -> QuerySet[Race]:
-    """Open races that the racer may see: the league's first, then by closing. Here and below with ``entry_count``."""
-    races = _counted(races_visible_to(racer)).filter(in_state("open", now))
-    return races.order_by(_league_first(), "closes_at", "pk")
+    """Open races that the racer may see: the league's first, then by closing, with ``entry_count``."""
+    return races_in("open", now, racer)
 
 
 def open_races(now: datetime, racer: Viewer = None) -> list[Race]:
@@ -69,24 +82,6 @@ def open_races(now: datetime, racer: Viewer = None) -> list[Race]:
         return list(racing_now(now, racer).select_related("group"))
     races = shared_value("open races", lambda: list(racing_now(now).select_related("group")))
     return [copy(race) for race in races if race.closes_at > now]
-
-
-def upcoming(now: datetime, racer: Viewer = None) -> QuerySet[Race]:
-    """Races that open after ``now`` and that the racer may see, the next one first."""
-    races = _counted(races_visible_to(racer)).filter(in_state("upcoming", now))
-    return races.order_by("opens_at", _league_first(), "pk")
-
-
-def closed_races(now: datetime, racer: Viewer = None) -> QuerySet[Race]:
-    """Races that have closed by ``now`` and that the racer may see, the latest first."""
-    races = _counted(races_visible_to(racer)).filter(in_state("closed", now))
-    return races.order_by("-closes_at", _league_first(), "pk")
-
-
-def cancelled_races(now: datetime, racer: Viewer = None) -> QuerySet[Race]:
-    """Cancelled races that the racer may see, the last cancelled first."""
-    races = _counted(races_visible_to(racer)).filter(in_state("cancelled", now))
-    return races.order_by("-cancelled_at", "pk")
 
 
 def sees_only_public(racer: Viewer, states: Sequence[str], now: datetime) -> bool:
@@ -173,7 +168,3 @@ def racer_history(racer: Racer, seen: QuerySet[Race], limit: int = HISTORY_LENGT
 
 def _counted(races: QuerySet[Race]) -> QuerySet[Race]:
     return races.annotate(entry_count=racers_on_board(OuterRef("pk")))
-
-
-def _league_first() -> Case:
-    return Case(When(kind=RaceKind.LEAGUE, then=Value(0)), default=Value(1))

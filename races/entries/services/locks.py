@@ -4,13 +4,15 @@ touch its race takes both locks first; otherwise two such changes deadlock on Po
 from collections.abc import Iterable
 from datetime import datetime
 
-from django.db.models import QuerySet
+from django.db.models import F, QuerySet
 
 from core.database.after_commit import after_commit
 from evaluation.models import Evaluation, State
 from evaluation.running.queue.services import stop_evaluation
+from paddock.errors import UserFault
 
 from ...models import Entry, Race
+from ...models.entry import MOST_SUBMISSIONS
 
 
 def lock_entries(numbers: Iterable[int]) -> list[Entry]:
@@ -31,6 +33,18 @@ def lock_entry(entry: int) -> Entry:
     if not found:
         raise Entry.DoesNotExist
     return found[0]
+
+
+def use_up_one(entry: Entry, code: str) -> None:
+    """Use up one submission of an entry, or session of a real car: one guarded UPDATE that changes one row or none.
+    Raises UserFault(code) when all are used up."""
+    limit = entry.race.max_submissions or MOST_SUBMISSIONS
+    counted = Entry.objects.filter(pk=entry.pk, submission_count__lt=limit, last_number__lt=MOST_SUBMISSIONS).update(
+        submission_count=F("submission_count") + 1, last_number=F("last_number") + 1
+    )
+    if not counted:
+        raise UserFault(code, limit=limit)
+    entry.refresh_from_db(fields=["submission_count", "last_number"])
 
 
 def stop_after_commit(evaluations: QuerySet[Evaluation], *, now: datetime) -> None:

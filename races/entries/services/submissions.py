@@ -14,7 +14,6 @@ from evaluation.selectors import can_use_model
 from paddock.errors import UserFault
 
 from ...models import Draw, Entry, Race, Submission
-from ...models.entry import MOST_SUBMISSIONS
 from ...models.sensors import require_offered
 from ...rules.layout import race_rules
 from ..eligibility import check_eligible
@@ -23,6 +22,7 @@ from ..terms import accept_terms
 from ..time_checks import require_open
 from .cars import note_refused, take_place
 from .entries import enter_race
+from .locks import lock_entry, use_up_one
 
 HOUSE_PRIORITY = -10  # nobody waits for a house car
 ACTIVE = (State.QUEUED, State.RUNNING)
@@ -55,7 +55,8 @@ def _submit(race: Race, racer: Racer, model: TrainedModel, now: datetime, terms:
         raise UserFault("model_not_yours")
     entry = entry or enter_race(race=race, racer=racer, now=now, terms=terms)
     check_eligible(race, racer, now)
-    entry, race = _locked(entry)
+    entry = lock_entry(entry.pk)
+    race = entry.race
     # under the locks: two tabs are one after the other here, and an organiser cannot change the rules in between
     _require_takes_cars(race, entry, now)
     accept_terms(entry, race, accepted=terms, now=now)
@@ -63,7 +64,7 @@ def _submit(race: Race, racer: Racer, model: TrainedModel, now: datetime, terms:
     _refuse_same_car(entry, model)
     take_place(entry=entry, race=race, network=model.network)
     _refuse_second_car(entry)
-    _count(entry, race)
+    use_up_one(entry, "submissions_used_up")
     return _queue(entry, race, model, submitted_at=now, now=now)
 
 
@@ -77,7 +78,8 @@ def repeat_submission(*, submission: Submission, now: datetime) -> Submission:
     "car_of_another"), "duels_drawn" when the result could not change anything any more, and "race_engine_gone" when the
     race is over and was driven with another engine than the site's.
     """
-    entry, race = _locked(submission.entry)
+    entry = lock_entry(submission.entry_id)
+    race = entry.race
     if Draw.objects.filter(race=race).exists():
         raise UserFault("duels_drawn")
     if is_over(race, now) and not keeps_engine(race):
@@ -103,13 +105,6 @@ def _require_takes_cars(race: Race, entry: Entry | None, now: datetime) -> None:
         raise UserFault("entry_removed" if entry.removed_at else "entry_withdrawn")
 
 
-def _locked(entry: Entry) -> tuple[Entry, Race]:
-    """Entry and race, fresh and locked in this order. On SQLite the transaction holds the write lock already."""
-    entry = Entry.objects.select_for_update().get(pk=entry.pk)
-    race = Race.objects.select_for_update(no_key=True).get(pk=entry.race_id)
-    return entry, race
-
-
 def _refuse_same_car(entry: Entry, model: TrainedModel) -> None:
     same = Submission.objects.filter(entry=entry, network_id=model.network_id, is_void=False)
     earlier = same.values_list("evaluation__public_id", flat=True).first()
@@ -124,16 +119,6 @@ def _refuse_second_car(entry: Entry) -> None:
         raise UserFault("submission_running", evaluation=active)
 
 
-def _count(entry: Entry, race: Race) -> None:
-    """Use up one submission: one guarded UPDATE that changes one row or none."""
-    limit = race.max_submissions or MOST_SUBMISSIONS
-    counted = Entry.objects.filter(pk=entry.pk, submission_count__lt=limit, last_number__lt=MOST_SUBMISSIONS).update(
-        submission_count=F("submission_count") + 1, last_number=F("last_number") + 1
-    )
-    if not counted:
-        raise UserFault("submissions_used_up", limit=limit)
-
-
 def _queue(entry: Entry, race: Race, model: TrainedModel, *, submitted_at: datetime, now: datetime) -> Submission:
     entry.refresh_from_db(fields=["submission_count", "last_number"])
     racer = model.owner
@@ -146,7 +131,6 @@ def _queue(entry: Entry, race: Race, model: TrainedModel, *, submitted_at: datet
         closes_at=None if racer.is_house else race.closes_at,
         now=now,
     )
-    entry.race = race
     return Submission.objects.create(
         entry=entry,
         number=entry.last_number,

@@ -97,12 +97,10 @@ def move_slot(
     with acting(event, "move", by=by, seen=seen, now=now, states=UNDER_WAY) as act:
         target = None if before is None else _in(act, before, *_MOVABLE)
         found = _in(act, slot, *_MOVABLE)
-        rows = [one for one in slots_of(act.event) if one.pk != found.pk]
-        numbers = [one.pk for one in rows]
-        rows.insert(len(rows) if target is None or target.pk == found.pk else numbers.index(target.pk), found)
-        if target is not None and target.pk == found.pk:
-            rows = slots_of(act.event)
-        _number(rows)
+        if target is None or target.pk != found.pk:
+            rows = [one for one in slots_of(act.event) if one.pk != found.pk]
+            rows.insert(len(rows) if target is None else [one.pk for one in rows].index(target.pk), found)
+            _number(rows)
         prepare_after_commit(act.event, now)
     found.refresh_from_db()
     return found

@@ -3,7 +3,7 @@
 from datetime import datetime
 
 from django.db import transaction
-from django.db.models import Max, QuerySet
+from django.db.models import F, Max, QuerySet
 
 from accounts.models import Racer
 from evaluation.models import FINAL_STATES, Evaluation, TrainedModel
@@ -94,9 +94,7 @@ def add_late(*, event: LiveEvent, entry: Entry, by: Racer, seen: int | None, now
         attempts = LiveSlot.objects.filter(racer=racer).aggregate(most=Max("attempt"))["most"] or 0
         for round_ in range(_round_on(act.event), act.event.rounds + 1):
             last = LiveSlot.objects.filter(event=act.event, round__lte=round_).aggregate(at=Max("position"))["at"] or 0
-            behind = LiveSlot.objects.filter(event=act.event, position__gt=last)
-            for slot in behind.order_by("-position"):
-                LiveSlot.objects.filter(pk=slot.pk).update(position=slot.position + 1)
+            LiveSlot.objects.filter(event=act.event, position__gt=last).update(position=F("position") + 1)
             LiveSlot.objects.create(event=act.event, racer=racer, round=round_, attempt=attempts + 1, position=last + 1)
     return racer
 

@@ -30,12 +30,6 @@ from ...web.views import shown_race
 
 CARDS_PER_PAGE = 12
 ROWS_PER_PAGE = 50
-LISTS = {
-    "open": lists.racing_now,
-    "upcoming": lists.upcoming,
-    "closed": lists.closed_races,
-    "cancelled": lists.cancelled_races,
-}
 LISTED = "races/pages/parts/listed.html"
 
 
@@ -45,14 +39,14 @@ def races(request: HttpRequest) -> HttpResponse:
     show, kind, race_type = (request.GET.get(name, "") for name in ("show", "kind", "type"))
     if show == "mine" and not request.user.is_authenticated:
         return redirect("account_login")
-    show = show if show in LISTS or show == "mine" else "open"
+    show = show if show in lists.STATES or show == "mine" else "open"
     kind = kind if kind in RaceKind.values else ""
     race_type = race_type if race_type in RaceType.values else ""
     number = page_number(request)
     now, is_racer = timezone.now(), request.user.is_authenticated
 
     def values(viewer: Viewer = None) -> dict[str, Any]:
-        found = lists.races_of(racer_of(request)) if show == "mine" else LISTS[show](now, viewer)
+        found = lists.races_of(racer_of(request)) if show == "mine" else lists.races_in(show, now, viewer)
         if kind:
             found = found.filter(kind=kind)
         if race_type:

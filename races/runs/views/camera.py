@@ -26,13 +26,12 @@ _STEP_MS = 1000 / 15
 
 @dataclass(frozen=True)
 class Bar:
-    """A bar of one action or of one value of a continuous space; ``share`` and ``from_share``: 0 to 100."""
+    """A bar of one action or of one value of a continuous space; ``share``: 0 to 100."""
 
     label: str
     share: float
     value_text: str
     chosen: bool
-    from_share: float = 0.0
 
 
 @require_safe

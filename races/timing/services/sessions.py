@@ -15,11 +15,10 @@ from core.audit.recording import audited
 from core.events import record
 from paddock.errors import UserFault
 
-from ...entries.services.locks import lock_entries, lock_entry
+from ...entries.services.locks import lock_entries, lock_entry, use_up_one
 from ...entries.services.standings import work_out_standings
 from ...events import RACE_TIMED, of_race, record_board
 from ...models import Entry, LapCorrection, MeasuredLap, Race, RaceState, Source, TimedSession, TimingSensor
-from ...models.entry import MOST_SUBMISSIONS
 from ...models.race import LONGEST_LAP_MS
 from ...signals import board_changed
 from . import checks
@@ -185,13 +184,7 @@ def _extent(race: Race, times_ms: Sequence[int], *, ended: bool) -> timedelta:
 
 
 def _new(entry: Entry, sent: SentSession, sensor: TimingSensor | None, by: Racer | None, now: datetime) -> TimedSession:
-    limit = entry.race.max_submissions or MOST_SUBMISSIONS
-    counted = Entry.objects.filter(pk=entry.pk, submission_count__lt=limit, last_number__lt=MOST_SUBMISSIONS).update(
-        submission_count=F("submission_count") + 1, last_number=F("last_number") + 1
-    )
-    if not counted:
-        raise UserFault("sessions_used_up", limit=limit)
-    entry.refresh_from_db(fields=["submission_count", "last_number"])
+    use_up_one(entry, "sessions_used_up")
     session = TimedSession(
         id=sent.id,
         race=entry.race,
