@@ -1,7 +1,7 @@
 """Queries that are compiled once a process: Django takes several times as long to compile one as SQLite to run it."""
 
 import inspect
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from copy import copy
 from dataclasses import dataclass, replace
 from datetime import datetime, timedelta
@@ -17,17 +17,21 @@ T = TypeVar("T")
 
 @dataclass(frozen=True)
 class _Place:
-    """Of a value among the parameters of the SQL; ``before``: so much less than a time."""
+    """Of a value among the parameters of the SQL; ``before``: so much less than a time; ``index``: in a list."""
 
     name: str
     before: timedelta = timedelta(0)
+    index: int | None = None
 
 
 class _Parameter(Value):
-    """Stands for a value. A time may be the one so long before."""
+    """Stands for a value. A time may be the one so long before, and a list has values by index."""
 
     def __sub__(self, other: Any) -> Any:
         return _Parameter(replace(self.value, before=self.value.before + other))
+
+    def at(self, index: int) -> Any:
+        return _Parameter(replace(self.value, index=index))
 
 
 @dataclass(frozen=True)
@@ -50,14 +54,16 @@ class KeptQuery(Generic[T]):
         self._build = build
         self._compiled: dict[str, _Compiled] = {}
 
-    def __call__(self, **values: int | str | datetime | None) -> list[T]:
+    def __call__(self, **values: int | str | datetime | Sequence[str] | None) -> list[T]:
         connection = connections[DEFAULT_DB_ALIAS]
         kept = self._compiled.get(connection.vendor)
         if kept is None:
             kept = self._compiled[connection.vendor] = self._compile(connection)
 
         def bound(place: _Place) -> Any:
-            value = values[place.name]
+            value: Any = values[place.name]
+            if place.index is not None:
+                return value[place.index]
             if isinstance(value, datetime):
                 return connection.ops.adapt_datetimefield_value(value - place.before)
             return value

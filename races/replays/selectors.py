@@ -3,7 +3,7 @@
 from collections.abc import Collection
 from dataclasses import dataclass
 from enum import StrEnum
-from functools import reduce
+from functools import lru_cache, reduce
 from operator import or_
 from typing import Any
 
@@ -11,6 +11,7 @@ from django.contrib.auth.models import AnonymousUser
 from django.db.models import Exists, F, OuterRef, Q, QuerySet
 
 from accounts.models import Follow, Racer
+from core.database.kept_queries import KeptQuery
 from evaluation.models import Evaluation, State
 from paddock.errors import UserFault
 from paddock.rules.race import OF_A_LAP_TIME
@@ -20,6 +21,7 @@ from ..entries.selectors.visibility import evaluations_visible_to
 from ..models import Duel, Entry, Race, Submission
 
 OFFERED = 10  # of each kind but the leader
+KINDS = 8  # of offers whose SQL a process keeps
 _BOARD = ("rank_score", "rank_lap", "resets", "achieved_at")
 _CCW = "ccw"
 
@@ -41,6 +43,21 @@ class RunOffer:
     evaluation: Evaluation
     gap_ms: int | None
     race: Race | None = None
+
+
+@dataclass(frozen=True)
+class _Kind:
+    """What decides, besides its track, which runs compare with a run, and by the rules whose laps do."""
+
+    engine: str
+    direction: str
+    rules: tuple[tuple[str, Any], ...]
+
+    @classmethod
+    def of(cls, run: Evaluation) -> "_Kind":
+        rules = run.spec["rules"]
+        alike = tuple((name, rules[name]) for name in OF_A_LAP_TIME if rules.get(name) is not None)
+        return cls(run.result.engine, direction_of(run), alike)
 
 
 def race_of(evaluation: Evaluation) -> Race | None:
@@ -65,14 +82,15 @@ def same_rules(evaluation: Evaluation, other: Evaluation) -> bool:
 def comparable_with(evaluation: Evaluation, reader: Racer | AnonymousUser | None) -> QuerySet[Evaluation]:
     """Visible finished runs of the same engine, on the same track and in the same direction. Twin of
     :func:`refuse_incomparable`."""
-    runs = evaluations_visible_to(reader).filter(track_id=evaluation.track_id, state=State.FINISHED)
-    direction = direction_of(evaluation)
-    driven = Q(spec__rules__direction=direction)
-    if direction == _CCW:
+    return _comparable(_Kind.of(evaluation), reader, evaluation.pk, evaluation.track_id)
+
+
+def _comparable(kind: "_Kind", reader: Racer | AnonymousUser | None, run: Any, track: Any) -> QuerySet[Evaluation]:
+    runs = evaluations_visible_to(reader).filter(track_id=track, state=State.FINISHED)
+    driven = Q(spec__rules__direction=kind.direction)
+    if kind.direction == _CCW:
         driven |= Q(spec__rules__direction=None)
-    return (
-        runs.filter(driven, result__engine=evaluation.result.engine).exclude(pk=evaluation.pk).select_related("result")
-    )
+    return runs.filter(driven, result__engine=kind.engine).exclude(pk=run).select_related("result")
 
 
 def refuse_incomparable(evaluation: Evaluation, other: Evaluation) -> None:
@@ -95,36 +113,12 @@ def offers_to_compare(
 ) -> list[RunOffer]:
     """The offered runs, each once: the leader's of ``race``, that of the car ahead, the reader's, those of racers that
     they follow, house cars' and the fastest by the same rules. ``hidden``: races whose results are spoilers."""
-    runs = (
-        comparable_with(evaluation, reader)
-        .select_related("result", "submission__entry__race", "duel__race")
-        .defer("result__trajectory", "track__npy")
-    )
-    if hidden:
-        in_race = Submission.objects.filter(entry__race__in=hidden).values("evaluation")
-        runs = runs.exclude(pk__in=in_race)
-        runs = runs.exclude(pk__in=Duel.objects.filter(race__in=hidden).values("evaluation"))
-    ranked = runs.filter(result__best_lap_ms__isnull=False).order_by("result__best_lap_ms", "pk")
-    alike = ranked.filter(
-        **{
-            f"spec__rules__{name}": value
-            for name in OF_A_LAP_TIME
-            if (value := evaluation.spec["rules"].get(name)) is not None
-        }
-    )
-    wanted, ahead = [alike.filter(owner__is_house=True)[:OFFERED], alike[:OFFERED]], ""
     reader_pk = reader.pk if reader is not None and reader.is_authenticated else None
-    follows = Follow.objects.filter(follower=reader_pk, followed=OuterRef("owner"))
-    if race is not None:
-        counted = runs.filter(submission__entry__race=race, submission__entry__best=F("submission__pk"))
-        counted = counted.filter(submission__entry__is_baseline=False)
-        wanted.append(counted.order_by(*(f"submission__entry__{name}" for name in _BOARD))[:1])
-        ahead = run_ahead(evaluation)
-    if reader_pk is not None:
-        wanted += [ranked.filter(owner=reader_pk)[:OFFERED], alike.filter(Exists(follows))[:OFFERED]]
-    # each part has a limit of its own: one query with a subquery for each
-    chosen = reduce(or_, (Q(pk__in=part.values("pk")) for part in wanted), Q(public_id=ahead))
-    offered = list(runs.filter(chosen).annotate(is_followed=Exists(follows)))
+    ahead = run_ahead(evaluation) if race is not None else ""
+    is_staff = reader is not None and reader.is_staff
+    query = _offered(_Kind.of(evaluation), reader_pk is not None, is_staff, race is not None, frozenset(hidden))
+    race_pk = None if race is None else race.pk
+    offered = query(run=evaluation.pk, track=evaluation.track_id, ahead=ahead, racer=reader_pk, race=race_pk)
     mine_at = _place(evaluation) if _counts_in(evaluation, race) else None
     leader = min((run for run in offered if _counts_in(run, race)), key=_place, default=None)
     if leader is not None and mine_at is not None and mine_at < _place(leader):
@@ -154,6 +148,39 @@ def offers_to_compare(
         return order.index(found.why), never if best is None else best, found.evaluation.pk
 
     return sorted(map(offer, offered), key=rank)
+
+
+@lru_cache(maxsize=KINDS)
+def _offered(
+    kind: _Kind, is_racer: bool, is_staff: bool, in_race: bool, hidden: frozenset[int]
+) -> KeptQuery[Evaluation]:
+    """The runs to offer for a run of this kind, to a guest, a racer or an admin."""
+
+    def rows(run: Any, track: Any, ahead: Any, racer: Any = None, race: Any = None) -> QuerySet[Evaluation]:
+        runs = (
+            _comparable(kind, Racer(pk=racer, is_staff=is_staff) if is_racer else None, run, track)
+            .select_related("result", "submission__entry__race", "duel__race")
+            .defer("result__trajectory", "track__npy")
+        )
+        if hidden:
+            in_hidden = Submission.objects.filter(entry__race__in=hidden).values("evaluation")
+            runs = runs.exclude(pk__in=in_hidden)
+            runs = runs.exclude(pk__in=Duel.objects.filter(race__in=hidden).values("evaluation"))
+        ranked = runs.filter(result__best_lap_ms__isnull=False).order_by("result__best_lap_ms", "pk")
+        alike = ranked.filter(**{f"spec__rules__{name}": value for name, value in kind.rules})
+        wanted = [alike.filter(owner__is_house=True)[:OFFERED], alike[:OFFERED]]
+        follows = Follow.objects.filter(follower=racer if is_racer else None, followed=OuterRef("owner"))
+        if in_race:
+            counted = runs.filter(submission__entry__race=race, submission__entry__best=F("submission__pk"))
+            counted = counted.filter(submission__entry__is_baseline=False)
+            wanted.append(counted.order_by(*(f"submission__entry__{name}" for name in _BOARD))[:1])
+        if is_racer:
+            wanted += [ranked.filter(owner=racer)[:OFFERED], alike.filter(Exists(follows))[:OFFERED]]
+        # each part has a limit of its own: one query with a subquery for each
+        chosen = reduce(or_, (Q(pk__in=part.values("pk")) for part in wanted), Q(public_id=ahead))
+        return runs.filter(chosen).annotate(is_followed=Exists(follows))
+
+    return KeptQuery(rows)
 
 
 def _counts_in(run: Evaluation, race: Race | None) -> bool:

@@ -33,12 +33,11 @@ from races.replays.selectors import (
 from races.replays.setup import clip_address, document_address, scene_address, viewer_setup
 from races.rules.layout import driven_boxes
 from races.spoilers.selectors import spoilers_of
-from races.web.views import finished_evaluation, report_fault, shown_evaluation, visible_evaluations
+from races.web.views import MOST_RUNS, finished_evaluation, report_fault, shown_evaluation, visible_evaluations
 from tracks.drawing.maps import Trajectory
 from tracks.models import ReferenceLap, Track
 from tracks.reference.selectors import reference_lap
 
-MOST_RUNS = 8
 REFERENCE = "reference"  # for ghost: the reference lap
 PART = "part"  # for analysis
 WHOLE = 0  # for a lap: the run from its start

@@ -11,14 +11,13 @@ from paddock.analysis.telemetry import DrivenTrace
 from paddock.errors import UserFault
 from races.replays.comparison import best_lap, driven_trace
 from races.replays.selectors import direction_of, refuse_incomparable
-from races.web.views import visible_evaluations
+from races.web.views import MOST_RUNS, visible_evaluations
 from tracks.models import ReferenceLap
 from tracks.reference.selectors import reference_ms
 
 from .document import AskedLap
 from .rewards import RewardFunction, reward_functions
 
-MOST_RUNS = 8
 REFERENCE = "reference"
 
 

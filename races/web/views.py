@@ -3,6 +3,8 @@
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 from copy import copy
+from functools import cache
+from typing import Any
 
 from django.contrib import messages
 from django.db.models import QuerySet
@@ -11,7 +13,8 @@ from django.shortcuts import get_object_or_404
 from django.utils.html import format_html
 from django.utils.safestring import SafeString
 
-from accounts.models import Viewer
+from accounts.models import Racer, Viewer
+from core.database.kept_queries import KeptQuery
 from core.forms import explain
 from core.rate_limits import address_of, count
 from core.streams.shared_pieces import shared_value
@@ -21,6 +24,8 @@ from races.boards.selectors.shared_boards import shared_race
 from races.entries.selectors.visibility import can_organise, can_see_race, evaluations_visible_to, races_visible_to
 from races.models import Race, Visibility
 from races.web.spectator_links import may_watch, tokens_of
+
+MOST_RUNS = 8  # that are shown together
 
 
 def visible_race(request: HttpRequest, slug: str) -> Race:
@@ -56,10 +61,25 @@ def visible_evaluation(request: HttpRequest, public_id: str) -> Evaluation:
 
 
 def visible_evaluations(request: HttpRequest, public_ids: Iterable[str]) -> dict[str, Evaluation]:
-    """Those of the evaluations that the reader may see, by id, with result and model. One query."""
+    """Those of the evaluations, at most :data:`MOST_RUNS`, that the reader may see, by id, with result and model.
+    One query."""
     wanted = [each for each in public_ids if "\0" not in each]
-    runs = evaluations_visible_to(request.user).select_related("result", "model__owner").defer("track__npy")
-    return {run.public_id: run for run in runs.filter(public_id__in=wanted)} if wanted else {}
+    if not wanted:
+        return {}
+    reader = request.user
+    ids = (wanted + [""] * MOST_RUNS)[:MOST_RUNS]
+    runs = _visible_runs(reader.is_authenticated, reader.is_staff)(ids=ids, racer=reader.pk)
+    return {run.public_id: run for run in runs}
+
+
+@cache
+def _visible_runs(is_racer: bool, is_staff: bool) -> KeptQuery[Evaluation]:
+    def rows(ids: Any, racer: Any = None) -> QuerySet[Evaluation]:
+        runs = evaluations_visible_to(Racer(pk=racer, is_staff=is_staff) if is_racer else None)
+        runs = runs.filter(public_id__in=[ids.at(number) for number in range(MOST_RUNS)])
+        return runs.select_related("result", "model__owner").defer("track__npy")
+
+    return KeptQuery(rows)
 
 
 def public_evaluation(public_id: str) -> Evaluation | None:

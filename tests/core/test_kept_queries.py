@@ -29,6 +29,12 @@ def test_each_call_binds_its_own_values() -> None:
     assert found(pk=racers[0].pk, alias="bob") == []
 
 
+def test_a_list_is_bound_by_index() -> None:
+    alice, bob = a_racer("alice"), a_racer("bob")
+    found = KeptQuery(lambda aliases: Racer.objects.filter(alias__in=[aliases.at(0), aliases.at(1)]))
+    assert [set(found(aliases=aliases)) for aliases in (["alice", "bob"], ["bob", ""])] == [{alice, bob}, {bob}]
+
+
 def test_rows_and_related_rows_are_as_django_reads_them() -> None:
     model = a_model(a_racer("alice"))
     models = type(model).objects.select_related("owner", "network").annotate(of=F("owner__alias"))

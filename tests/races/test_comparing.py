@@ -139,6 +139,17 @@ def test_what_is_offered_begins_with_the_leader(runs):
     assert [each.why for each in offers_to_compare(runs["alice"], runs["bob"].owner, None)][:2] == [Why.MINE, Why.MINE]
 
 
+def test_each_reader_is_offered_what_they_may_see(runs):
+    """The readers take turns, with one query that is kept for all racers."""
+    run, race = runs["alice"], runs["alice"].submission.entry.race
+    charlie, stella = a_racer("charlie"), a_racer("stella", is_staff=True)
+    for reader, sees in ((run.owner, True), (charlie, False), (stella, True), (None, False), (runs["bob"].owner, True)):
+        for hidden in ((), [race.pk]):
+            offered = {each.evaluation for each in offers_to_compare(run, reader, race, hidden)}
+            assert (runs["secret"] in offered) == sees
+            assert (runs["bob"] in offered) == (not hidden)
+
+
 def refusal(client, address):
     shown = client.get(address, follow=True)
     return shown.content.decode().partition('data-code="')[2].partition('"')[0]
