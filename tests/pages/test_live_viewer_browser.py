@@ -27,10 +27,11 @@ PIXEL_M = 0.05  # about two pixels of the map
 NOSE_M = 0.14
 SINCE_S = 4
 # Where each car is drawn when a step of its poses was sent: [car, t, x and y of the nose in the scene, of the middle on
-# the map]. The show stands meanwhile.
+# the map]. The show stands meanwhile, and no picture is made.
 DRAWN = """() => {
   const { show } = document.querySelector("[data-show]"), { stage, replay } = show, places = [];
   show.draw = () => {};
+  stage.scene.renderer = { ...stage.scene.renderer, render: () => {} };
   const world = stage.root.querySelector("svg.overlay > g").getScreenCTM().inverse();
   replay.cars.forEach((run, car) => run.columns.t.forEach((t) => {
     stage.draw(t);
@@ -46,7 +47,7 @@ ALL_STOPPED = """() => {
   const { cars } = document.querySelector("[data-show]").show.replay;
   return cars.length > 0 && cars.every(({ grows }) => !grows);
 }"""
-# Eight cars, chunk by chunk as pages get them, drawn at each step: [car, t, x, y].
+# Eight cars, chunk by chunk as pages get them, drawn at each step, without a picture: [car, t, x, y].
 EIGHT = """async ({ scene, chunks, names, long }) => {
   const { LiveReplay } = await import("/static/viewer/live-replay.js");
   const { createScene } = await import("/static/viewer/scene.js");
@@ -54,6 +55,7 @@ EIGHT = """async ({ scene, chunks, names, long }) => {
   const replay = new LiveReplay(scene, names.map((name, number) => ({ number, name, look })));
   const view = createScene(document.getElementById("scene"), replay), places = [], leaders = [];
   view.draw(replay, 0);
+  view.renderer = { ...view.renderer, render: () => {} };
   for (const chunk of chunks) {
     replay.add(chunk, (chunk.n + 1) * long);
     for (const { t } of chunk.cars) for (const ms of t) {
