@@ -22,11 +22,12 @@ from functools import cache
 from typing import Any
 
 from evaluation.running.pipeline import RaceJob, evaluate
-from paddock.analysis.racing_line import RacingLine, minimum_curvature_line
+from paddock.analysis.racing_line import RacingLine, best_line
 from paddock.geometry.catalogue import CATALOGUE
 from paddock.geometry.track import TrackGeometry
 from paddock.packages.metadata import MetadataDocument, parse_metadata
 from paddock.rules.race import RaceRules
+from paddock.simulator.physics import PADDOCK_CAR
 from training.jobs.settings_checks import discrete_actions
 from training.rewards.examples import example
 from training.trainer.client import Iteration, Listener, train
@@ -50,7 +51,7 @@ def track_of(slug: str) -> TrackGeometry:
 @cache
 def line_of(slug: str) -> RacingLine:
     """The minimum-curvature line of the track."""
-    return minimum_curvature_line(track_of(slug))
+    return best_line(track_of(slug), PADDOCK_CAR.body_width / 2)
 
 
 def clean_laps(slug: str, onnx: bytes, metadata: MetadataDocument) -> list[int]:

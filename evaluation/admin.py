@@ -7,6 +7,7 @@ from django.utils import timezone
 from django.utils.translation import gettext_lazy as _
 from django.utils.translation import ngettext
 
+from core.admin import ReadOnly
 from core.database.clock import database_now
 from core.jobs.models import Outage, WorkerHold
 from paddock.errors import UserFault
@@ -28,14 +29,8 @@ from .running.queue.services import stop_evaluation
 from .running.worker_nodes import RESUME, order_workers
 
 
-def _never(*_arguments: object, **_options: object) -> bool:
-    return False
-
-
-class ReadOnlyAdmin(admin.ModelAdmin):
+class ReadOnlyAdmin(ReadOnly, admin.ModelAdmin):
     """Rows that only services write."""
-
-    has_add_permission = has_change_permission = has_delete_permission = _never
 
 
 @admin.register(StoredFile)
@@ -90,7 +85,7 @@ class ReadOnlyInline(admin.StackedInline):
 
     can_delete = False
     extra = 0
-    has_add_permission = has_change_permission = _never
+    has_add_permission = has_change_permission = ReadOnly.has_add_permission
 
 
 class EvaluationRivalInline(ReadOnlyInline):

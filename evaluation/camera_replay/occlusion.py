@@ -11,6 +11,8 @@ import numpy as np
 
 from paddock.packages.inputs import CAMERAS
 
+from .sensor_pictures import png_of
+
 PATCH, STRIDE = 20, 10  # pixels of a frame of 160 by 120: 165 patches, each half over the next
 LEAST = 0.01  # of the answer; what changes it less is no place to look at
 _HUE = np.array((40, 40, 255), np.float32)  # red, as OpenCV writes it
@@ -53,12 +55,7 @@ def heat_picture(frame: np.ndarray, heat_of: np.ndarray, zoom: int) -> bytes:
     weight = (_STRONGEST * cv2.GaussianBlur(share, (0, 0), STRIDE / 2))[:, :, None]
     grey = frame[:, :, :1].astype(np.float32).repeat(3, axis=2)
     mixed = np.round(grey * (1 - weight) + _HUE * weight).astype(np.uint8)
-    written, png = cv2.imencode(
-        ".png", mixed.repeat(zoom, axis=0).repeat(zoom, axis=1), [cv2.IMWRITE_PNG_COMPRESSION, 6]
-    )
-    if not written:
-        raise RuntimeError("OpenCV wrote no PNG")
-    return png.tobytes()
+    return png_of(mixed.repeat(zoom, axis=0).repeat(zoom, axis=1), 6)
 
 
 def _patches(frame: np.ndarray) -> Iterator[tuple[int, int]]:

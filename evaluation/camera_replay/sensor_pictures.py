@@ -58,7 +58,7 @@ def sensor_picture(
     for view in views(track):
         shown = {name: read(cast("Car", _Looker(view)), view.solids) for name, read in readings.items()}
         rows.append(_row(shown, view, config))
-    return _png(_joined(rows, axis=0), 9)
+    return png_of(_joined(rows, axis=0), 9)
 
 
 def reading_picture(
@@ -66,13 +66,13 @@ def reading_picture(
 ) -> bytes:
     """One row of such a picture: what sensors read at ``view``, as a grey PNG. Raises ValueError for a sensor that is
     not here."""
-    return _png(_row(readings, view, lidar_settings(lidar_config)), 6)
+    return png_of(_row(readings, view, lidar_settings(lidar_config)), 6)
 
 
 def frame_strip(cars: Sequence[Sequence[np.ndarray]]) -> bytes:
     """Frames of cameras as one grey PNG without gaps: a row for each car, its frames from left to right."""
     rows = [np.concatenate([frame[:, :, 0] for frame in frames], axis=1) for frames in cars]
-    return _png(np.concatenate(rows, axis=0), 6)
+    return png_of(np.concatenate(rows, axis=0), 6)
 
 
 def _row(readings: Mapping[str, np.ndarray], view: Viewpoint, config: Mapping[str, float]) -> np.ndarray:
@@ -82,7 +82,8 @@ def _row(readings: Mapping[str, np.ndarray], view: Viewpoint, config: Mapping[st
     return _joined(panels, axis=1)
 
 
-def _png(pixels: np.ndarray, compression: int) -> bytes:
+def png_of(pixels: np.ndarray, compression: int) -> bytes:
+    """The pixels as a PNG."""
     written, png = cv2.imencode(".png", pixels, [cv2.IMWRITE_PNG_COMPRESSION, compression])
     if not written:
         raise RuntimeError("OpenCV wrote no PNG")

@@ -5,7 +5,6 @@ checks sizes, types and codes of the sandbox's answer and computes the sha-256 i
 """
 
 import signal
-import time
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
@@ -15,7 +14,7 @@ from evaluation.sandbox.frames import FrameClosed, FrameError, FrameTimeout, rea
 from evaluation.sandbox.launch import launch
 from evaluation.sandbox.limits import CONVERTER, Limits
 from evaluation.sandbox.lock import EXIT_MEMORY
-from evaluation.sandbox.process import SandboxedProcess, widen_pipe
+from evaluation.sandbox.process import SandboxedProcess
 from evaluation.sandbox.slots import upload_slot
 from paddock.errors import PlatformFault, UserFault
 from paddock.errors.reasons import REASONS
@@ -34,7 +33,6 @@ _GREATEST = 1e12  # no count of ours is larger; JSON has no infinity, and Python
 # canonical bytes, parameters, multiplications, which of several outputs, facts, observations at once (None: as the
 # metadata say)
 Answer = tuple[bytes, int, int, str, NetworkFacts, int | None]
-_LOCKED = {"state": "locked"}
 
 
 class UploadReader(NamedTuple):
@@ -115,9 +113,13 @@ def _ask(package: RawPackage, contents: list[bytes], limits: PackageLimits) -> A
             raise PlatformFault(code)
         reader = UploadReader(MODULE, CONVERTER)
     with launch(reader.module, limits=reader.limits, random=reader.random) as process:
-        widen_pipe(process.stdin)
-        widen_pipe(process.stdout)
-        _wait_for_lock(process, reader.start_s)
+        process.widen_pipes()
+        try:
+            process.wait_for_lock(reader.start_s)
+        except FrameError as error:
+            fault = PlatformFault("conversion_failed")
+            fault.add_note(process.stderr_text())
+            raise fault from error
         question = {"kind": package.kind, "limits": asdict(limits), "weights": list(package.weights)}
         try:
             write_message(process.stdin, question, contents, process.deadline)
@@ -132,18 +134,6 @@ def _ask(package: RawPackage, contents: list[bytes], limits: PackageLimits) -> A
         except FrameError as error:
             raise UserFault("conversion_crashed") from error
         return _checked(header, blobs, limits)
-
-
-def _wait_for_lock(process: SandboxedProcess, start_s: float) -> None:
-    """Until the process is locked it has seen nothing of the upload: what goes wrong before is our fault."""
-    try:
-        header, _ = read_message(process.stdout, time.monotonic() + start_s, json_limit=_HEADER_LIMIT, blob_limit=0)
-    except FrameError as error:
-        fault = PlatformFault("conversion_failed")
-        fault.add_note(process.stderr_text())
-        raise fault from error
-    if header != _LOCKED:
-        raise PlatformFault("conversion_failed")
 
 
 def _too_long(process: SandboxedProcess) -> UserFault | PlatformFault:

@@ -4,13 +4,11 @@ Started by :mod:`.admission`. Everything it needs is imported at the top: a lock
 """
 
 import paddock.packages.tensorflow  # noqa: F401  its format imports it at first use
-from evaluation.sandbox.frames import MAX_NETWORK, read_message, write_message
+from evaluation.sandbox.frames import LOCKED, MAX_NETWORK, read_message, write_message
 from paddock.errors import UserFault
 from paddock.packages.admission import admit_network
 from paddock.packages.limits import PackageLimits
 from paddock.packages.metadata import parse_metadata
-
-LOCKED = {"state": "locked"}
 
 
 def main(frames_in: int, frames_out: int) -> int:

@@ -1,13 +1,11 @@
 """Exports a model in another format, in a sandboxed process because a stranger made its network."""
 
-import time
 from dataclasses import asdict
 from typing import Any
 
 from evaluation.sandbox.frames import FrameError, read_message, write_message
 from evaluation.sandbox.launch import launch
 from evaluation.sandbox.limits import CONVERTER
-from evaluation.sandbox.process import widen_pipe
 from paddock.errors import PlatformFault, UserFault
 from paddock.network.wire import printable
 from paddock.packages.limits import PackageLimits
@@ -18,7 +16,6 @@ from ..sandbox.slots import upload_slot
 MODULE = "evaluation.garage.export_process"
 _START_S = 20.0
 _HEADER_LIMIT = 16 * 1024
-_LOCKED = {"state": "locked"}
 _USERS = ("export_operator", "export_frame_stack", "network_too_wide")  # that a process may report of a network
 # Exports are short, and a page with several models requests several at once, so some may wait. A waiting request holds
 # a thread of the web server, so not for longer than this.
@@ -39,13 +36,9 @@ def export_in_sandbox(onnx: bytes, metadata: bytes, form: str, limits: PackageLi
         upload_slot(limits.slots, min(_WAIT_S, limits.slot_wait_s), slots, waiting=_WAITING, racer_pk=racer_pk),
         launch(MODULE, limits=CONVERTER) as process,
     ):
-        widen_pipe(process.stdin)
-        widen_pipe(process.stdout)
+        process.widen_pipes()
         try:
-            started = time.monotonic() + _START_S
-            header, _ = read_message(process.stdout, started, json_limit=_HEADER_LIMIT, blob_limit=0)
-            if header != _LOCKED:
-                raise PlatformFault("export_failed")
+            process.wait_for_lock(_START_S)
             question = {"form": form, "limits": asdict(limits)}
             write_message(process.stdin, question, [onnx, metadata], process.deadline)
             header, blobs = read_message(

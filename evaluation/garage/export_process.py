@@ -3,14 +3,12 @@
 Started by :mod:`.export`. Everything it needs is imported at the top: a locked process opens no file.
 """
 
-from evaluation.sandbox.frames import MAX_NETWORK, read_message, write_message
+from evaluation.sandbox.frames import LOCKED, MAX_NETWORK, read_message, write_message
 from paddock.errors import UserFault
 from paddock.packages.export import export_model
 from paddock.packages.export import ir as ir  # imported by export_model, after the lock
 from paddock.packages.limits import PackageLimits
 from paddock.packages.metadata import parse_metadata
-
-LOCKED = {"state": "locked"}
 
 
 def main(frames_in: int, frames_out: int) -> int:

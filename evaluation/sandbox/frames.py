@@ -15,6 +15,7 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 LENGTH = struct.Struct("<I")
+LOCKED = {"state": "locked"}  # the first message of a process that is locked
 MAX_JSON = 4 * 1024 * 1024
 MAX_BLOB = 64 * 1024 * 1024
 MAX_NETWORK = 1024 * 1024 * 1024  # in a locked process, which has its network from us and its memory bounded

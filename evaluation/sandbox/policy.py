@@ -156,13 +156,9 @@ class PolicyProcess:
 
     def _wait_for_lock(self) -> None:
         try:
-            answer, _ = read_message(
-                self.process.stdout, time.monotonic() + START_S, json_limit=_MAX_ANSWER, blob_limit=0
-            )
+            self.process.wait_for_lock(START_S)
         except FrameError as error:
             raise failed_start(self.process, str(error)) from None
-        if answer != {"state": "locked"}:
-            raise failed_start(self.process, "it did not say that it is locked")
         self._cpu_from = self.process.cpu_seconds()
 
     def _late(self, step: Any, waited_s: float) -> UserFault:

@@ -24,7 +24,7 @@ from paddock.network.policy_wire import REPLY, STEP, PolicyHeader
 from paddock.network.session import Refused, load
 from paddock.simulator.deciding import Policy
 
-from .frames import MAX_NETWORK, FrameClosed, read_message, write_message
+from .frames import LOCKED, MAX_NETWORK, FrameClosed, read_message, write_message
 from .lock import EXIT_MEMORY
 from .network_memory import map_network
 from .observation_memory import fits, map_for_reading
@@ -38,7 +38,7 @@ def main(frames_in: int, frames_out: int) -> int:
     """Serve one model. Returns the exit status."""
     observations_fd, network_fd = map(int, sys.argv[1:]) if len(sys.argv) > 1 else (-1, -1)
     memory = map_for_reading(observations_fd)
-    write_message(frames_out, {"state": "locked"})
+    write_message(frames_out, LOCKED)
     keep_freed_memory()
     get_ready(frames_in)
     given, blobs = read_message(frames_in, blob_limit=MAX_NETWORK)

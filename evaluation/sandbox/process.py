@@ -13,10 +13,11 @@ import time
 from dataclasses import replace
 
 from . import uids
-from .frames import FrameError, wait_for
+from .frames import LOCKED, FrameError, FrameMalformed, read_message, wait_for
 from .limits import STDERR_LIMIT, Limits
 
 _PIPE_SIZE = 1024 * 1024
+_SHORT_MESSAGE = 4096  # bytes
 _GRACE_S = 5.0
 # A locked process can send no signal, not even to itself, and no fault inside it ends in one of these: somebody
 # outside of the sandbox did it, or a host that is short of memory. (SIGKILL also follows on RLIMIT_CPU, a second after
@@ -78,6 +79,17 @@ class SandboxedProcess:
     def stdout(self) -> int:
         """Our end of its output. Raises ValueError once that is closed."""
         return _still_open(self._stdout)
+
+    def widen_pipes(self) -> None:
+        """:func:`widen_pipe` for both ways."""
+        widen_pipe(self.stdin)
+        widen_pipe(self.stdout)
+
+    def wait_for_lock(self, start_s: float) -> None:
+        """Wait until it says that it is locked. Before, it has seen nothing of a stranger's. Raises FrameError."""
+        header, _ = read_message(self.stdout, time.monotonic() + start_s, json_limit=_SHORT_MESSAGE, blob_limit=0)
+        if header != LOCKED:
+            raise FrameMalformed("it did not say that it is locked")
 
     def allow(self, wall_s: float) -> None:
         """Start its wall time now, with this limit."""

@@ -46,11 +46,10 @@ class RacingLine:
         """Metres."""
         return float(self.steps.sum())
 
-    def lap_s(self, speed_limit: float, physics: CarPhysics = PADDOCK_CAR) -> float:
+    def lap_s(self, speed_limit: float) -> float:
         """Seconds of a flying lap of a car with commands of at most ``speed_limit`` m/s; see the module."""
-        speeds = self.speeds(speed_limit, physics)
-        following = np.roll(speeds, -1)
-        return float((2.0 * self.steps / (speeds + following)).sum())
+        speeds = self.speeds(speed_limit)
+        return float((2.0 * self.steps / (speeds + np.roll(speeds, -1))).sum())
 
     def speeds(self, speed_limit: float, physics: CarPhysics = PADDOCK_CAR, grip: float = 1.0) -> np.ndarray:
         """(N,) m/s at the points: what the curve allows (``CarPhysics.curvature`` turned round) with the share ``grip``
@@ -97,34 +96,21 @@ def places_along(track: TrackGeometry) -> np.ndarray:
     return np.arange(count + track.is_open) * track.length / count
 
 
-def centre_line(track: TrackGeometry) -> RacingLine:
-    """The centre line itself."""
-    distances = places_along(track)
-    return line_at(track, distances, np.zeros(len(distances)))
-
-
-def minimum_curvature_line(track: TrackGeometry, physics: CarPhysics = PADDOCK_CAR) -> RacingLine:
-    """The line of least squared curvature on the road, half the car's body away from its borders."""
-    return best_line(track, physics.body_width / 2.0)
-
-
 def best_line(
     track: TrackGeometry,
     margin: float,
     shortness: float = 0.0,
-    begin: RacingLine | None = None,
     settled_m: float = _SETTLED_M,
 ) -> RacingLine:
     """The line on the road of the least sum of squared curvature (1/m^2) and ``shortness`` times length (m), both along
-    the way, ``margin`` metres away from the borders. ``begin``: a line of this track near to it. ``settled_m``: ends
-    the search once no point moves farther."""
+    the way, ``margin`` metres away from the borders. ``settled_m``: ends the search once no point moves farther."""
     distances = places_along(track)
     count = len(distances)
     left, right = track.half_widths_along(distances)
     low, high = np.minimum(margin - right, 0.0), np.maximum(left - margin, 0.0)
     if track.is_open:  # where cars start
         low[0] = high[0] = 0.0
-    offsets = np.zeros(count) if begin is None else np.clip(begin.offsets, low, high)
+    offsets = np.zeros(count)
     damping = 1e-3
     residuals, slopes = _costs(track, distances, offsets, shortness)
     for _ in range(_ROUNDS):

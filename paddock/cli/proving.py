@@ -19,7 +19,6 @@ from paddock.simulator.results import LapDocument
 from paddock.simulator.trace import Row, Trace, column
 
 from .asking import Call
-from .child import HomeResult, JobCar
 from .driving import Where, driven, is_exact, laps_table, where_of
 from .settings import split_page
 from .showing import one_line
@@ -122,7 +121,7 @@ def _from_traces(asked: Call, where: Where, spec: Answer, result: Answer, folder
 
 
 def _from_networks(asked: Call, site: Site, where: Where, spec: Answer, result: Answer, folder: Path) -> list[Check]:
-    cars: list[JobCar] = []
+    cars: list[dict[str, Any]] = []
     checks = []
     for place, car in enumerate(spec["cars"]):
         asked.speaker.progress(f"fetching the network of car {car['number']}")
@@ -142,7 +141,7 @@ def _from_networks(asked: Call, site: Site, where: Where, spec: Answer, result: 
         return checks
 
 
-def _note_libraries(asked: Call, result: Answer, came: HomeResult) -> None:
+def _note_libraries(asked: Call, result: Answer, came: dict[str, Any]) -> None:
     """Show libraries that differ from the site's, the first suspects where equal engines differ."""
     theirs, ours = result["versions"], came["versions"]
     names = [name for name in ("pybullet", "numpy", "opencv", "libc") if theirs.get(name, ours[name]) != ours[name]]
@@ -150,7 +149,7 @@ def _note_libraries(asked: Call, result: Answer, came: HomeResult) -> None:
         asked.speaker.note(f"{name}: {theirs[name]} on the site, {ours[name]} here")
 
 
-def _compared(spec: Answer, result: Answer, came: HomeResult, how: str) -> list[Check]:
+def _compared(spec: Answer, result: Answer, came: dict[str, Any], how: str) -> list[Check]:
     results: list[Answer] = [result, *sorted(result["rivals"], key=lambda rival: rival["number"])]
     checks = []
     for car, theirs, drove in zip(spec["cars"], results, came["cars"], strict=True):

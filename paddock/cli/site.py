@@ -42,11 +42,6 @@ class SiteRefusal(Exception):
         super().__init__(f"{answer['code']}: {answer['message']}")
         self.status, self.answer = status, answer
 
-    @property
-    def theirs(self) -> bool:
-        """Whether it is the site's fault, so that the same request may be sent again."""
-        return self.answer.get("fault") == "platform"
-
 
 def error_of(fault: PaddockError | SiteRefusal) -> dict[str, Any]:
     """An error as a command shows it: ``code``, ``message``, ``fault`` ("user" or "platform") and ``params``."""

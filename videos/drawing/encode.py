@@ -5,11 +5,13 @@ from __future__ import annotations
 from contextlib import ExitStack
 from fractions import Fraction
 from pathlib import Path
+from typing import cast
 
 import av
 import cv2
 import numpy as np
 from av.video.frame import PictureType
+from av.video.stream import VideoStream
 
 from .scene import Form
 
@@ -31,37 +33,29 @@ class Encoder:
     """Writes one file; a context manager that completes the file unless an exception leaves it."""
 
     def __init__(self, path: Path, form: Form, quality: int | None = None) -> None:
-        self._form = form
-        if quality is not None:
-            self._begin_animation(path, quality)
-            return
-        options = {"movflags": "+faststart", "fflags": "+bitexact", "use_editlist": "0"}
-        self._file = av.open(str(path), "w", format="mp4", options=options)
+        """``quality``: of an animated WebP, 1 to 100; None for MP4."""
+        self._form, self._number = form, 0
+        if quality is None:
+            kind, codec, options = "mp4", "libx264", _OPTIONS
+            of_file = {"movflags": "+faststart", "use_editlist": "0"}
+        else:
+            kind, codec, of_file = "webp", "libwebp_anim", {"loop": "0"}
+            options = {"quality": str(quality), "compression_level": "2", "flags": "+bitexact"}
+        self._file = av.open(str(path), "w", format=kind, options={**of_file, "fflags": "+bitexact"})
         with ExitStack() as undo:
             undo.callback(self._file.close)
-            stream = self._file.add_stream("libx264", rate=form.fps, options=_OPTIONS)
+            stream = cast(VideoStream, self._file.add_stream(codec, rate=form.fps, options=options))
             stream.width, stream.height, stream.pix_fmt = form.width, form.height, "yuv420p"
-            stream.gop_size = KEY_S * form.fps
             stream.time_base = Fraction(1, form.fps)
-            context = stream.codec_context
-            context.thread_count = 1
-            context.max_b_frames = 0
-            context.colorspace, context.color_range = _BT601, _LIMITED
-            context.color_primaries, context.color_trc = _BT709_CURVE, _BT709_CURVE
+            if quality is None:
+                stream.gop_size = KEY_S * form.fps
+                context = stream.codec_context
+                context.thread_count = 1
+                context.max_b_frames = 0
+                context.colorspace, context.color_range = _BT601, _LIMITED
+                context.color_primaries, context.color_trc = _BT709_CURVE, _BT709_CURVE
             undo.pop_all()
         self._stream = stream
-        self._number = 0
-
-    def _begin_animation(self, path: Path, quality: int) -> None:
-        self._file = av.open(str(path), "w", format="webp", options={"loop": "0", "fflags": "+bitexact"})
-        with ExitStack() as undo:
-            undo.callback(self._file.close)
-            options = {"quality": str(quality), "compression_level": "2", "flags": "+bitexact"}
-            stream = self._file.add_stream("libwebp_anim", rate=self._form.fps, options=options)
-            stream.width, stream.height, stream.pix_fmt = self._form.width, self._form.height, "yuv420p"
-            stream.time_base = Fraction(1, self._form.fps)
-            undo.pop_all()
-        self._stream, self._number = stream, 0
 
     def add(self, picture: np.ndarray) -> None:
         """Add a picture, BGR (height, width, 3)."""

@@ -7,7 +7,7 @@ import math
 import numpy as np
 import pytest
 
-from paddock.analysis.racing_line import centre_line, line_at, minimum_curvature_line
+from paddock.analysis.racing_line import RacingLine, best_line, line_at, places_along
 from paddock.geometry.catalogue import CATALOGUE
 from paddock.geometry.track import TrackGeometry
 from paddock.simulator.physics import PADDOCK_CAR
@@ -26,8 +26,13 @@ def ring(radius: float, width: float = 1.0, stretch: float = 0.0) -> TrackGeomet
     return TrackGeometry.from_arrays("ring", line(radius), line(radius - width / 2), line(radius + width / 2))
 
 
+def centre_line(track: TrackGeometry) -> RacingLine:
+    distances = places_along(track)
+    return line_at(track, distances, np.zeros(len(distances)))
+
+
 def test_on_a_circle_the_line_is_the_widest_that_fits_the_body():
-    line = minimum_curvature_line(ring(3.0))
+    line = best_line(ring(3.0), HALF_BODY)
     widest = 3.5 - HALF_BODY
     assert line.offsets == pytest.approx(-(0.5 - HALF_BODY), abs=0.01)
     assert line.curvatures == pytest.approx(1 / widest, rel=0.01)
@@ -35,7 +40,7 @@ def test_on_a_circle_the_line_is_the_widest_that_fits_the_body():
 
 
 def test_a_lap_at_a_speed_limit_takes_its_length_over_speed():
-    line = minimum_curvature_line(ring(3.0))
+    line = best_line(ring(3.0), HALF_BODY)
     assert line.lap_s(1.0) == pytest.approx(line.length / PADDOCK_CAR.speed_gain)
 
 
@@ -61,7 +66,7 @@ def test_speed_changes_no_faster_than_the_car_can():
 @pytest.mark.parametrize("slug", ["oval", "kuei-raceway"])
 def test_no_nearby_line_bends_less(slug):
     track = next(entry for entry in CATALOGUE if entry.slug == slug).geometry()
-    best, centre = minimum_curvature_line(track), centre_line(track)
+    best, centre = best_line(track, HALF_BODY), centre_line(track)
     distances = np.arange(len(best.offsets)) * track.length / len(best.offsets)
 
     def bending(line) -> float:
