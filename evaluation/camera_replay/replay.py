@@ -19,9 +19,9 @@ from django.core.cache import cache
 from paddock.errors import PaddockError, UserFault
 from paddock.geometry.track import TrackGeometry
 from paddock.packages.inputs import CAMERAS
+from paddock.simulator.results import LapDocument
 
 from ..models import CompetitorResult, Evaluation, Result, TrainedModel
-from ..running.messages import DrivenLapDocument
 from ..running.results import read_layout, read_trace
 from ..sandbox.claims import default_directory
 from ..sandbox.slots import upload_slot
@@ -72,7 +72,7 @@ class SeenRun:
         return self._car.trace_sha256
 
     @property
-    def laps(self) -> list[DrivenLapDocument]:
+    def laps(self) -> list[LapDocument]:
         return self._car.laps
 
     @property

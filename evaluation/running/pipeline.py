@@ -17,13 +17,13 @@ from paddock.rules.race import RaceRules
 from paddock.simulator.camera.theme import OFFICIAL
 from paddock.simulator.engine import cpu_model
 from paddock.simulator.layout import LayoutDocument
+from paddock.simulator.results import Fault, LapDocument
 
 from ..sandbox.cores import PATIENCE_S, one_core
 from ..sandbox.frames import FrameClosed, FrameError, read_message, write_message
 from ..sandbox.policy import describe, failed_start
 from ..sandbox.policy_client import OVERAGE_S, STEP_DEADLINE_S, TOTAL_S
 from ..sandbox.process import widen_pipe
-from .messages import DrivenLapDocument, FaultDocument
 from .process_pool import ProcessPool
 from .race_setup import Venue, check_rivals
 
@@ -83,9 +83,9 @@ class CompetitorOutcome:
     """The outcome of one car. ``trace_csv``: the official sim-trace; ``metrics``: the field's evaluation metrics.
     ``retired``: the fault that took the car off the track while others drove on."""
 
-    laps: list[DrivenLapDocument]
+    laps: list[LapDocument]
     end_reason: str
-    retired: FaultDocument | None = None
+    retired: Fault | None = None
     trace_csv: bytes
     trace_sha256: str
     metrics: Mapping[str, object]
@@ -378,7 +378,7 @@ def _ways(counts: Any, cars: int) -> list[list[int]]:
     return ways
 
 
-def _why(error: FaultDocument | None, known: UserFault | None) -> FaultDocument | None:
+def _why(error: Fault | None, known: UserFault | None) -> Fault | None:
     """Why a car retired, as stored: the fault ``known`` from its process, or else the ``error`` of the runner."""
     if error is None:
         return None

@@ -11,6 +11,7 @@ import logging
 import threading
 import time
 from collections.abc import Sequence
+from typing import Any
 
 from paddock.errors import PlatformFault
 
@@ -19,7 +20,7 @@ from ..sandbox.launch import launch
 from ..sandbox.limits import RUNNER
 from ..sandbox.policy import PolicyProcess, failed_start
 from ..sandbox.process import SandboxedProcess, widen_pipe
-from .race_setup import Venue, VenueDocument
+from .race_setup import Venue
 
 RUNNER_MODULE = "evaluation.running.runner_process"
 DRIVES_MODULE = "evaluation.running.drives_process"  # many laps of one car
@@ -75,7 +76,7 @@ class ProcessPool:
             self._venues = []
             before.close()
 
-    def described(self, venue: Venue) -> dict[str, int | VenueDocument]:
+    def described(self, venue: Venue) -> dict[str, Any]:
         """The venue in a job's message: the index of one that the runner has prepared, or all its data."""
         return {"prepared": self._venues.index(venue)} if venue in self._venues else {"venue": venue.to_dict()}
 

@@ -1,19 +1,11 @@
 """The setup of a race: its venue, and the check of its number of cars."""
 
 from dataclasses import dataclass
-from typing import TypedDict
+from typing import Any
 
 from paddock.errors import UserFault
-from paddock.geometry.track import TrackDocument, TrackGeometry
+from paddock.geometry.track import TrackGeometry
 from paddock.rules.race import HEAD_TO_HEAD, MAX_CARS, RaceRules
-
-
-class VenueDocument(TypedDict):
-    """A :class:`Venue` for a process of ours."""
-
-    track: TrackDocument
-    direction: str
-    look: str
 
 
 @dataclass(frozen=True)
@@ -25,7 +17,8 @@ class Venue:
     direction: str
     look: str
 
-    def to_dict(self) -> VenueDocument:
+    def to_dict(self) -> dict[str, Any]:
+        """For a process of ours."""
         return {"track": self.track.to_dict(), "direction": self.direction, "look": self.look}
 
 

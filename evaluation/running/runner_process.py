@@ -37,7 +37,6 @@ from paddock.simulator.world import make_ready, new_world
 from ..sandbox.frames import FrameError, read_message, write_message
 from ..sandbox.observation_memory import map_for_writing
 from ..sandbox.policy_client import PolicyClient
-from .race_setup import VenueDocument
 
 _PROGRESS_S = 0.25
 _REHEARSAL_MS = 2000  # simulated
@@ -67,7 +66,7 @@ def telling_faults(run: Callable[[int, int], None], frames_in: int, frames_out: 
 
 def _run(frames_in: int, frames_out: int) -> None:
     job, _ = read_message(frames_in)
-    venues: list[VenueDocument] = job.get("venues", [])
+    venues = job.get("venues", [])
     grounds: list[PreparedTrack] = []
     if venues:
         for venue in venues:
@@ -122,7 +121,7 @@ def policy_of(client: PolicyClient, space: ActionSpace) -> Policy:
     return client.choose if space.kind == DISCRETE else client.ask
 
 
-def ground_of(venue: VenueDocument) -> PreparedTrack:
+def ground_of(venue: dict[str, Any]) -> PreparedTrack:
     track = TrackGeometry.from_trusted_dict(venue["track"])  # the worker sent it
     return PreparedTrack(track, venue["direction"], THEMES[venue["look"]])
 

@@ -15,9 +15,9 @@ from accounts.models import Racer
 from core.database.kept_queries import KeptQuery
 from core.forms import explain
 from evaluation.models import Evaluation, Result, TrainedModel
-from evaluation.running.messages import DrivenLapDocument
 from paddock.errors import UserFault
 from paddock.rules.race import RANKING
+from paddock.simulator.results import LapDocument
 from races.boards.selectors.board import CLASSIFIED, BoardRow, to_gain_ms, with_ahead_score
 from races.boards.selectors.counts import with_place
 from races.entries.eligibility import read_for_checks, refusal
@@ -74,7 +74,7 @@ class LeadingLap:
     race: Race
     entry: Entry
     run: Evaluation
-    lap: DrivenLapDocument
+    lap: LapDocument
     lines: list[Trajectory]
 
 

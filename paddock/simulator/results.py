@@ -9,7 +9,7 @@ from .trace import Trace
 
 
 class LapDocument(TypedDict):
-    """A lap as results keep it in JSON; see :class:`LapResult`."""
+    """One lap; times in whole simulated milliseconds."""
 
     number: int
     start_ms: int

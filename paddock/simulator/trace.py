@@ -101,10 +101,6 @@ class Trace:
         """The official file: header and a line a row, floats with all their digits."""
         return (",".join(COLUMNS) + "\n").encode() + csv_rows([self.columns[name] for name in COLUMNS])
 
-    def points(self) -> np.ndarray:
-        """(n, 2): the trajectory of the nose, for drawing."""
-        return np.column_stack((self.columns["X"], self.columns["Y"]))
-
 
 def csv_rows(columns: Sequence[np.ndarray]) -> bytes:
     """The rows of ``columns``, which have one length, as lines of CSV text with all digits of each number."""

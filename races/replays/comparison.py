@@ -8,11 +8,11 @@ import numpy as np
 
 from core.streams.shared_pieces import lasting_value
 from evaluation.models import Result
-from evaluation.running.messages import DrivenLapDocument
 from evaluation.running.results import read_trace
 from paddock.analysis import telemetry
 from paddock.analysis.telemetry import DrivenTrace, LapLine
 from paddock.errors import PlatformFault, UserFault
+from paddock.simulator.results import LapDocument
 
 POINTS = 200  # of a whole lap: each half a percent of it
 _END = 100.0  # percent
@@ -62,7 +62,7 @@ def driven_trace(result: Result) -> DrivenTrace:
     return lasting_value(("driven trace", result.trace_sha256), read)
 
 
-def lap_line(trace: DrivenTrace, laps: Sequence[DrivenLapDocument], number: int) -> LapLine:
+def lap_line(trace: DrivenTrace, laps: Sequence[LapDocument], number: int) -> LapLine:
     """Lap ``number`` (from 1). Raises UserFault("compare_lap")."""
     line = telemetry.lap_line(trace, laps, number)
     if line is None:
@@ -89,7 +89,7 @@ def compare(one: LapLine, other: LapLine, length_m: float) -> LapComparison:
     )
 
 
-def best_lap(laps: Sequence[DrivenLapDocument]) -> int:
+def best_lap(laps: Sequence[LapDocument]) -> int:
     """The number of the lap to begin with: the fastest whole one, else that which came farthest."""
     whole = [lap for lap in laps if lap["complete"]]
     if whole:

@@ -10,12 +10,12 @@ from typing import Any, TypedDict
 from evaluation.appearance.looks import VehicleLook
 from evaluation.models import Evaluation
 from evaluation.running.competitors import CompetitorRow
-from evaluation.running.messages import DrivenLapDocument
 from evaluation.running.results import read_layout, read_trace
 from evaluation.templatetags.looks import shell_from_above
 from paddock.analysis.turns import turns_of
 from paddock.errors import PlatformFault
 from paddock.geometry.checks import Points
+from paddock.simulator.results import LapDocument
 from paddock.simulator.solids import box as box_solid
 from paddock.simulator.trace import CRASHED, OFF_TRACK
 from tracks.models import Track
@@ -81,7 +81,7 @@ def _numbers(column: Sequence[str], digits: int) -> list[float]:
     return [round(float(each), digits) for each in column]
 
 
-def car_events(number: int, columns: RunColumns, laps: Sequence[DrivenLapDocument]) -> list[ReplayEvent]:
+def car_events(number: int, columns: RunColumns, laps: Sequence[LapDocument]) -> list[ReplayEvent]:
     """What happened to car ``number``, in order."""
     found: list[ReplayEvent] = [
         {"t": lap["start_ms"] + lap["time_ms"], "kind": "lap", "car": number} for lap in laps if lap["complete"]
@@ -96,7 +96,7 @@ def car_events(number: int, columns: RunColumns, laps: Sequence[DrivenLapDocumen
     return sorted(found, key=lambda event: event["t"])
 
 
-def lap_documents(laps: Sequence[DrivenLapDocument]) -> list[dict[str, Any]]:
+def lap_documents(laps: Sequence[LapDocument]) -> list[dict[str, Any]]:
     names = ("number", "start_ms", "time_ms", "complete")
     return [{name: lap[name] for name in names} | {"sector_ms": lap.get("sector_ms") or []} for lap in laps]  # type: ignore[literal-required]
 
@@ -107,7 +107,7 @@ def look_document(look: VehicleLook) -> dict[str, str]:
 
 
 def car_document(
-    number: int, name: str, look: VehicleLook, trace_csv: bytes, laps: Sequence[DrivenLapDocument]
+    number: int, name: str, look: VehicleLook, trace_csv: bytes, laps: Sequence[LapDocument]
 ) -> dict[str, Any]:
     """One car: its name, look, laps, columns and events."""
     columns = trace_columns(trace_csv)

@@ -5,8 +5,8 @@ from dataclasses import dataclass
 from enum import StrEnum
 from typing import Self
 
-from evaluation.running.messages import DrivenLapDocument
 from paddock.geometry.track import TrackGeometry
+from paddock.simulator.results import LapDocument
 from races.models import Race
 from tracks.drawing.maps import MARGIN_M, TOP_SPEED_MPS, Trajectory
 from tracks.models import Track
@@ -32,7 +32,7 @@ class ColourBy(StrEnum):
 class LapRow:
     """A lap as its table shows it. ``gap_ms``: to the run's best lap; ``sectors``: (time in ms, colour) each."""
 
-    lap: DrivenLapDocument
+    lap: LapDocument
     is_best: bool
     gap_ms: int | None
     sectors: list[tuple[int, str]]
@@ -43,7 +43,7 @@ class LapRow:
         return range(SECTORS - len(self.sectors))
 
 
-def lap_rows(laps: Sequence[DrivenLapDocument], race: Race | None) -> list[LapRow]:
+def lap_rows(laps: Sequence[LapDocument], race: Race | None) -> list[LapRow]:
     """The laps with their sector colours: purple as fast as anybody ranked in ``race``, green the run's own best,
     yellow slower. ``race``: None without purple (:func:`races.runs.video_titles.race_of_marks`)."""
     complete = [lap for lap in laps if lap["complete"]]
@@ -62,7 +62,7 @@ def lap_rows(laps: Sequence[DrivenLapDocument], race: Race | None) -> list[LapRo
     return rows
 
 
-def _timed(lap: DrivenLapDocument) -> bool:
+def _timed(lap: LapDocument) -> bool:
     sectors = lap.get("sector_ms") or ()
     return len(sectors) == SECTORS and all(time is not None for time in sectors)
 

@@ -10,7 +10,6 @@ import numpy as np
 from django.utils.translation import get_language, gettext_lazy
 from django.utils.translation import gettext as _
 
-from evaluation.running.messages import DrivenLapDocument
 from paddock.analysis.losses import Loss, Mistake, losses_of
 from paddock.analysis.mini_sectors import MINI_SECTORS, RunPace, mini_sector_times, pace_of, sector_colours
 from paddock.analysis.telemetry import (
@@ -26,6 +25,7 @@ from paddock.analysis.telemetry import (
 from paddock.analysis.turns import TrackTurn, turns_of
 from paddock.errors import UserFault
 from paddock.geometry.track import TrackGeometry
+from paddock.simulator.results import LapDocument
 from races.replays.responses import compressed
 from tracks.models import Track
 
@@ -168,7 +168,7 @@ class AskedLap:
     number: int
     track: Track
     direction: str
-    laps: Sequence[DrivenLapDocument]
+    laps: Sequence[LapDocument]
     trace_sha256: str
     read: Callable[[], DrivenTrace]
     rewards: RewardFunction | None = None

@@ -19,7 +19,6 @@ from core.management.light import load_apps
 from core.times import clock
 from evaluation.garage.admission import AdmittedPackage, admit
 from evaluation.garage.uploads import package_limits, upload_summary
-from evaluation.running.messages import FaultDocument
 from evaluation.running.pipeline import CompetitorOutcome, EvaluationOutcome, RaceJob, RivalModel, evaluate
 from evaluation.running.race_setup import check_rivals
 from paddock.errors import PlatformFault, UserFault, fault_from_dict
@@ -30,6 +29,7 @@ from paddock.packages.read import UploadPart
 from paddock.rules.race import MAX_CARS
 from paddock.simulator.camera.theme import THEMES
 from paddock.simulator.layout import lay_out
+from paddock.simulator.results import Fault
 from races.boards.ranking import RULES as RANKING
 from races.management import race_options
 from tracks.management.track_lookup import TRACK_HELP, find_track
@@ -217,7 +217,7 @@ def _car_report(car: EvaluationOutcome | CompetitorOutcome, package: AdmittedPac
     }
 
 
-def _with_message(retired: FaultDocument) -> dict[str, object]:
+def _with_message(retired: Fault) -> dict[str, object]:
     return {**retired, "message": str(fault_from_dict(retired))}
 
 

@@ -20,13 +20,12 @@ from core.api.views import APIView, FileView
 from evaluation.garage.api import ModelSummarySerializer
 from evaluation.garage.downloads import logs_of
 from evaluation.models import CompetitorResult, Evaluation, Result, State
-from evaluation.running.messages import DrivenLapDocument
 from evaluation.running.queue.selectors import expected_wait_s, queue_length, queue_position
 from evaluation.running.queue.services import stop_evaluation
 from evaluation.running.results import read_layout, read_trace
 from paddock.errors import UserFault
 from paddock.rules.ranked import RANKED
-from paddock.simulator.results import Progress
+from paddock.simulator.results import LapDocument, Progress
 
 from ...models import OwnEvaluation
 from ...rules.serializers import with_rules
@@ -62,7 +61,7 @@ def queue_document(evaluation: Evaluation) -> QueueDocument | None:
 class CompetitorResultSerializer(serializers.Serializer):
     """The result of one car."""
 
-    laps = serializer_of(DrivenLapDocument, "Lap")(many=True)
+    laps = serializer_of(LapDocument, "Lap")(many=True)
     end_reason = serializers.CharField(help_text="laps_done, time_up, resets_used or, among several cars, retired.")
     retired = ReasonField("retired", help_text="Why it was taken off the track while others drove on.")
     complete_laps = serializers.IntegerField()

@@ -85,12 +85,6 @@ def test_discrete_actions_carry_their_index(troubled):
     assert set(troubled.trace["steer"][driven].tolist()) == {5.0}
 
 
-def test_the_drawn_points_are_those_of_the_nose(result):
-    points = result.trace.points()
-    assert points.shape == (result.steps + 1, 2)
-    assert points[:, 0].tolist() == result.trace["X"].tolist()
-
-
 def test_the_hash_tells_traces_apart(result, troubled):
     assert len({result.trace.sha256, troubled.trace.sha256}) == 2
     assert len(result.trace.sha256) == 64
