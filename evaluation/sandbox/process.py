@@ -86,7 +86,7 @@ class SandboxedProcess:
         widen_pipe(self.stdout)
 
     def wait_for_lock(self, start_s: float) -> None:
-        """Wait until it says that it is locked. Before, it has seen nothing of a stranger's. Raises FrameError."""
+        """Wait for its message that it is locked. Before, it has seen nothing of a stranger's. Raises FrameError."""
         header, _ = read_message(self.stdout, time.monotonic() + start_s, json_limit=_SHORT_MESSAGE, blob_limit=0)
         if header != LOCKED:
             raise FrameMalformed("it did not say that it is locked")

@@ -18,7 +18,7 @@ from paddock.errors import PlatformFault, UserFault
 from .files import UNWRITABLE, file_faults
 from .settings import SITE, Settings, address, split_page
 from .showing import Speaker, lap_time, table
-from .site import Answer, Site
+from .site import Served, Site
 
 ASK_EVERY_S = 1.0
 ID = re.compile(r"[a-z0-9]{12}")
@@ -106,12 +106,12 @@ def confirmed(options: argparse.Namespace, question: str) -> None:
 
 def wait_until(
     asked: Call,
-    read: Callable[[], Answer],
+    read: Callable[[], Served],
     over: Collection[str],
-    progress: Callable[[Answer], tuple[str, float | None]],
+    progress: Callable[[Served], tuple[str, float | None]],
     patience_s: float,
     url: str,
-) -> Answer:
+) -> Served:
     """The answer of ``read`` when its state is one of ``over``; ``progress`` describes the others.
 
     Raises PlatformFault("wait_over"), and what a request raises."""

@@ -11,7 +11,7 @@ from .asking import ID, Call, named, wait_until, written
 from .files import UNREADABLE, file_faults, free, parts_of
 from .sending import NOT_WELL, wait_for
 from .settings import split_page
-from .site import Answer
+from .site import Served
 from .train import KINDS, followed
 
 EXPORTED = {CAR: "model.tar.gz", OPENVINO: "openvino.tar.gz"}
@@ -87,7 +87,7 @@ def video(asked: Call, options: argparse.Namespace) -> int:
     return written(asked, to, site.raw("GET", f"{path}file/"))
 
 
-def _video_progress(made: Answer) -> tuple[str, float | None]:
+def _video_progress(made: Served) -> tuple[str, float | None]:
     if made["state"] == "waiting":
         return f"place {made['position']} in the queue", None
     return f"rendering, {made['progress']} %", made["progress"] / 100

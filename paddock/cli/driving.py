@@ -21,7 +21,7 @@ from paddock.rules.race import LIVE_LAPS, RUN_RULES, RaceRules
 
 from .files import UNREADABLE, file_faults
 from .showing import Speaker, lap_time, table
-from .site import Answer, Site
+from .site import Served, Site
 
 if TYPE_CHECKING:
     from paddock.geometry.track import TrackGeometry
@@ -44,7 +44,7 @@ class Where:
     engine: str = ""
 
 
-def where_of(site: Site, specification: Answer) -> Where:
+def where_of(site: Site, specification: Served) -> Where:
     """Read a specification of the API; the track is this package's or else the site's.
 
     Raises UserFault ``rules_unknown``, ``track_differs``, and whatever a request raises."""

@@ -8,7 +8,7 @@ from .asking import ID, Call, confirmed, written
 from .files import free
 from .settings import split_page
 from .showing import one_line, table
-from .site import Answer, Site
+from .site import Served, Site
 
 FORMS = {  # of downloads: the path below the model, and the file's ending
     "package": ("package", ".zip"),
@@ -51,7 +51,7 @@ def show(asked: Call, options: argparse.Namespace) -> int:
     return 0
 
 
-def _show(asked: Call, site: Site, model: Answer) -> None:
+def _show(asked: Call, site: Site, model: Served) -> None:
     rows = [
         *((name, model[name]) for name in ("public_id", "owner", "name", "description", "sha256", "parameters")),
         *(("sensors", ", ".join(model["sensors"])), ("uploaded", model["uploaded_at"]), ("shared", model["shared"])),

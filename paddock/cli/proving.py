@@ -22,7 +22,7 @@ from .asking import Call
 from .driving import Where, driven, is_exact, laps_table, where_of
 from .settings import split_page
 from .showing import one_line
-from .site import Answer, Site
+from .site import Served, Site
 
 SAME, DIFFERENT, NOT_RUN = 0, 1, 3
 
@@ -68,7 +68,7 @@ def verify(asked: Call, options: argparse.Namespace) -> int:
     return DIFFERENT if not same else SAME if proven else NOT_RUN
 
 
-def _words(site: Site, name: str, proof: str, closed: list[str], checks: list[Check], result: Answer) -> list[str]:
+def _words(site: Site, name: str, proof: str, closed: list[str], checks: list[Check], result: Served) -> list[str]:
     lines = [laps_table(result["laps"])]
     for check in checks:
         lines.append(f"{'same     ' if check['same'] else 'DIFFERENT'}  {one_line(check['what'])}")
@@ -97,7 +97,7 @@ def _words(site: Site, name: str, proof: str, closed: list[str], checks: list[Ch
     ]
 
 
-def _files(asked: Call, site: Site, name: str, spec: Answer, folder: Path) -> list[Check]:
+def _files(asked: Call, site: Site, name: str, spec: Served, folder: Path) -> list[Check]:
     """Fetch the trace of every car into the folder, and compare its hash with the result's."""
     checks = []
     for place, car in enumerate(spec["cars"]):
@@ -113,14 +113,14 @@ def _files(asked: Call, site: Site, name: str, spec: Answer, folder: Path) -> li
     return checks
 
 
-def _from_traces(asked: Call, where: Where, spec: Answer, result: Answer, folder: Path) -> list[Check]:
+def _from_traces(asked: Call, where: Where, spec: Served, result: Served, folder: Path) -> list[Check]:
     traces = [str(folder / f"{place}.csv") for place in range(len(spec["cars"]))]
     with driven(where, asked.speaker, traces=traces) as (came, _):
         _note_libraries(asked, result, came)
         return _compared(spec, result, came, "commands driven again")
 
 
-def _from_networks(asked: Call, site: Site, where: Where, spec: Answer, result: Answer, folder: Path) -> list[Check]:
+def _from_networks(asked: Call, site: Site, where: Where, spec: Served, result: Served, folder: Path) -> list[Check]:
     cars: list[dict[str, Any]] = []
     checks = []
     for place, car in enumerate(spec["cars"]):
@@ -141,7 +141,7 @@ def _from_networks(asked: Call, site: Site, where: Where, spec: Answer, result: 
         return checks
 
 
-def _note_libraries(asked: Call, result: Answer, came: dict[str, Any]) -> None:
+def _note_libraries(asked: Call, result: Served, came: dict[str, Any]) -> None:
     """Show libraries that differ from the site's, the first suspects where equal engines differ."""
     theirs, ours = result["versions"], came["versions"]
     names = [name for name in ("pybullet", "numpy", "opencv", "libc") if theirs.get(name, ours[name]) != ours[name]]
@@ -149,8 +149,8 @@ def _note_libraries(asked: Call, result: Answer, came: dict[str, Any]) -> None:
         asked.speaker.note(f"{name}: {theirs[name]} on the site, {ours[name]} here")
 
 
-def _compared(spec: Answer, result: Answer, came: dict[str, Any], how: str) -> list[Check]:
-    results: list[Answer] = [result, *sorted(result["rivals"], key=lambda rival: rival["number"])]
+def _compared(spec: Served, result: Served, came: dict[str, Any], how: str) -> list[Check]:
+    results: list[Served] = [result, *sorted(result["rivals"], key=lambda rival: rival["number"])]
     checks = []
     for car, theirs, drove in zip(spec["cars"], results, came["cars"], strict=True):
         whose = f"car {car['number']}, {how}"

@@ -7,7 +7,7 @@ from .files import free
 from .models import model_of
 from .sending import NOT_WELL, run_summary, sent_model, wait_for
 from .settings import split_page
-from .site import Answer, Site
+from .site import Served, Site
 
 FILES = {"logs": ("logs", "-logs.zip"), "trace": ("trace", ".csv"), "metrics": ("metrics", ".json")}
 
@@ -67,7 +67,7 @@ def download(asked: Call, options: argparse.Namespace) -> int:
     return written(asked, to, site.raw("GET", f"/evaluations/{name}/{path}/{car}"))
 
 
-def _shown(asked: Call, site: Site, run: Answer) -> int:
+def _shown(asked: Call, site: Site, run: Served) -> int:
     page = f"{site.address}/evaluations/{run['public_id']}/"
     lines = run_summary(run) if run["state"] not in ("queued", "running") else [f"{run['public_id']}: {run['state']}"]
     asked.speaker.result(run, "\n".join([*lines, page]))

@@ -7,7 +7,7 @@ from .asking import ID, Call, confirmed, race_of, wait_until
 from .driving import figures, laps_table
 from .files import parts_of
 from .showing import lap_time, table
-from .site import Answer, Site, SiteRefusal
+from .site import Served, Site, SiteRefusal
 
 NOT_WELL = 1
 OVER = ("finished", "failed", "stopped")
@@ -37,10 +37,10 @@ def sent_model(asked: Call, site: Site, options: argparse.Namespace) -> str:
     return _uploaded(asked, site, options)["public_id"]
 
 
-def _uploaded(asked: Call, site: Site, options: argparse.Namespace) -> Answer:
+def _uploaded(asked: Call, site: Site, options: argparse.Namespace) -> Served:
     asked.speaker.progress(f"sending {options.model[0]}")
     fields = {name: getattr(options, name) for name in ("name", "checkpoint") if getattr(options, name)}
-    model: Answer = site.send_files("/models/", parts_of(options.model), fields)
+    model: Served = site.send_files("/models/", parts_of(options.model), fields)
     return model
 
 
@@ -71,13 +71,13 @@ def submit(asked: Call, options: argparse.Namespace) -> int:
     return 0 if run["state"] == "finished" else NOT_WELL
 
 
-def wait_for(asked: Call, site: Site, evaluation: str, patience_s: float) -> Answer:
+def wait_for(asked: Call, site: Site, evaluation: str, patience_s: float) -> Served:
     """The evaluation when it has ended. Raises PlatformFault("wait_over"), and what a request raises."""
     url = f"{site.address}/evaluations/{evaluation}/"
     return wait_until(asked, lambda: site.get(f"/evaluations/{evaluation}/"), OVER, _how_far, patience_s, url)
 
 
-def _how_far(run: Answer) -> tuple[str, float | None]:
+def _how_far(run: Served) -> tuple[str, float | None]:
     queue, now = run["queue"], run["progress"]
     if now:
         share = (now["lap"] - 1 + now["percent"] / 100) / now["laps"]
@@ -89,7 +89,7 @@ def _how_far(run: Answer) -> tuple[str, float | None]:
     return "on its way to the track", None
 
 
-def run_summary(run: Answer) -> list[str]:
+def run_summary(run: Served) -> list[str]:
     """The lines about a run that has ended: its laps, or the reason why there are none."""
     result = run["result"]
     if result is None:
@@ -103,7 +103,7 @@ def run_summary(run: Answer) -> list[str]:
     ]
 
 
-def _standing(entry: Answer) -> str:
+def _standing(entry: Served) -> str:
     left = entry["submissions_left"]
     left_text = "submissions unlimited" if left is None else f"{left} submissions left"
     if not entry["classified"]:

@@ -50,7 +50,7 @@ def error_of(fault: PaddockError | SiteRefusal) -> dict[str, Any]:
     return {"code": fault.code, "fault": fault.fault, "params": fault.params, "message": str(fault)}
 
 
-class Answer(dict[str, Any]):
+class Served(dict[str, Any]):
     """An object in an answer of the site. A missing key raises UserFault("site_is_no_paddock")."""
 
     def __init__(self, site: str, pairs: dict[str, Any]) -> None:
@@ -79,12 +79,12 @@ class Site:
 
         return build_opener(Stay)
 
-    def get(self, path: str, **query: object) -> Answer:
-        """The object at ``path`` below the API, see :class:`Answer`. Raises as :meth:`raw`."""
+    def get(self, path: str, **query: object) -> Served:
+        """The object at ``path`` below the API, see :class:`Served`. Raises as :meth:`raw`."""
         given = {name: value for name, value in query.items() if value not in (None, "")}
         asked = urllib.parse.urlencode(given, errors="replace")
         found = self._json(self.raw("GET", f"{path}?{asked}" if asked else path))
-        if not isinstance(found, Answer):
+        if not isinstance(found, Served):
             raise UserFault("site_is_no_paddock", site=self.address, problem=f"no object lies at {path}")
         return found
 
@@ -175,7 +175,7 @@ class Site:
 
     def _json(self, content: bytes) -> Any:
         try:
-            return json.loads(content, object_hook=lambda pairs: Answer(self.address, pairs)) if content else None
+            return json.loads(content, object_hook=lambda pairs: Served(self.address, pairs)) if content else None
         except (ValueError, RecursionError) as error:  # the latter: lists in lists in lists
             raise UserFault("site_is_no_paddock", site=self.address, problem="its answer is not JSON") from error
 

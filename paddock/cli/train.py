@@ -13,7 +13,7 @@ from .asking import Call, listed, named, pairs, wait_until
 from .files import UNREADABLE, file_faults
 from .sending import NOT_WELL, OVER
 from .showing import lap_time
-from .site import Answer, Site
+from .site import Served, Site
 
 KINDS = ("train", "trainings")
 
@@ -76,11 +76,11 @@ def watched(asked: Call, site: Site, name: str, patience_s: float) -> int:
     return _shown(asked, site, followed(asked, site, name, patience_s))
 
 
-def followed(asked: Call, site: Site, name: str, patience_s: float) -> Answer:
+def followed(asked: Call, site: Site, name: str, patience_s: float) -> Served:
     """The training when it has ended. New iterations and new output of the reward function are shown meanwhile."""
     shown, printed = 0, ""
 
-    def read() -> Answer:
+    def read() -> Served:
         nonlocal shown, printed
         job = site.get(f"/trainings/{name}/")
         if not asked.speaker.as_json:
@@ -102,7 +102,7 @@ def new_text(before: str, now: str) -> str:
     return now
 
 
-def _iteration(one: Answer) -> str:
+def _iteration(one: Served) -> str:
     reward = "-" if one["mean_reward"] is None else f"{one['mean_reward']:.2f}"
     lap = "" if one["eval_lap_ms"] is None else f", lap {lap_time(one['eval_lap_ms'])}"
     return (
@@ -111,14 +111,14 @@ def _iteration(one: Answer) -> str:
     )
 
 
-def _how_far(job: Answer) -> tuple[str, float | None]:
+def _how_far(job: Served) -> tuple[str, float | None]:
     if job["state"] == "queued":
         position = job["queue_position"]
         return "waiting for a trainer" if position is None else f"place {position} in the queue", None
     return f"training: {job['steps']} steps, {job['training_s']:.0f} s", None
 
 
-def _shown(asked: Call, site: Site, job: Answer) -> int:
+def _shown(asked: Call, site: Site, job: Served) -> int:
     lines = [f"{job['name']}: {job['state']}, {job['steps']} steps in {job['training_s']:.1f} s"]
     lines += [text for text in (job["ending"], job["reason"]) if text]
     models = {"best": job["best_model"], "last": job["last_model"]}
