@@ -13,7 +13,7 @@ from evaluation.sandbox.frames import FrameClosed, FrameError, read_message, wri
 from evaluation.sandbox.launch import launch
 from evaluation.sandbox.limits import TRAINER
 from evaluation.sandbox.lock import EXIT_MEMORY
-from evaluation.sandbox.process import FROM_OUTSIDE, SandboxedProcess, widen_pipe
+from evaluation.sandbox.process import FROM_OUTSIDE, SandboxedProcess
 from paddock.errors import PaddockError, PlatformFault, UserFault, fault_from_dict
 from paddock.errors.reasons import REASONS
 
@@ -106,8 +106,7 @@ def train(
     limits = replace(TRAINER, wall_s=wall)
     arguments = [json.dumps(spec.warmth), ",".join(wanted_modules(spec.reward_code))]
     with launch(MODULE, limits=limits, arguments=arguments, level=level, random=True) as process:
-        widen_pipe(process.stdin)
-        widen_pipe(process.stdout)
+        process.widen_pipes()
         run = _TrainingRun(spec, process, listener, asked_to_stop, abandoned)
         try:
             run.begin(start, blob)

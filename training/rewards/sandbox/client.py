@@ -97,13 +97,11 @@ def _slot() -> Iterator[None]:
 def _wait_for_lock(process: SandboxedProcess) -> None:
     """Until the process is locked it has seen nothing of the code: what goes wrong before is our fault."""
     try:
-        header, _ = read_message(process.stdout, process.deadline, json_limit=_JSON_LIMIT, blob_limit=0)
+        process.wait_for_lock(process.deadline - time.monotonic())
     except FrameError as error:
         fault = PlatformFault("reward_check_failed")
         fault.add_note(process.stderr_text())
         raise fault from error
-    if header != {"state": "locked"}:
-        raise PlatformFault("reward_check_failed")
     process.allow(REWARD.wall_s)
 
 

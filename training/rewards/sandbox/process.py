@@ -15,7 +15,7 @@ from itertools import pairwise
 from types import CodeType
 from typing import TypedDict, cast
 
-from evaluation.sandbox.frames import read_message, write_message
+from evaluation.sandbox.frames import LOCKED, read_message, write_message
 from paddock.errors import Param, UserFault
 
 from . import call_limits
@@ -34,7 +34,7 @@ preload(sys.argv[1:])
 
 
 def main(frames_in: int, frames_out: int) -> None:
-    write_message(frames_out, {"state": "locked"})
+    write_message(frames_out, LOCKED)
     question, _ = read_message(frames_in)
     trial = (_AuditTrial if question.get("drives") else _Trial)(cast("Question", question))
     trial.run()
