@@ -51,8 +51,10 @@ def _execute(arguments: list[str]) -> None:
     module = LIGHT.get("".join(arguments[1:2]))
     if module and not any(argument.startswith(_NEED_DJANGO) for argument in arguments):
         from core.management.light import run_without_apps
+        from paddock.short_lived import leave
 
         run_without_apps(module, arguments)
+        leave(0)
     else:
         from django.core.management import execute_from_command_line
 

@@ -112,7 +112,9 @@ def _ask(package: RawPackage, contents: list[bytes], limits: PackageLimits) -> A
         if code := FORMATS[package.kind].no_process:
             raise PlatformFault(code)
         reader = UploadReader(MODULE, CONVERTER)
-    with launch(reader.module, limits=reader.limits, random=reader.random) as process:
+    with launch(
+        reader.module, limits=reader.limits, arguments=[package.kind], random=reader.random, keeps_memory=True
+    ) as process:
         process.widen_pipes()
         try:
             process.wait_for_lock(reader.start_s)

@@ -1,14 +1,20 @@
 """Admits one network inside the sandbox: convert if need be, gate, write anew, run three synthetic frames.
 
-Started by :mod:`.admission`. Everything it needs is imported at the top: a locked process opens no file.
+Started by :mod:`.admission`, with the kind of network (a word of :mod:`paddock.packages.kinds`) as its argument.
+Everything it needs is imported at the top: a locked process opens no file.
 """
 
-import paddock.packages.tensorflow  # noqa: F401  its format imports it at first use
+import sys
+
 from evaluation.sandbox.frames import LOCKED, MAX_NETWORK, read_message, write_message
 from paddock.errors import UserFault
 from paddock.packages.admission import admit_network
+from paddock.packages.kinds import TENSORFLOW
 from paddock.packages.limits import PackageLimits
 from paddock.packages.metadata import parse_metadata
+
+if TENSORFLOW in sys.argv[1:]:
+    import paddock.packages.tensorflow  # noqa: F401  its format imports it at first use
 
 
 def main(frames_in: int, frames_out: int) -> int:

@@ -30,12 +30,14 @@ def launch(
     python_path: Sequence[str | Path] = (),
     level: int | None = None,
     random: bool = False,
+    keeps_memory: bool = False,
 ) -> SandboxedProcess:
     """Start ``module`` (such as ``evaluation.*``, or something below ``python_path``) in the sandbox.
 
     ``arguments`` become ``sys.argv[1:]``; ``pass_fds`` keep their numbers inside. ``python_path``: further directories
     of code. Files can be read until the lock only. ``level``: instead of the best that this host offers. ``random``:
-    the kernel's random numbers can be read until the lock (torch's import does).
+    the kernel's random numbers can be read until the lock (torch's import does). ``keeps_memory``: freed memory is
+    reused (:data:`paddock.exact.KEPT_MEMORY`) instead of large pages got.
 
     Raises PlatformFault ``sandbox_unavailable`` below the minimum level and ``sandbox_failed`` when the process cannot
     be started. A lock that fails later shows as an exit status (:data:`.lock.EXIT_NOT_LOCKED`).
@@ -45,6 +47,6 @@ def launch(
     if not LEVEL_LOCK <= level <= best:
         raise PlatformFault("sandbox_unavailable", level=level, minimum=LEVEL_LOCK)
     try:
-        return start(module, limits, level, arguments, pass_fds, python_path, random)
+        return start(module, limits, level, arguments, pass_fds, python_path, random, keeps_memory)
     except (OSError, ValueError, RuntimeError) as error:
         raise PlatformFault("sandbox_failed", detail=str(error)) from error

@@ -35,6 +35,7 @@ def start(
     pass_fds: Sequence[int] = (),
     python_path: Sequence[str | Path] = (),
     random: bool = False,
+    keeps_memory: bool = False,
 ) -> SandboxedProcess:
     """:func:`.launch.launch` without asking the probe (which itself starts processes). Raises OSError and the like."""
     compile_code()
@@ -68,7 +69,7 @@ def start(
             stdin=subprocess.DEVNULL,
             stdout=subprocess.DEVNULL,
             stderr=their_err,
-            env=_environment(home, spec, python_path),
+            env=_environment(home, spec, python_path, keeps_memory),
             cwd="/",
             pass_fds=passed,
             start_new_session=True,
@@ -114,7 +115,9 @@ def _home() -> bubblewrap.PythonHome:
     return bubblewrap.python_home()
 
 
-def _environment(home: bubblewrap.PythonHome, spec: LockSpec, python_path: Sequence[str | Path]) -> dict[str, str]:
+def _environment(
+    home: bubblewrap.PythonHome, spec: LockSpec, python_path: Sequence[str | Path], keeps_memory: bool
+) -> dict[str, str]:
     """The whole environment: nothing of ours (keys, addresses) goes in."""
     path = [str(CODE_ROOT), *(str(Path(part).resolve()) for part in python_path), *home.packages]
     ours = {
@@ -127,7 +130,7 @@ def _environment(home: bubblewrap.PythonHome, spec: LockSpec, python_path: Seque
         "OPENBLAS_NUM_THREADS": "1",
         "MALLOC_ARENA_MAX": "1",
         # Pages of 2 MB where the host grants them: a large network is read through once for every frame.
-        "GLIBC_TUNABLES": "glibc.malloc.hugetlb=1",
+        "GLIBC_TUNABLES": exact.KEPT_MEMORY if keeps_memory else "glibc.malloc.hugetlb=1",
         "ORT_DISABLE_TELEMETRY": "1",  # onnxruntime's Linux wheel otherwise starts a thread that reports home
         VARIABLE: spec.to_env(),
     }

@@ -1,8 +1,6 @@
 """Runs the command as ``python -m paddock.cli`` where its script is not installed."""
 
-import sys
-
-from .main import main
+from .main import program
 
 if __name__ == "__main__":
-    sys.exit(main())
+    program()

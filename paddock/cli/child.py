@@ -20,6 +20,7 @@ from typing import TYPE_CHECKING, Any, TextIO
 
 from paddock.errors import PaddockError, UserFault
 from paddock.exact import is_pinned
+from paddock.short_lived import leave
 
 from .files import UNREADABLE, file_faults
 
@@ -110,4 +111,4 @@ def _read(car: Mapping[str, Any]) -> OwnCar:
 
 
 if __name__ == "__main__":
-    sys.exit(main(*sys.argv[1:]))
+    leave(main(*sys.argv[1:]))

@@ -48,13 +48,23 @@ class _Version(argparse.Action):
         parser.exit()
 
 
-def parser() -> argparse.ArgumentParser:
+class _Other:
+    """A command that was not asked for: it takes no arguments. To build all commands takes ten milliseconds."""
+
+    def __getattr__(self, _name: str) -> Callable[..., Any]:
+        return lambda *_, **__: self
+
+
+def parser(asked: str = "") -> argparse.ArgumentParser:
+    """The parser of all commands, or only of the command ``asked`` if there is one of this name."""
     description = "Race from home: try cars as a site does, send them, prove results."
     top = _Parser(prog="paddock", description=description, epilog=EXIT_STATUS)
     top.add_argument("--version", action=_Version, nargs=0, help="show the version and exit")
     commands = top.add_subparsers(dest="command", required=True, metavar="COMMAND", parser_class=_Parser)
 
-    def add(name: str, help_: str, of: str, within: Any = commands) -> argparse.ArgumentParser:
+    def add(name: str, help_: str, of: str, within: Any = commands) -> Any:
+        if (within is commands and asked not in ("", name)) or isinstance(within, _Other):
+            return _Other()
         one: argparse.ArgumentParser = within.add_parser(
             name, help=help_, description=f"{help_[0].upper()}{help_[1:]}.", epilog=EXIT_STATUS
         )
@@ -64,6 +74,8 @@ def parser() -> argparse.ArgumentParser:
         return one
 
     def group(name: str, help_: str) -> Any:
+        if asked not in ("", name):
+            return _Other()
         one = commands.add_parser(name, help=help_, description=f"{help_[0].upper()}{help_[1:]}.")
         return one.add_subparsers(dest="verb", required=True, metavar="VERB", parser_class=_Parser)
 
@@ -130,7 +142,7 @@ def parser() -> argparse.ArgumentParser:
     one.add_argument("folder", metavar="FOLDER", help="an empty or new folder")
     one = add("completion", "print what completes commands in a shell", "starting:completion")
     one.add_argument("shell", choices=("bash", "zsh", "fish"))
-    return top
+    return top if commands.choices else parser()
 
 
 def _of_models(add: Add, verbs: Any) -> None:

@@ -11,9 +11,10 @@ import io
 import sys
 from collections.abc import Sequence
 from importlib import import_module
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NoReturn
 
 from paddock.errors import PaddockError, UserFault
+from paddock.short_lived import leave
 
 from .commands import parser
 from .showing import Speaker, one_line
@@ -27,6 +28,11 @@ _NOT_COMPARED = ("engine_differs", "result_not_there")
 _STRANGE = (TypeError, ValueError, LookupError, AttributeError, ArithmeticError)
 
 
+def program() -> NoReturn:
+    """The command as a program."""
+    leave(main())
+
+
 def main(arguments: Sequence[str] | None = None) -> int:
     if arguments is None:
         gc.set_threshold(100_000)  # all that the parser and the imports make stays
@@ -35,7 +41,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     if isinstance(sys.stdout, io.TextIOWrapper):
         sys.stdout.reconfigure(errors="replace")  # a terminal without the letters of a name is no failure
     try:
-        options = parser().parse_args(given)
+        options = parser("".join(given[:1])).parse_args(given)
         from .asking import Call
 
         return _called(Call(speaker, options.site), options)

@@ -7,7 +7,7 @@
 from __future__ import annotations
 
 import json
-import secrets
+import os
 import time
 import urllib.parse
 from collections.abc import Mapping
@@ -113,7 +113,7 @@ class Site:
 
     def send_files(self, path: str, files: Mapping[str, Path], fields: Mapping[str, str]) -> Any:
         """Send a form with files. Raises as :meth:`raw`, and UserFault("home_file_unreadable", "too_large")."""
-        boundary = secrets.token_hex(16)
+        boundary = os.urandom(16).hex()
         parts: list[bytes] = []
         for name, value in fields.items():
             parts.append(_head(boundary, f'name="{name}"') + value.encode(errors="replace"))
@@ -135,7 +135,7 @@ class Site:
         PlatformFault ``site_unreachable``, ``site_broken``.
         """
         if method == "POST":
-            headers = {"Idempotency-Key": secrets.token_urlsafe(24), **headers}
+            headers = {"Idempotency-Key": os.urandom(24).hex(), **headers}
         for pause_s in RETRY_PAUSES_S if method in ("GET", "POST") else ():
             try:
                 return self._once(method, path, data, headers)

@@ -28,8 +28,8 @@ def model_bytes(
     ir_version: int,
     outside: AbstractSet[str] = frozenset(),
 ) -> bytes:
-    """A ModelProto; all sizes of ``inputs`` and ``output`` are fixed. ``outside``: weights that are only declared, for
-    the runtime to take as arrays."""
+    """A ModelProto. A port with a size that is not fixed is written without its shape. ``outside``: weights that are
+    only declared, for the runtime to take as arrays."""
     graph: list[Part] = [message(1, _node(node)) for node in nodes]
     graph.append(text(2, NAME))
     for name, array in weights.items():
@@ -83,8 +83,9 @@ def _initializer(name: str, array: np.ndarray, outside: bool) -> list[Part]:
 
 
 def _value_info(port: Port) -> bytes:
-    shape = b"".join(message(1, number(1, size)) for size in port.sizes)
-    tensor = number(1, port.dtype) + message(2, shape)
+    tensor = number(1, port.dtype)
+    if None not in port.dims:
+        tensor += message(2, b"".join(message(1, number(1, size)) for size in port.sizes))
     return text(1, port.name) + message(2, message(1, tensor))
 
 

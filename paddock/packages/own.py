@@ -2,7 +2,7 @@
 
 from collections.abc import Sequence
 from contextlib import ExitStack
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 from paddock.errors import UserFault
@@ -36,5 +36,7 @@ def read_car(paths: Sequence[Path], checkpoint: str = "") -> OwnCar:
     if code := FORMATS[package.kind].at_home:
         raise UserFault(code)
     metadata = parse_metadata(package.metadata_json, DEFAULT_LIMITS)
-    canonical = admit_network(package.kind, package.model, metadata, DEFAULT_LIMITS, package.weights)
+    held = [package.model]
+    package = replace(package, model=b"")
+    canonical = admit_network(package.kind, held, metadata, DEFAULT_LIMITS, package.weights)
     return OwnCar(canonical.onnx, metadata.to_dict(), canonical.facts.to_dict(), canonical.sha256)

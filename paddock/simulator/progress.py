@@ -1,6 +1,7 @@
 """Measures a car's progress along the track and counts laps that were really driven."""
 
 import numpy as np
+from numpy.lib.stride_tricks import sliding_window_view
 
 from paddock.geometry.track import Projection, TrackGeometry
 
@@ -22,14 +23,16 @@ class Reach:
         gain = np.full(count, STRIDE_M)
         for offsets in (left, -right):
             points = track.points_at(along, offsets)
-            for lag in range(1, min(count // 2, int(_WINDOW_M / step)) + 1):
-                near = np.linalg.norm(np.roll(points, -lag, axis=0) - points, axis=1) <= STRIDE_M
+            lags = min(count // 2, int(_WINDOW_M / step))
+            around = np.concatenate((points, points[:lags]))
+            for lag in range(1, lags + 1):
+                near = np.linalg.norm(around[lag : lag + count] - points, axis=1) <= STRIDE_M
                 # Both ends of such a pair may be where the stride starts.
-                near |= np.roll(near, lag)
-                gain[near] = np.maximum(gain[near], lag * step)
+                near |= np.concatenate((near[-lag:], near[:-lag]))
+                np.maximum(gain, lag * step, out=gain, where=near)
         # a projection names the segment only
         spread = int(np.ceil(2 * STRIDE_M / step))
-        wide = np.max([np.roll(gain, shift) for shift in range(-spread, spread + 1)], axis=0)
+        wide = sliding_window_view(np.pad(gain, spread, mode="wrap"), 2 * spread + 1).max(axis=1)
         index = np.minimum((track.cumulative / step).astype(int), count - 1)
         self.gains: list[float] = (_MARGIN * wide[index]).tolist()  # metres from each segment
 

@@ -1,8 +1,11 @@
 """Runs a whole race of one or several cars in one world: policies in, laps and traces out."""
 
+from __future__ import annotations
+
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from time import perf_counter
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -18,11 +21,13 @@ from .cruise import Cruise
 from .engine import ENGINE_ID, versions
 from .layout import LayoutDocument
 from .physics import PADDOCK_CAR, CarPhysics
-from .randomisation import Disturbance
 from .referee import LAPS_DONE, RETIRED
 from .results import CarProgress, CompetitorRun, Fault, Progress, RaceResult, RivalProgress
 from .stage import PreparedTrack, Simulation
 from .world import World
+
+if TYPE_CHECKING:
+    from .randomisation import Disturbance
 
 # Maps the sensor readings by name to the input of paddock.simulator.action.ActionSpace.decode.
 Policy = Callable[[dict[str, np.ndarray]], np.ndarray | list[float] | int]

@@ -86,8 +86,9 @@ thread.start(); thread.join()
     [
         ("paddock.cli.main", {"dataclasses", "hashlib", "importlib.metadata", "platform", "tempfile"}),
         ("paddock.cli.rehearsing", {"difflib", "http.client", "numpy", "platform", "urllib.request"}),
-        ("paddock.simulator.race", {"subprocess", "tempfile"}),
-        ("evaluation.garage.conversion_process", {"http.client", "urllib.request", "xml.sax"}),
+        ("paddock.simulator.race", {"numpy.random", "subprocess", "tempfile"}),
+        ("paddock.packages.own", {"google.protobuf", "importlib.metadata", "onnx"}),
+        ("evaluation.garage.conversion_process", {"http.client", "onnx", "paddock.packages.tensorflow", "xml.sax"}),
     ],
 )
 def test_a_process_loads_no_module_of_another_task(module, unused):

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import fcntl
-import functools
 import io
 import json
 import time
@@ -33,8 +32,8 @@ def upload(files: Upload, **options: object):
 
 def upload_to(deed: str, monkeypatch: pytest.MonkeyPatch) -> PaddockError:
     """The fault that an upload ends with when the converter does this deed."""
-    bad = functools.partial(launch, arguments=[deed], python_path=[PAYLOADS])
-    monkeypatch.setattr(admit_module, "launch", lambda module, **options: bad("bad_converter", **options))
+    bad = {"arguments": [deed], "python_path": [PAYLOADS]}
+    monkeypatch.setattr(admit_module, "launch", lambda module, **options: launch("bad_converter", **options | bad))
     with pytest.raises(PaddockError) as fault:
         upload(pair(good_network()))
     return fault.value

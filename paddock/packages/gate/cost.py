@@ -1,12 +1,15 @@
 """Computes the cost of one step of a network from its shapes."""
 
 import math
+import sys
+from collections.abc import Iterator
 from dataclasses import dataclass
-
-import onnx
-from onnx import shape_inference
+from importlib.machinery import PathFinder
+from importlib.util import find_spec, module_from_spec
+from typing import Any
 
 from paddock.errors import UserFault
+from paddock.network import wire
 from paddock.network.canonical import IR_VERSION, CanonicalNetwork
 from paddock.network.model import DTYPES, FLOAT, FLOAT16, Node, Port
 from paddock.network.written import NUMBERS, model_bytes
@@ -16,6 +19,8 @@ from .operators import FLOAT_ONLY
 
 Shape = tuple[int, ...]
 _SMALL = 64  # weights that shapes may hang on
+# Field numbers of onnx/onnx.proto: of a ModelProto, of a GraphProto (inputs, outputs, others), of a ValueInfoProto
+_GRAPH, _VALUES, _TENSOR = 7, (11, 12, 13), (2, 1)
 _TAPS = {"nearest": 1, "linear": 4, "cubic": 16}  # values that one of a resized picture is made of
 
 
@@ -28,6 +33,22 @@ class Cost:
     elements: int
     output: tuple[int, Shape]
     shapes: dict[str, Shape]
+
+
+def _inference() -> Any:
+    """onnx's compiled shape inference without the package around it, whose import takes as long as numpy's."""
+    name = "onnx.onnx_cpp2py_export"
+    if name not in sys.modules:
+        package = find_spec("onnx")
+        spec = package and PathFinder.find_spec(name, package.submodule_search_locations)
+        if spec is None or spec.loader is None:
+            raise ModuleNotFoundError(name)
+        sys.modules[name] = module_from_spec(spec)
+        spec.loader.exec_module(sys.modules[name])
+    return sys.modules[name].shape_inference
+
+
+INFERENCE = _inference()
 
 
 def measure(network: CanonicalNetwork, limits: PackageLimits) -> Cost:
@@ -54,44 +75,49 @@ def measure(network: CanonicalNetwork, limits: PackageLimits) -> Cost:
 
 def _infer(network: CanonicalNetwork) -> dict[str, tuple[int, Shape]]:
     """The element type and shape of every value, by ONNX's own rules."""
-    light = _light(network)
-    light.graph.output[0].type.tensor_type.ClearField("shape")
     try:
-        inferred = shape_inference.infer_shapes(light, check_type=True, strict_mode=True, data_prop=True)
-    except (shape_inference.InferenceError, RuntimeError, ValueError) as error:
+        inferred = INFERENCE.infer_shapes(_light(network), True, True, True)  # check types, be strict, follow values
+    except (INFERENCE.InferenceError, RuntimeError, ValueError) as error:
         raise UserFault("onnx_graph", problem="sizes or types of its operators do not fit") from error
-    graph = inferred.graph
-    values: dict[str, tuple[int, Shape]] = {}
-    for info in (*graph.value_info, *graph.input, *graph.output):
-        values[info.name] = _static(info)
-    for tensor in graph.initializer:
-        values[tensor.name] = (tensor.data_type, tuple(tensor.dims))
+    values = dict(_values(memoryview(inferred)))
+    values |= {name: (NUMBERS[array.dtype.str[1:]], array.shape) for name, array in network.weights.items()}
     if any(name and name not in values for node in network.nodes for name in node.outputs):
         raise UserFault("onnx_dynamic")
     return values
 
 
-def _light(network: CanonicalNetwork) -> onnx.ModelProto:
+def _light(network: CanonicalNetwork) -> bytes:
     """The network without its large weights, which are declared as inputs instead: enough for shape inference."""
     large = {name: array for name, array in network.weights.items() if array.size > _SMALL}
     declared = [Port(name, NUMBERS[array.dtype.str[1:]], list(array.shape)) for name, array in large.items()]
     small = {name: array for name, array in network.weights.items() if name not in large}
-    # (of the output nothing but its type is known yet, and its shape is left out again)
-    output = Port(network.output.name, network.output.dtype, [])
-    written = model_bytes(network.nodes, [*network.inputs, *declared], output, small, network.opset, IR_VERSION)
-    return onnx.load_from_string(written)
+    output = Port(network.output.name, network.output.dtype, [None])  # nothing but its type is known yet
+    return model_bytes(network.nodes, [*network.inputs, *declared], output, small, network.opset, IR_VERSION)
 
 
-def _static(info: onnx.ValueInfoProto) -> tuple[int, Shape]:
-    kind = info.type.tensor_type
-    if not kind.HasField("shape") or not all(dim.HasField("dim_value") for dim in kind.shape.dim):
-        raise UserFault("onnx_dynamic")
-    if kind.elem_type not in DTYPES:
-        raise UserFault("onnx_graph", problem="a value of unknown type")
-    shape = tuple(dim.dim_value for dim in kind.shape.dim)
-    if any(size < 0 for size in shape):
-        raise UserFault("onnx_dynamic")
-    return kind.elem_type, shape
+def _values(model: memoryview) -> Iterator[tuple[str, tuple[int, Shape]]]:
+    """Name, element type and shape of each input, output and intermediate value of a ModelProto."""
+    (graph,) = _at(model, _GRAPH)
+    for number in _VALUES:
+        for info in map(wire.message, _at(wire.message(graph), number)):
+            (name,), shapes = _at(info, 1), _at(info, *_TENSOR, 2)
+            sizes = [_at(wire.message(dim), 1) for dim in _at(info, *_TENSOR, 2, 1)]
+            if not shapes or not all(sizes):
+                raise UserFault("onnx_dynamic")
+            dtype = wire.number(next(iter(_at(info, *_TENSOR, 1)), 0))
+            if dtype not in DTYPES:
+                raise UserFault("onnx_graph", problem="a value of unknown type")
+            shape = tuple(wire.signed(wire.number(size)) for (size,) in sizes)
+            if any(size < 0 for size in shape):
+                raise UserFault("onnx_dynamic")
+            yield wire.text(name), (dtype, shape)
+
+
+def _at(data: memoryview, *path: int) -> list[int | memoryview]:
+    """All values at a path of field numbers."""
+    number, *inner = path
+    found = [value for field, _, value in wire.fields(data, wire.Budget(len(data))) if field == number]
+    return [value for one in found for value in _at(wire.message(one), *inner)] if inner else found
 
 
 def _check_types(node: Node, values: dict[str, tuple[int, Shape]]) -> None:

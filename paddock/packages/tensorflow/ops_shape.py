@@ -6,11 +6,14 @@ from typing import Any
 
 import numpy as np
 
+from paddock.network.written import NUMBERS
+
 from .emit import Known, Tensor, Value
 from .graph import TensorflowNode
 from .registry import Context, Contradiction, Unsupported, axes_of, axis_of, converts, integers, known, require, tensor
 
 _MOST_PARTS = 64
+_DOUBLE = 11  # TensorProto.DataType: the one type of a graph that the gate refuses
 
 
 @converts("Shape")
@@ -267,7 +270,5 @@ def _cast(context: Context, node: TensorflowNode, source: Value) -> Value:
 
 def cast(context: Context, source: Tensor, wanted: np.dtype) -> Tensor:
     """Emit a cast, keeping the layout."""
-    from onnx.helper import np_dtype_to_tensor_dtype
-
-    number = np_dtype_to_tensor_dtype(wanted)
+    number = NUMBERS.get(wanted.str[1:], _DOUBLE)
     return context.emit.node("Cast", [source], source.shape, wanted, planar=source.planar, to=number)
