@@ -10,6 +10,7 @@ from collections.abc import Set as AbstractSet
 import numpy as np
 
 from .model import BOOL, FLOAT, FLOAT16, INT32, INT64, UINT8, Attribute, Node, Port, Rejected
+from .wire import BYTES, FIXED32, VARINT
 
 NUMBERS = {"f4": FLOAT, "u1": UINT8, "i4": INT32, "i8": INT64, "b1": BOOL, "f2": FLOAT16}
 NAME = "car"
@@ -87,9 +88,6 @@ def _value_info(port: Port) -> bytes:
     if None not in port.dims:
         tensor += message(2, b"".join(message(1, number(1, size)) for size in port.sizes))
     return text(1, port.name) + message(2, message(1, tensor))
-
-
-VARINT, BYTES, FIXED32 = 0, 2, 5
 
 
 def message(place: int, content: bytes) -> bytes:

@@ -24,7 +24,7 @@ from .lower import lower
 from .plain import Step
 from .policy import Head, finish
 
-__all__ = ["export_model", "frozen_graph", "openvino_ir"]
+__all__ = ["export_model", "openvino_ir"]
 
 
 FORM = 1  # the next one when the same network is written as another graph: see the test of the exported bytes
@@ -49,12 +49,6 @@ def export_model(onnx: bytes, metadata: ModelMetadata, form: str) -> bytes:
     return tar_gz({"model.xml": [xml], "model.bin": [numbers], "model_metadata.json": [about]})
 
 
-def frozen_graph(onnx: bytes, metadata: ModelMetadata) -> bytes:
-    """A canonical network as a frozen TensorFlow GraphDef with the console's node names."""
-    specs = _specs(metadata)
-    return b"".join(exported(CanonicalNetwork.read(onnx), specs, Head.of(metadata)))
-
-
 def openvino_ir(onnx: bytes, metadata: ModelMetadata) -> tuple[bytes, bytes]:
     """A canonical network as OpenVINO's intermediate representation: its XML and its numbers."""
     from .ir import write_ir  # the reading of uploads imports this package, and needs no XML
@@ -71,7 +65,8 @@ def _specs(metadata: ModelMetadata) -> dict[str, InputSpec]:
 
 
 def exported(network: CanonicalNetwork, specs: Mapping[str, InputSpec], head: Head) -> list[Part]:
-    """The network as a frozen GraphDef, in parts to be joined. Raises UserFault ``export_operator``."""
+    """The network as a frozen TensorFlow GraphDef with the console's node names, in parts to be joined. Raises
+    UserFault ``export_operator``."""
     written = write_graph(finish(lower(network, dict(specs)), head), head)
     return [*written.parts, policy_node(written, head, _mark(network, written, head))]
 

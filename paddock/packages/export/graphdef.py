@@ -11,7 +11,8 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from paddock.errors import UserFault
-from paddock.network.written import BYTES, key, message, number, text, varint
+from paddock.network.wire import BYTES
+from paddock.network.written import key, message, number, text, varint
 
 from .plain import BINARY, COMPARING, REDUCING, UNARY, Const, Operand, Plain, PlainOperation, Step, Value
 from .policy import Head

@@ -18,7 +18,7 @@ import pytest
 import paddock.simulator.envs  # noqa: F401  (registers them)
 from paddock.errors import UserFault
 from paddock.packages.admission import admit_network
-from paddock.packages.export import export_model, frozen_graph, openvino_ir
+from paddock.packages.export import export_model, openvino_ir
 from paddock.packages.export.graphdef import MARK
 from paddock.packages.gate import Canonical, check_onnx
 from paddock.packages.kinds import CAR, OPENVINO
@@ -134,6 +134,11 @@ def openvinos(path: Path, metadata: ModelMetadata, feeds: list[dict[str, np.ndar
         turned = [one.transpose(0, 3, 1, 2) if first and one.ndim == 4 else one for one in values]
         answers.append(np.array(compiled(turned)[0]))
     return [np.tanh(answer) for answer in answers] if metadata.algorithm == "sac" else answers
+
+
+def frozen_graph(onnx: bytes, metadata: ModelMetadata) -> bytes:
+    with tarfile.open(fileobj=io.BytesIO(export_model(onnx, metadata, CAR))) as archive:
+        return archive.extractfile("agent/model.pb").read()
 
 
 def written(canonical: Canonical, metadata: ModelMetadata, form: str, folder: Path) -> Path:
