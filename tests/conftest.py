@@ -63,7 +63,7 @@ def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item
 
     Tests that share what their module or package makes once stay together: elsewhere every worker would make it anew.
     """
-    for file in {item.path for item in items if not _is_quick(item)}:
+    for file in {item.path for item in items if item.get_closest_marker("slow") is not None}:
         if not _names_slow(file):
             raise pytest.UsageError(f"{file} has slow tests and does not name the mark: journeys would not find them")
     quick_ones: Counter[str] = Counter()
