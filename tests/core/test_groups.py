@@ -4,6 +4,7 @@ share; and journeys read only the files that name a slow test."""
 from __future__ import annotations
 
 import os
+from contextlib import nullcontext
 from pathlib import Path
 
 import pytest
@@ -32,8 +33,9 @@ def test_journeys_read_only_files_that_name_the_mark(pytestconfig, monkeypatch, 
         assert {name for name in files if conftest.pytest_ignore_collect(tmp_path / name, pytestconfig)} == left_out
 
 
-def test_a_file_with_a_slow_test_that_does_not_name_the_mark_is_refused(pytestconfig, request, monkeypatch):
-    monkeypatch.setattr(conftest, "_is_quick", lambda item: False)
+@pytest.mark.parametrize(("mark", "is_refused"), [("slow", True), ("soak", False)])
+def test_a_file_with_a_slow_test_that_does_not_name_the_mark_is_refused(mark, is_refused, request, monkeypatch):
     monkeypatch.setattr(conftest, "_names_slow", lambda file: False)
-    with pytest.raises(pytest.UsageError, match="journeys would not find them"):
-        conftest.pytest_collection_modifyitems(pytestconfig, [request.node])
+    monkeypatch.setattr(request.node, "get_closest_marker", lambda name: name == mark or None)
+    with pytest.raises(pytest.UsageError, match="journeys would not find") if is_refused else nullcontext():
+        conftest.pytest_collection_modifyitems(request.config, [request.node])
