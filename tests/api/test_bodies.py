@@ -210,10 +210,10 @@ def test_every_write_refuses_an_unknown_field(method, path, owned, as_racer):
     assert written(queries) == []
 
 
-@pytest.mark.parametrize(("method", "path"), WRITES, ids=NAMES)
-def test_the_schema_forbids_additional_fields_in_a_body(method, path):
-    if taken := body_of(method, path):
-        assert taken[1]["additionalProperties"] is False
+def test_the_schema_forbids_additional_fields_in_a_body():
+    taken = {(method, path): body_of(method, path) for method, path in WRITES}
+    assert sum(map(bool, taken.values())) > 50
+    assert [each for each, body in taken.items() if body and body[1]["additionalProperties"] is not False] == []
 
 
 def test_response_schemas_allow_new_fields():

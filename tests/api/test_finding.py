@@ -19,9 +19,12 @@ OPERATIONS = [
 ]
 
 
-@pytest.mark.parametrize(("route", "method"), OPERATIONS, ids=lambda each: getattr(each, "name", each))
-def test_every_write_with_parameters_in_its_address_finds_what_they_name(route, method):
-    assert "<" not in str(route.pattern) or hasattr(getattr(route.callback.cls, method), "lookup")
+def test_every_write_with_parameters_in_its_address_finds_what_they_name():
+    named = [(route, method) for route, method in OPERATIONS if "<" in str(route.pattern)]
+    assert len(named) > 50
+    assert [
+        (route.name, method) for route, method in named if not hasattr(getattr(route.callback.cls, method), "lookup")
+    ] == []
 
 
 @pytest.mark.django_db

@@ -155,13 +155,12 @@ def test_every_text_of_a_model_is_checked_or_says_why_not() -> None:
     assert all(EXEMPT.values())
 
 
-@pytest.mark.parametrize("mark", INVISIBLE, ids=ascii)
 @pytest.mark.parametrize("place", ["{}ab", "a{}b", "ab{}", "א{}ב", "{}"])
-def test_an_invisible_character_is_named(mark: str, place: str) -> None:
-    text = place.format(mark)
-    for lines in (False, True):
-        assert invisible_character(text, lines=lines) == f"U+{ord(mark):04X}"
-    assert not invisible_character(without_invisible(text))
+def test_an_invisible_character_is_named(place: str) -> None:
+    for mark in INVISIBLE:
+        text, name = place.format(mark), f"U+{ord(mark):04X}"
+        assert invisible_character(text, lines=False) == invisible_character(text, lines=True) == name
+        assert not invisible_character(without_invisible(text)), name
 
 
 @pytest.mark.parametrize("text", VISIBLE)

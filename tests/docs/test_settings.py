@@ -50,9 +50,10 @@ def test_the_search_finds_known_variables():
     assert {"PADDOCK_DATA", "DATABASE_URL", "STORAGE", "PADDOCK_SANDBOX_LEVEL", "PADDOCK_SANDBOX_UIDS"} <= variables()
 
 
-@pytest.mark.parametrize("name", sorted(variables()))
-def test_every_variable_has_a_row(name):
-    assert re.search(rf"^\| `{name}` \| .+ \| .+ \|$", section(text("operators.md"), "## Environment variables"), re.M)
+def test_every_variable_has_a_row():
+    described = section(text("operators.md"), "## Environment variables")
+    rows = set(re.findall(r"^\| `([A-Z_0-9]+)` \| .+ \| .+ \|$", described, re.M))
+    assert sorted(variables() - rows) == []
 
 
 def test_every_described_variable_is_read():

@@ -127,7 +127,7 @@ class TestStorageOutage:
 
     def test_a_day_without_storage_fails_no_car(self, cars, turn, bucket):
         bucket.fault = STOPPED
-        for minute in range(0, 24 * 60, 10):
+        for minute in range(0, 24 * 60, 20):
             turn(60 * minute)
         bucket.fault = None
         assert all(turn(86_400 + second) for second in range(4))

@@ -54,8 +54,8 @@ CONVERTED = {code for code, reason in REASONS.items() if reason.subject in IN_A_
 FIRST_OF_EACH = [
     next(cases) for code, cases in groupby(CASES, lambda case: case.split("/")[0]) if code in CONVERTED - UNREACHABLE
 ]
-# what reads policies of stable-baselines3 loads torch each time
-KINDS = {case: "sb3" if case.startswith("sb3_") else case.split("/")[0] for case in CASES}
+# the way to the sandbox and back is the same for each reason of a subject
+KINDS = {case: case.startswith(ONLY_IN_THE_SANDBOX) or REASONS[case.split("/")[0]].subject for case in CASES}
 
 
 def load(case: str) -> ModuleType:

@@ -8,11 +8,12 @@ import pytest
 
 from evaluation.sandbox.limits import REWARD
 from paddock.geometry.catalogue import CATALOGUE
+from tests.soak import one_of_each
 from training.rewards.audit.drives import eight_drives
 from training.rewards.audit.report import audit_reward
 
 from .test_hostile import children, descriptors, is_left
-from .test_hostile_rewards import marked_lines, parameters, source
+from .test_hostile_rewards import marked_lines, parameters, source, takes_seconds
 
 
 @pytest.fixture(scope="module")
@@ -20,7 +21,12 @@ def drives():
     return eight_drives(next(entry for entry in CATALOGUE if entry.slug == "oval").geometry(), "ccw")
 
 
-@pytest.mark.parametrize("case", parameters())  # some are slow
+def of_each_code() -> list:
+    """The sandbox is that of validation, which meets them all."""
+    return one_of_each(parameters(), kind=lambda one: (one.values[0].split("/")[0], takes_seconds(one.values[0])))
+
+
+@pytest.mark.parametrize("case", of_each_code())
 def test_a_hostile_function_ends_an_audit_with_its_code_and_line(case, drives, tmp_path, monkeypatch) -> None:
     monkeypatch.chdir(tmp_path)
     text = source(case)

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import pytest
 
 from league.models import ChampionshipPlace, FinalePlace, Membership, RoundPoints
@@ -11,6 +13,7 @@ from league.stewarding.official_results import close_due_rounds
 from league.stewarding.services import disqualify, lock_round, put_back
 from races.models import Entry, Race
 from tests.factories import a_racer
+from tests.kept import Kept
 from tests.league.seasons import HOUR, a_round, a_season, after, board, racers
 
 pytestmark = pytest.mark.django_db
@@ -44,9 +47,14 @@ class Year:
         return list(model.objects.filter(racer=self.ten[0]).values_list("round", flat=True))
 
 
+@pytest.fixture(scope="session")
+def kept_year(request: pytest.FixtureRequest, keep: Callable) -> Kept:
+    return keep(request, Year)
+
+
 @pytest.fixture
-def year() -> Year:
-    return Year()
+def year(kept_year: Kept, db: None) -> Year:
+    return kept_year.copy()
 
 
 def test_pro_points_finale_and_championship_places_go_with_the_promotion(year):

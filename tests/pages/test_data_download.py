@@ -5,6 +5,8 @@ from __future__ import annotations
 import io
 import json
 import zipfile
+from collections.abc import Callable
+from unittest.mock import patch
 
 import pytest
 from django.core.files.base import ContentFile
@@ -21,15 +23,28 @@ from races.models import Entry
 from tests.clients import logged_in
 from tests.drawn_runs import a_drawing
 from tests.factories import a_model, a_race, a_racer
+from tests.kept import Kept
+from tests.pages.conftest import World, make_world
 from tests.pages.form_world import Cast
 from videos import drawing
 
 
+@pytest.fixture(scope="session")
+def kept_cast(request: pytest.FixtureRequest, keep: Callable) -> Kept:
+    return keep(request, _with_everything, fresh_s=20.0)  # as of the pages' world
+
+
 @pytest.fixture
-def cast(world, wakes, monkeypatch):
-    monkeypatch.setattr(drawing, "write_video", a_drawing)
-    monkeypatch.setattr(drawing, "poster", lambda scene: b"a still")
-    return Cast(world)
+def cast(kept_cast: Kept, db: None) -> World:
+    """The world, and in it everything that forms of the site ask for."""
+    return kept_cast.copy()
+
+
+def _with_everything() -> World:
+    world = make_world()
+    with patch.multiple(drawing, write_video=a_drawing, poster=lambda scene: b"a still"):
+        Cast(world)
+    return world
 
 
 def unpacked(pieces) -> dict[str, bytes]:
@@ -38,8 +53,8 @@ def unpacked(pieces) -> dict[str, bytes]:
         return {name: packed.read(name) for name in packed.namelist()}
 
 
-def test_it_has_a_list_of_json_for_each_section_with_rows(world, cast):
-    files = unpacked(archive(Racer.objects.get(alias="alice"), now=world.now))
+def test_it_has_a_list_of_json_for_each_section_with_rows(cast):
+    files = unpacked(archive(Racer.objects.get(alias="alice"), now=cast.now))
     sections = {name.removesuffix(".json") for name in files if name.endswith(".json")}
     known = {rule.section for rule in all_rules().values() if rule.section}
     wanted = {"account", "email_addresses", "models", "trainings", "searches", "entries", "runs", "results", "webhooks"}
@@ -48,18 +63,18 @@ def test_it_has_a_list_of_json_for_each_section_with_rows(world, cast):
     assert json.loads(files["account.json"])[0]["alias"] == "alice"
 
 
-def test_the_readme_names_each_section_and_what_is_left_out(world, cast):
-    files = unpacked(archive(Racer.objects.get(alias="alice"), now=world.now))
+def test_the_readme_names_each_section_and_what_is_left_out(cast):
+    files = unpacked(archive(Racer.objects.get(alias="alice"), now=cast.now))
     readme = files["README.txt"].decode()
     assert all(f"{rule.section}.json: " in readme for rule in all_rules().values() if rule.section)
     assert all(reason in readme for rule in all_rules().values() for reason in rule.withheld)
 
 
-def test_nothing_of_another_racer_is_in_it(world, cast):
+def test_nothing_of_another_racer_is_in_it(cast):
     """Alice and bob share races, duels, a team's invitation, a group and runs with both cars."""
     alice, bob = Racer.objects.get(alias="alice"), Racer.objects.get(alias="bob")
     for mine, theirs in ((alice, bob), (bob, alice)):
-        files = unpacked(archive(mine, now=world.now))
+        files = unpacked(archive(mine, now=cast.now))
         # videos that alice requested name the runs of others, which everybody sees
         texts = [content for name, content in files.items() if name.endswith(".json") and name != "videos.json"]
         text = b"\n".join([*texts, files["README.txt"]]).decode()

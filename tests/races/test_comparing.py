@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Callable
 
 import pytest
 from django.contrib.auth.models import AnonymousUser
@@ -25,6 +26,7 @@ from races.replays.selectors import Why, comparable_with, offers_to_compare, rac
 from tests.drawn_runs import a_driven_run
 from tests.evaluation.stubs import HEADER
 from tests.factories import a_model, a_race, a_racer, lap
+from tests.kept import Kept
 
 pytestmark = pytest.mark.django_db
 
@@ -76,8 +78,17 @@ def test_a_lap_that_is_not_there_is_refused(number):
     assert refused.value.code == "compare_lap"
 
 
+@pytest.fixture(scope="session")
+def kept_compared(request: pytest.FixtureRequest, keep: Callable) -> Kept:
+    return keep(request, lambda: _runs(timezone.now()))
+
+
 @pytest.fixture
-def runs(now):
+def runs(kept_compared: Kept, db: None):
+    return kept_compared.copy()
+
+
+def _runs(now):
     """Of an open race, of a secret one, and of one in the other direction, all driven by Bob but the first."""
     alice, bob, house = a_racer("alice"), a_racer("bob"), a_racer("house", is_house=True)
     public = a_race(now, slug="public", organiser=alice)

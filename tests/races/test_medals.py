@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Callable
 from datetime import timedelta
 
 import pytest
@@ -16,6 +17,7 @@ from races.boards.medals import medal_in, medal_of_run, medal_target, race_refer
 from races.models import Entry, Race
 from tests.drawn_runs import a_driven_run
 from tests.factories import a_race, a_racer, drive, laps
+from tests.kept import Kept
 from tests.reference_laps import a_reference
 from tracks.models import ReferenceLap
 from tracks.reference.medals import Medal
@@ -24,8 +26,17 @@ pytestmark = pytest.mark.django_db
 REFERENCE_MS = 10_000
 
 
+@pytest.fixture(scope="session")
+def kept_medals(request: pytest.FixtureRequest, keep: Callable, now) -> Kept:
+    return keep(request, lambda: _race(now))
+
+
 @pytest.fixture
-def race(wakes, now) -> Race:
+def race(kept_medals: Kept, db: None) -> Race:
+    return kept_medals.copy()
+
+
+def _race(now) -> Race:
     """Alice has silver, carl none, the house car steady is slower than bronze."""
     race = a_race(now)
     for alias, time in (("alice", 11_000), ("carl", 14_000), ("steady", 13_560)):

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import replace
 from datetime import timedelta
 from io import BytesIO
@@ -35,6 +36,7 @@ from races.models import Elsewhere, Race, Recheck, RecheckState
 from races.rechecks.jobs import KEPT, PATIENCE, RECHECKS, run_next_recheck
 from races.rechecks.services import draw_sample, examine, unexamined
 from tests.factories import a_race, a_racer, a_track, drive, laps, outcome
+from tests.kept import Kept
 from tests.rows import model_row, track_row
 
 pytestmark = pytest.mark.django_db
@@ -54,8 +56,17 @@ def night(now):
     return (now + timedelta(days=30)).replace(hour=3)
 
 
+@pytest.fixture(scope="session")
+def kept_rechecked(request: pytest.FixtureRequest, keep: Callable, now) -> Kept:
+    return keep(request, lambda: _results(now))
+
+
 @pytest.fixture
-def results(now):
+def results(kept_rechecked: Kept, db: None):
+    return kept_rechecked.copy()
+
+
+def _results(now):
     """Five results of a race that closes before the night, driven by celery@one."""
     race = a_race(now)
     runs = [drive(race, a_racer(), DRIVEN, now).evaluation for _ in range(5)]

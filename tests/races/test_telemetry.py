@@ -6,6 +6,7 @@ import csv
 import gzip
 import io
 import json
+from collections.abc import Callable
 from html import unescape
 
 import pytest
@@ -14,7 +15,7 @@ from django.urls import reverse
 from django.utils import timezone
 from django.utils.translation import override
 
-from evaluation.models import Evaluation
+from evaluation.models import Evaluation, Result
 from paddock.analysis.losses import Loss, Mistake, Stretch
 from paddock.analysis.turns import turns_of
 from paddock.simulator.engine import ENGINE_ID
@@ -23,10 +24,16 @@ from races.models import Visibility
 from races.telemetry.document import REASONS, loss_sentence
 from tests.drawn_runs import a_driven_run
 from tests.factories import a_race, a_racer
+from tests.kept import Kept
 from tests.paddock.analysis.mistakes import drive
 from tracks.models import ReferenceLap
 
 pytestmark = pytest.mark.django_db
+
+
+@pytest.fixture(scope="session")
+def kept_telemetry(request: pytest.FixtureRequest, keep: Callable) -> Kept:
+    return keep(request, lambda: _runs(timezone.now()))
 
 
 @pytest.fixture
@@ -35,7 +42,11 @@ def now():
 
 
 @pytest.fixture
-def runs(now):
+def runs(kept_telemetry: Kept, db: None):
+    return kept_telemetry.copy()
+
+
+def _runs(now):
     alice, bob = a_racer("alice"), a_racer("bob")
     public = a_race(now, slug="public", organiser=alice)
     secret = a_race(now, slug="secret", organiser=alice, visibility=Visibility.INVITATION)
@@ -217,7 +228,7 @@ def test_what_cannot_be_compared_is_refused_with_its_reason(runs, client, query,
 
 
 def test_a_trace_that_is_gone_is_the_platforms_fault(runs, client):
-    runs["alice"].result.trace.delete(save=False)
+    Result.objects.filter(evaluation=runs["alice"]).update(trace="traces/gone.csv.gz")
     assert client.get(address(runs["alice"])).status_code == 503
     page = client.get(reverse("replay", args=[runs["alice"].public_id]), {"analysis": "1"})
     assert page.status_code == 200 and "data-telemetry" not in page.content.decode()

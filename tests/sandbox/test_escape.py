@@ -78,9 +78,8 @@ def outcomes(level, paths):
         return message["outcomes"]
 
 
-@pytest.mark.parametrize("name", NAMES)
-def test_the_sandbox_blocks_every_attempt(name, outcomes):
-    assert outcomes[name] != "open"
+def test_the_sandbox_blocks_every_attempt(outcomes):
+    assert [name for name in NAMES if outcomes[name] == "open"] == []
 
 
 def test_every_attempt_ran_and_none_was_fatal(outcomes):

@@ -307,6 +307,7 @@ def test_a_slow_start_is_warned_about():
     assert warning.code == "reward_slow_start" and warning.params["count"] == CARS
 
 
+@pytest.mark.slow
 def test_the_laboratory_shows_what_there_was_time_for():
     """Many calls together take the time of one: that is no endless loop."""
     along = rewards_along(loop(20_000_000), [dict(PARAMS)] * 100)
