@@ -22,7 +22,7 @@ def drives():
 
 
 def of_each_code() -> list:
-    """The sandbox is that of validation, which meets them all."""
+    """The sandbox is that of validation, which meets them all; some are slow."""
     return one_of_each(parameters(), kind=lambda one: (one.values[0].split("/")[0], takes_seconds(one.values[0])))
 
 

@@ -18,8 +18,8 @@ from benchmarks.page_rows import BOARD, Site, make_site
 from evaluation.models import Evaluation
 from league.models import Membership, Notice, Round, RoundPoints, Stage
 from league.seasons.services.seasons import create_season
+from races.entries.selectors.lists import STATES
 from races.models import Entry, Race
-from races.pages.views.races import LISTS
 from races.test_runs.services import drive_own
 from tests.factories import a_model, a_race, a_racer, drive, finish, laps
 from tests.kept import Kept
@@ -75,7 +75,7 @@ def test_a_page_needs_few_queries(world: World, path: str) -> None:
     assert len(sent) <= LIMIT, "\n".join(sent)
 
 
-@pytest.mark.parametrize("path", ["/", "/about/", *(f"/races/?show={show}" for show in ("", *LISTS, "mine"))])
+@pytest.mark.parametrize("path", ["/", "/about/", *(f"/races/?show={show}" for show in ("", *STATES, "mine"))])
 @pytest.mark.parametrize("viewer", ["newcomer", "bob"])
 def test_pages_of_shared_parts_need_few_queries(world: World, viewer: str, path: str) -> None:
     """Without a car, and with results and a car that drives."""
