@@ -10,9 +10,8 @@ from django.views.decorators.http import require_http_methods, require_safe
 
 from accounts.quotas import limit_of
 from accounts.request_racer import racer_of
-from core.forms import add_fault
+from core.pages.faults import faults_shown
 from core.pages.pager import LeanPaginator
-from paddock.errors import UserFault
 
 from .drawing.printing import FORMS, print_facts, print_file
 from .forms import ImportTrackForm
@@ -79,7 +78,7 @@ def import_track_page(request: HttpRequest) -> HttpResponse:
     """Import a track file; on success its own page shows the map."""
     form = ImportTrackForm(request.POST or None, request.FILES or None)
     if request.method == "POST" and form.is_valid():
-        try:
+        with faults_shown(form):
             made = import_track(
                 data=form.data_bytes(),
                 name=form.cleaned_data["name"],
@@ -90,9 +89,6 @@ def import_track_page(request: HttpRequest) -> HttpResponse:
                 scale=form.cleaned_data["scale"],
                 least_width_m=form.cleaned_data["least_width_m"] or 0.0,
             )
-        except UserFault as fault:
-            add_fault(form, fault)
-        else:
             messages.success(request, _("Track imported. Anyone can create a race on it now."))
             return redirect(made)
     context = {"form": form, "limit": limit_of(racer_of(request), TRACKS.name)}

@@ -14,7 +14,7 @@ from django.views.decorators.cache import never_cache
 from django.views.decorators.http import require_http_methods, require_POST, require_safe
 
 from core.addresses import origin_of
-from core.forms import add_fault, explain
+from core.pages.faults import faults_reported, faults_shown, report_fault
 from core.pages.pager import LeanPaginator
 from paddock.errors import UserFault
 
@@ -51,13 +51,8 @@ def groups(request: HttpRequest) -> HttpResponse:
 def group_new(request: HttpRequest) -> HttpResponse:
     form = GroupForm(request.POST or None)
     if request.method == "POST" and form.is_valid():
-        try:
+        with faults_shown(form):
             made = services.make_group(by=racer_of(request), now=timezone.now(), **form.cleaned_data)
-        except UserFault as fault:
-            add_fault(form, fault)
-        except ValidationError as error:
-            form.add_error(None, error)
-        else:
             messages.success(request, _("Group created. Send its link to the members."))
             return redirect(made)
     return render(request, "accounts/groups/new.html", {"form": form}, status=422 if form.errors else 200)
@@ -116,7 +111,7 @@ def _do(request: HttpRequest, shown: RacerGroup) -> HttpResponse:
             else:
                 raise Http404
     except UserFault as fault:
-        messages.error(request, explain(fault))
+        report_fault(request, fault)
     except ValidationError as error:
         messages.error(request, " ".join(error.messages))
     else:
@@ -146,10 +141,9 @@ def group_leave(request: HttpRequest, slug: str) -> HttpResponse:
     shown = get_object_or_404(groups_visible_to(request.user), slug=slug)
     member = racer_of(request).group_memberships.filter(group=shown).select_related("group").first()
     if member is not None:
-        try:
+        with faults_reported(request):
             services.remove_member(member=member, by=racer_of(request))
-        except UserFault as fault:
-            messages.error(request, explain(fault))
-            return redirect(shown)
-        messages.success(request, _("You are no longer in the group."))
+            messages.success(request, _("You are no longer in the group."))
+            return redirect("groups")
+        return redirect(shown)
     return redirect("groups")

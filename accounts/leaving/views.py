@@ -17,7 +17,8 @@ from django.utils.translation import gettext_lazy
 from django.views.decorators.cache import never_cache
 from django.views.decorators.http import require_http_methods, require_POST, require_safe
 
-from core.forms import add_fault, explain
+from core.forms import explain
+from core.pages.faults import faults_reported, faults_shown
 from paddock.errors import UserFault
 
 from ..class_accounts.services import is_learner
@@ -61,11 +62,9 @@ def own_data(request: HttpRequest) -> HttpResponse:
 @reauthentication_required(app="allauth.account")
 def data_download(request: HttpRequest) -> HttpResponseBase:
     """The racer's data as a zip, soon after a log-in."""
-    try:
+    with faults_reported(request):
         return download_of_data(racer=racer_of(request), now=timezone.now())
-    except UserFault as fault:
-        messages.error(request, explain(fault))
-        return redirect("own_data")
+    return redirect("own_data")
 
 
 @login_required
@@ -82,12 +81,9 @@ def account_delete(request: HttpRequest) -> HttpResponse:
     except UserFault as fault:
         refusal = explain(fault)
     if request.method == "POST" and form.is_valid() and not refusal:
-        try:
+        with faults_shown(form):
             require_fresh(racer=racer)
             delete_account(racer=racer, by=racer, now=now)
-        except UserFault as fault:
-            add_fault(form, fault)
-        else:
             logout(request)
             messages.success(request, _("Your account is deleted."))
             return redirect("home")

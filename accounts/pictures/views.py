@@ -9,7 +9,7 @@ from django.utils import timezone
 from django.utils.translation import gettext as _
 from django.views.decorators.http import require_POST, require_safe
 
-from core.forms import explain
+from core.pages.faults import faults_reported
 from paddock.errors import PlatformFault, UserFault
 
 from ..models import Racer
@@ -23,13 +23,10 @@ A_YEAR_S = 31_536_000  # another picture has another address
 @require_POST
 def picture_set(request: HttpRequest) -> HttpResponse:
     file = request.FILES.get("picture")
-    try:
+    with faults_reported(request):
         if file is None:
             raise UserFault("picture_format")
         set_picture(racer=racer_of(request), file=file, now=timezone.now())
-    except UserFault as fault:
-        messages.error(request, explain(fault))
-    else:
         messages.success(request, _("Saved."))
     return redirect("settings")
 

@@ -5,15 +5,14 @@ from typing import Any
 from django import forms
 from django.conf import settings
 from django.contrib.auth.decorators import login_required
-from django.core.exceptions import ValidationError
 from django.http import HttpRequest, HttpResponse
 from django.shortcuts import redirect, render
 from django.utils import timezone
 from django.utils.translation import gettext_lazy
 from django.views.decorators.http import require_http_methods
 
-from core.forms import add_fault, say_saved
-from paddock.errors import UserFault
+from core.forms import say_saved
+from core.pages.faults import faults_shown
 
 from ..models import Racer
 from ..request_racer import racer_of
@@ -55,13 +54,8 @@ def alias_page(request: HttpRequest) -> HttpResponse:
     racer, now = racer_of(request), timezone.now()
     form = NewAliasForm(request.POST or None)
     if request.method == "POST" and form.is_valid():
-        try:
+        with faults_shown(form, "alias"):
             change_alias(racer=racer, alias=form.cleaned_data["alias"], now=now)
-        except UserFault as fault:
-            add_fault(form, fault, "alias")
-        except ValidationError as error:
-            form.add_error("alias", error)
-        else:
             say_saved(request, form)
             return redirect("alias")
     context = {"form": form, "past": racer.past_aliases.all(), "next_at": next_change_at(racer, now)}

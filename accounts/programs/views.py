@@ -7,7 +7,7 @@ from django import forms
 from django.conf import settings
 from django.contrib import messages
 from django.contrib.auth.decorators import login_required
-from django.core.exceptions import PermissionDenied, ValidationError
+from django.core.exceptions import PermissionDenied
 from django.http import HttpRequest, HttpResponse
 from django.shortcuts import get_object_or_404, redirect, render
 from django.utils import timezone
@@ -17,7 +17,7 @@ from django.views.decorators.cache import never_cache
 from django.views.decorators.http import require_http_methods
 
 from core.addresses import origin_of
-from core.forms import add_fault, explain
+from core.pages.faults import faults_shown, report_fault
 from paddock.errors import UserFault
 
 from ..models import ServiceAccount
@@ -52,13 +52,8 @@ def programs(request: HttpRequest) -> HttpResponse:
     _require(request)
     form = ProgramForm(request.POST or None, initial={"owner": racer_of(request).alias})
     if request.method == "POST" and form.is_valid():
-        try:
+        with faults_shown(form):
             made = services.make_program(by=racer_of(request), now=timezone.now(), **form.cleaned_data)
-        except UserFault as fault:
-            add_fault(form, fault)
-        except ValidationError as refused:
-            form.add_error(None, [text for texts in refused.message_dict.values() for text in texts])
-        else:
             messages.success(request, _("Program created. It needs a token."))
             return redirect("program", made.racer.alias)
     context = {"programs": services.programs(), "form": form}
@@ -83,7 +78,7 @@ def _program(request: HttpRequest, alias: str) -> HttpResponse:
         try:
             text = _act(request, shown, action, form)
         except UserFault as fault:
-            messages.error(request, explain(fault))
+            report_fault(request, fault)
             return redirect("program", shown.racer.alias)
         if not text and not form.errors:
             return redirect("program", shown.racer.alias)

@@ -14,8 +14,7 @@ from django.views.decorators.cache import never_cache
 from django.views.decorators.http import require_safe
 from django.views.generic import FormView
 
-from core.forms import add_fault
-from paddock.errors import UserFault
+from core.pages.faults import faults_shown
 
 from .attempt_limits import may_ask_for_challenge
 from .receivers import begin_passing_session
@@ -26,11 +25,9 @@ class FaultsInForm(FormView):
     """A form that shows a UserFault as its error: an invitation, for example, without a place left."""
 
     def form_valid(self, form: BaseForm) -> HttpResponse:
-        try:
+        with faults_shown(form):
             return super().form_valid(form)
-        except UserFault as fault:
-            add_fault(form, fault)
-            return self.form_invalid(form)
+        return self.form_invalid(form)
 
 
 class SignUpView(FaultsInForm, SignupView):

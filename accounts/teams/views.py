@@ -3,7 +3,6 @@
 from django import forms
 from django.contrib import messages
 from django.contrib.auth.decorators import login_required
-from django.core.exceptions import ValidationError
 from django.db.models import Count
 from django.http import Http404, HttpRequest, HttpResponse
 from django.shortcuts import get_object_or_404, redirect, render
@@ -15,9 +14,8 @@ from django.views.decorators.cache import never_cache
 from django.views.decorators.http import require_http_methods, require_POST, require_safe
 
 from core.addresses import origin_of
-from core.forms import add_fault, explain
+from core.pages.faults import faults_reported, faults_shown
 from core.pages.pager import LeanPaginator
-from paddock.errors import UserFault
 
 from ..models import Racer, Team, TeamInvitation
 from ..request_racer import racer_of
@@ -46,13 +44,8 @@ def teams(request: HttpRequest) -> HttpResponse:
 def team_new(request: HttpRequest) -> HttpResponse:
     form = TeamForm(request.POST or None)
     if request.method == "POST" and form.is_valid():
-        try:
+        with faults_shown(form):
             team = services.found_team(by=racer_of(request), name=form.cleaned_data["name"], now=timezone.now())
-        except UserFault as fault:
-            add_fault(form, fault)
-        except ValidationError as error:
-            form.add_error(None, error.messages)
-        else:
             messages.success(request, _("The team is founded. You are its captain."))
             return redirect(team)
     return render(request, "accounts/teams/new.html", {"form": form}, status=422 if form.errors else 200)
@@ -84,7 +77,7 @@ def team(request: HttpRequest, slug: str) -> HttpResponse:
 def _do(request: HttpRequest, shown: Team) -> HttpResponse:
     by, now, do = racer_of(request), timezone.now(), request.POST.get("do", "")
     alias = request.POST.get("racer", "")
-    try:
+    with faults_reported(request):
         if do == "invite":
             services.invite_to_team(team=shown, alias=alias, by=by, now=now)
         elif do == "link":
@@ -104,9 +97,6 @@ def _do(request: HttpRequest, shown: Team) -> HttpResponse:
                 services.hand_over_team(team=shown, to=racer, by=by)
         else:
             raise Http404
-    except UserFault as fault:
-        messages.error(request, explain(fault))
-    else:
         messages.success(request, _("Saved."))
     return redirect(shown if Team.objects.filter(pk=shown.pk).exists() else "teams")
 
@@ -120,23 +110,18 @@ def team_join(request: HttpRequest, code: str) -> HttpResponse:
     if found is None:
         return render(request, "accounts/parts/no_link.html", status=404)
     if request.method == "POST":
-        try:
+        with faults_reported(request):
             services.join_by_link(code=code, racer=racer_of(request), now=timezone.now())
-        except UserFault as fault:
-            messages.error(request, explain(fault))
-            return redirect(request.path)
-        messages.success(request, _("You are in the team."))
-        return redirect(found)
+            messages.success(request, _("You are in the team."))
+            return redirect(found)
+        return redirect(request.path)
     return render(request, "accounts/teams/join.html", {"team": found})
 
 
 @login_required
 @require_POST
 def team_leave(request: HttpRequest) -> HttpResponse:
-    try:
+    with faults_reported(request):
         services.leave_team(racer=racer_of(request))
-    except UserFault as fault:
-        messages.error(request, explain(fault))
-    else:
         messages.success(request, _("You have left the team."))
     return redirect("teams")

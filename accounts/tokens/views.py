@@ -16,8 +16,7 @@ from django.views.decorators.cache import never_cache
 from django.views.decorators.http import require_http_methods, require_POST
 
 from core.addresses import origin_of
-from core.forms import explain
-from paddock.errors import UserFault
+from core.pages.faults import faults_reported
 
 from ..request_racer import racer_of
 from ..scopes import LABELS, SCOPES
@@ -50,10 +49,9 @@ def api_tokens(request: HttpRequest) -> HttpResponse:
     text, now = "", timezone.now()
     form = TokenForm(request.POST or None)
     if request.method == "POST" and form.is_valid():
-        try:
+        with faults_reported(request):
             text = create_token(racer=racer_of(request), now=now, **form.cleaned_data)[1]
-        except UserFault as fault:
-            messages.error(request, explain(fault))
+        if not text:
             return redirect("api_tokens")
         form = TokenForm()
     context = {"tokens": tokens_of(racer_of(request), now), "token": text, "form": form, "limit": TOKENS_PER_RACER}

@@ -20,13 +20,12 @@ REFUSED, OUR_FAULT = 2, 3
 
 class Refusal(CommandError):
     """A command that fails. It prints the reason's code and its sentence on standard error, and the cause of a fault of
-    ours."""
+    ours. Its status is :data:`REFUSED` for the caller's fault and :data:`OUR_FAULT` for ours."""
 
-    def __init__(self, fault: PaddockError, returncode: int | None = None) -> None:
-        """``returncode``: by default :data:`REFUSED` for the caller's fault and :data:`OUR_FAULT` for ours."""
-        own = REFUSED if isinstance(fault, UserFault) else OUR_FAULT
-        why = "" if isinstance(fault, UserFault) or not fault.__cause__ else f" ({fault.__cause__})"
-        super().__init__(f"{fault.code}: {fault}{why}", returncode=own if returncode is None else returncode)
+    def __init__(self, fault: PaddockError) -> None:
+        ours = not isinstance(fault, UserFault)
+        why = f" ({fault.__cause__})" if ours and fault.__cause__ else ""
+        super().__init__(f"{fault.code}: {fault}{why}", returncode=OUR_FAULT if ours else REFUSED)
         self.fault = fault
 
     @classmethod
@@ -37,22 +36,27 @@ class Refusal(CommandError):
 
 
 class JsonCommand(BaseCommand):
-    """A command whose ``--json`` also prints a refusal, as ``{"error": {"code", "params", "message"}}``."""
+    """A command that a fault ends with a :class:`Refusal`; ``--json`` also prints it, as ``{"error": {"code", "params",
+    "message"}}``."""
 
     def execute(self, *args: Any, **options: Any) -> str | None:
         try:
-            return super().execute(*args, **options)
+            return self._execute(*args, **options)
         except Refusal as refusal:
             if options.get("json"):
                 self.stdout.write(error_json(refusal.fault))
             raise
+
+    def _execute(self, *args: Any, **options: Any) -> str | None:
+        try:
+            return super().execute(*args, **options)
+        except PaddockError as fault:
+            raise Refusal(fault) from fault
         except DatabaseError as error:
-            fault = None if options.get("traceback") else database_fault(error)
-            if fault is None:
+            unready = None if options.get("traceback") else database_fault(error)
+            if unready is None:
                 raise
-            if options.get("json"):
-                self.stdout.write(error_json(fault))
-            raise Refusal(fault) from error
+            raise Refusal(unready) from error
 
     def create_parser(self, prog_name: str, subcommand: str, **kwargs: Any) -> CommandParser:
         parser = super().create_parser(prog_name, subcommand, **kwargs)

@@ -9,7 +9,7 @@ from django import forms
 from django.apps import apps
 from django.contrib import messages
 from django.contrib.auth.decorators import login_required
-from django.core.exceptions import FieldDoesNotExist, ValidationError
+from django.core.exceptions import FieldDoesNotExist
 from django.db import transaction
 from django.db.models import Prefetch, Q
 from django.http import Http404, HttpRequest, HttpResponse
@@ -25,11 +25,10 @@ from accounts.models import RacerGroup
 from accounts.request_racer import racer_of
 from core.audit.acts import ACTS
 from core.audit.models import AuditEntry
-from core.forms import add_fault
 from core.pages import form_nonce
+from core.pages.faults import faults_reported, faults_shown, report_fault
 from paddock.errors import UserFault
 from races.test_runs.forms import own_preview
-from races.web.views import faults_reported, report_fault
 
 from ..grading.members import groups_taught_by
 from ..models import Assignment, AssignmentPart, Attempt, PartTrack, SubmissionGroup
@@ -263,7 +262,7 @@ def assignments_copy(request: HttpRequest, slug: str) -> HttpResponse:
         if not form_nonce.claim(once):
             return redirect("assignments")
         chosen = form.cleaned_data
-        try:
+        with faults_shown(form, nonce=once):
             target = next((one for one in taught if one.slug == chosen["to_group"]), None)
             shift = timedelta(weeks=chosen["weeks"])
             with transaction.atomic():
@@ -271,13 +270,6 @@ def assignments_copy(request: HttpRequest, slug: str) -> HttpResponse:
                     plan = getattr(getattr(group, "classroom", None), "plan", [])
                     target = make_class(teacher=by, name=chosen["name"], plan=plan, now=now).group
                 copies = services.copy_assignments(from_group=group, to_group=target, by=by, now=now, shift=shift)
-        except (UserFault, ValidationError) as fault:
-            form_nonce.release(once)
-            if isinstance(fault, UserFault):
-                add_fault(form, fault)
-            else:
-                form.add_error(None, fault.messages)
-        else:
             done = _("Drafts created in %(group)s: %(count)s.") % {"count": len(copies), "group": target.name}
             messages.success(request, done)
             return redirect("assignments")

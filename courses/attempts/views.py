@@ -18,11 +18,11 @@ from django.views.decorators.http import require_http_methods, require_POST, req
 from accounts.models import Racer
 from accounts.request_racer import racer_of
 from core.forms import number_sent
+from core.pages.faults import faults_reported, report_fault
 from evaluation.garage.selectors import cars_of, shared_models
 from evaluation.models import TrainedModel
 from evaluation.selectors import models_of
 from paddock.errors import UserFault
-from races.web.views import faults_reported, report_fault
 
 from ..assignments import services as assigning
 from ..assignments.forms import ExtensionForm, ReferenceForm, SubmissionGroupForm, show_fault
@@ -105,15 +105,13 @@ def assignment(request: HttpRequest, public_id: str) -> HttpResponse:
 def _hand_in(request: HttpRequest, shown: Assignment, racer: Racer) -> HttpResponse:
     """Submit a model from the garage."""
     model = models_of(racer).filter(public_id=request.POST.get("model", "")).first()
-    try:
+    with faults_reported(request):
         if model is None:
             raise UserFault("model_not_yours")
         services.submit_attempt(assignment=shown, racer=racer, model=model, now=timezone.now())
-    except UserFault as fault:
-        report_fault(request, fault)
-        return HttpResponseRedirect(f"{shown.get_absolute_url()}#send")
-    messages.success(request, _("Handed in. The runs appear below."))
-    return HttpResponseRedirect(f"{shown.get_absolute_url()}#attempts")
+        messages.success(request, _("Handed in. The runs appear below."))
+        return HttpResponseRedirect(f"{shown.get_absolute_url()}#attempts")
+    return HttpResponseRedirect(f"{shown.get_absolute_url()}#send")
 
 
 @login_required

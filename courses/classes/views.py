@@ -7,7 +7,6 @@ from django import forms
 from django.contrib import messages
 from django.contrib.auth import login
 from django.contrib.auth.decorators import login_required
-from django.core.exceptions import ValidationError
 from django.http import HttpRequest, HttpResponse
 from django.shortcuts import get_object_or_404, redirect, render
 from django.urls import reverse
@@ -26,10 +25,10 @@ from accounts.usage.selectors import usage_of
 from core.addresses import origin_of
 from core.forms import add_fault, explain
 from core.pages import form_nonce
+from core.pages.faults import faults_reported, faults_shown
 from paddock.errors import UserFault
 from races.entries.selectors.visibility import races_visible_to
 from races.spoilers.selectors import spoilers_of
-from races.web.views import faults_reported
 from training.lessons.catalogue import BY_SLUG, LESSONS
 
 from ..grading.members import groups_taught_by
@@ -71,15 +70,8 @@ def classrooms(request: HttpRequest) -> HttpResponse:
     if request.method == "POST" and form.is_valid():
         if not form_nonce.claim(once):
             return redirect("classrooms")  # it is in the list
-        try:
+        with faults_shown(form, nonce=once):
             made = services.make_class(teacher=racer_of(request), now=timezone.now(), **form.cleaned_data)
-        except UserFault as fault:
-            form_nonce.release(once)
-            add_fault(form, fault)
-        except ValidationError as error:
-            form_nonce.release(once)
-            form.add_error(None, error.messages)
-        else:
             messages.success(request, _("Class created. Add its learners."))
             return redirect(made)
     taught = services.classes_taught_by(request.user)

@@ -19,8 +19,7 @@ from django.views.decorators.http import require_http_methods, require_safe
 from accounts.models import RacerGroup
 from accounts.request_racer import racer_of
 from core.forms import number_sent
-from paddock.errors import UserFault
-from races.web.views import report_fault
+from core.pages.faults import faults_reported
 
 from ..assignments.students import names_of, students_named
 from ..assignments.views import taught_assignment
@@ -108,7 +107,7 @@ def _download(made: MarkFile, name: str, now: datetime) -> HttpResponse:
 def assignment_regrade(request: HttpRequest, public_id: str) -> HttpResponse:
     """Old and new marks side by side after the rules changed; nothing changes before they are applied."""
     assignment, by, now = taught_assignment(request, public_id), racer_of(request), timezone.now()
-    try:
+    with faults_reported(request):
         if request.POST.get("do") == "propose":
             reason = " ".join(request.POST.get("reason", "").split())[:200]
             if not reason:
@@ -120,8 +119,6 @@ def assignment_regrade(request: HttpRequest, public_id: str) -> HttpResponse:
             regrade = get_object_or_404(own, pk=number_sent(request, "regrade"))
             services.apply_regrade(assignment=assignment, regrade=regrade, by=by, now=now)
             messages.success(request, _("Marks changed."))
-    except UserFault as fault:
-        report_fault(request, fault)
     if request.method == "POST":
         return redirect("assignment_regrade", assignment.public_id)
     found = Regrade.objects.filter(assignment=assignment).select_related("asked_by", "applied_by")

@@ -14,7 +14,8 @@ from django.views.decorators.http import require_http_methods, require_POST, req
 
 from accounts.quotas import limit_of
 from accounts.request_racer import racer_of
-from core.forms import add_fault, explain, say_saved
+from core.forms import add_fault, say_saved
+from core.pages.faults import faults_reported, faults_shown
 from core.pages.pager import LeanPaginator
 from paddock.errors import PlatformFault, UserFault
 from paddock.geometry.catalogue import by_slug
@@ -140,22 +141,18 @@ def model_export(request: HttpRequest, public_id: str, form: str) -> HttpRespons
     shown = get_object_or_404(visible_models(request.user), public_id=public_id)
     if form not in EXPORTS:
         raise Http404
-    try:
+    with faults_reported(request):
         return export_of(shown, form, racer_pk=racer_of(request).pk)
-    except UserFault as fault:
-        messages.error(request, explain(fault))
-        return redirect(shown)
+    return redirect(shown)
 
 
 @login_required
 @require_safe
 def model_uploaded(request: HttpRequest, public_id: str) -> HttpResponseBase:
     mine = get_object_or_404(models_of(request.user), public_id=public_id)
-    try:
+    with faults_reported(request):
         return upload_of(mine)
-    except UserFault as fault:
-        messages.error(request, explain(fault))
-        return redirect(mine)
+    return redirect(mine)
 
 
 @login_required
@@ -172,13 +169,12 @@ def model_share(request: HttpRequest, public_id: str) -> HttpResponse:
         return redirect(shown) if is_mine else redirect("shared_models")
     if not is_mine:
         raise Http404
-    try:
+    with faults_reported(request):
         services.share_model(model=shown, now=timezone.now())
-    except UserFault as fault:
-        messages.error(request, explain(fault))
-        return redirect("models")
-    messages.success(request, _("Model shared: every racer can view it, download it and continue training from it."))
-    return redirect(shown)
+        done = _("Model shared: every racer can view it, download it and continue training from it.")
+        messages.success(request, done)
+        return redirect(shown)
+    return redirect("models")
 
 
 @login_required
@@ -188,11 +184,8 @@ def model_edit(request: HttpRequest, public_id: str) -> HttpResponse:
     kept = {name: getattr(mine, name) for name in ("name", "description", "shell", "colour")}
     form = DescribeForm(request.POST or None, initial=kept)
     if request.method == "POST" and form.is_valid():
-        try:
+        with faults_shown(form):
             services.describe_model(model=mine, **form.values(mine))
-        except UserFault as fault:
-            add_fault(form, fault)
-        else:
             say_saved(request, form)
             return redirect(mine)
     return render(

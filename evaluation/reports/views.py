@@ -8,7 +8,6 @@ from django.http import Http404, HttpRequest, HttpResponse
 from django.shortcuts import get_object_or_404, redirect, render
 from django.template.loader import render_to_string
 from django.utils import timezone
-from django.utils.html import format_html
 from django.utils.safestring import SafeString
 from django.utils.translation import gettext as _
 from django.views.decorators.http import require_http_methods, require_POST, require_safe
@@ -17,7 +16,7 @@ from accounts.models import Racer
 from accounts.quotas import Usage
 from accounts.request_racer import racer_of
 from accounts.usage.selectors import usage_of
-from core.forms import explain
+from core.pages.faults import faults_reported
 from core.pages.live_parts import live_part
 from core.pages.pager import LeanPaginator
 from core.streams.shared_pieces import shared_piece, shared_value
@@ -108,11 +107,9 @@ def report_stop(request: HttpRequest, public_id: str) -> HttpResponse:
 @require_POST
 def report_again(request: HttpRequest, public_id: str) -> HttpResponse:
     mine = _mine(request, public_id)
-    try:
+    with faults_reported(request):
         return redirect(services.drive_report_again(report=mine, now=timezone.now()))
-    except UserFault as fault:
-        _tell(request, fault)
-        return redirect(mine)
+    return redirect(mine)
 
 
 @login_required
@@ -120,13 +117,11 @@ def report_again(request: HttpRequest, public_id: str) -> HttpResponse:
 def report_delete(request: HttpRequest, public_id: str) -> HttpResponse:
     mine = _mine(request, public_id)
     if request.method == "POST":
-        try:
+        with faults_reported(request):
             services.delete_report(report=mine, now=timezone.now())
-        except UserFault as fault:
-            _tell(request, fault)
-            return redirect(mine)
-        messages.success(request, _("Report deleted."))
-        return redirect("reports")
+            messages.success(request, _("Report deleted."))
+            return redirect("reports")
+        return redirect(mine)
     return render(request, "evaluation/reports/delete.html", {"report": mine})
 
 
@@ -178,11 +173,6 @@ def _drawn(shown: CarReport, figures: ReportFigures) -> dict[str, Any]:
 
 def _mark(shown: CarReport) -> str:
     return f"{shown.state} {shown.driven}"  # type: ignore[attr-defined]
-
-
-def _tell(request: HttpRequest, fault: UserFault) -> None:
-    text = format_html('<span data-code="{}">{}</span>', fault.code, explain(fault))
-    messages.error(request, text, extra_tags="fault")
 
 
 def _quotas(racer: Racer) -> list[Usage]:

@@ -13,6 +13,7 @@ from django.utils.translation import gettext as _
 from django.views.decorators.http import require_POST, require_safe
 
 from accounts.request_racer import racer_of
+from core.pages.faults import faults_reported
 from core.pages.pager import LeanPaginator
 from core.streams.shared_pieces import shared_piece, shared_value
 from evaluation.selectors import models_of
@@ -20,7 +21,6 @@ from league.cups import selectors
 from league.cups.services import start_always, start_no_more
 from league.models import Cup
 from races.pages.views.races import page_number
-from races.web.views import faults_reported
 
 PER_PAGE = 30
 

@@ -12,7 +12,7 @@ from django.views.decorators.http import require_POST, require_safe
 
 from accounts.following import follow_racer, followed_by, unfollow_racer
 from accounts.request_racer import racer_of
-from races.web.views import faults_reported
+from core.pages.faults import faults_reported
 
 from ..racers.api import shown_racer
 from .selectors import doings_of_followed

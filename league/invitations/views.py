@@ -15,15 +15,16 @@ from django.views.decorators.http import require_http_methods
 
 from accounts.request_racer import racer_of
 from accounts.usage.selectors import usage_of
-from core.forms import add_fault, explain, number_sent
+from core.forms import number_sent
 from core.mail import mail_is_sent
+from core.pages.faults import faults_reported, faults_shown
 from core.pages.pager import LeanPaginator
 from league.invitations import services as inviting
 from league.models import MailInvitation
 from paddock.errors import UserFault
 from races.boards.ranking import rule_for
 from races.models import Race
-from races.web.views import faults_reported, organised_race
+from races.web.views import organised_race
 
 ROWS = 100
 MOST_KB = 256
@@ -68,7 +69,7 @@ def race_invited(request: HttpRequest, slug: str) -> HttpResponse:
     lines: list[inviting.AddressLine] = []
     addresses: list[str] = []
     if sent and form.is_valid():
-        try:
+        with faults_shown(form):
             lines = form.lines()
             addresses = inviting.addresses_of(lines)
             if "invite" in request.POST:
@@ -77,8 +78,6 @@ def race_invited(request: HttpRequest, slug: str) -> HttpResponse:
                     return redirect("race_invited", race.slug)
                 lines, addresses = [line for line in lines if line.is_wrong], []
                 form = InvitingForm(initial={"addresses": "\n".join(line.text for line in lines)})
-        except UserFault as fault:
-            add_fault(form, fault)
     invited = MailInvitation.objects.filter(race=race).select_related("accepted_by")
     page = LeanPaginator(invited, ROWS).get_page(request.GET.get("page"))
     context = {
@@ -142,15 +141,13 @@ def invited(request: HttpRequest, token: str) -> HttpResponse:
             way = "account_signup" if request.POST.get("with") == "signup" else "account_login"
             return redirect(f"{reverse(way)}?next={request.path}")
         terms = request.POST.get("terms", "")
-        try:
+        with faults_reported(request):
             inviting.accept_mail_invitation(
                 token=token, racer=racer_of(request), now=now, terms=int(terms) if terms.isdecimal() else None
             )
-        except UserFault as fault:
-            messages.error(request, explain(fault))
-            return redirect(request.path)
-        messages.success(request, _("You have joined. Submit a car."))
-        return redirect(race)
+            messages.success(request, _("You have joined. Submit a car."))
+            return redirect(race)
+        return redirect(request.path)
     context = {"race": race, "state": race.state_at(now), "ranking_rule": rule_for(race).rule(race)}
     return render(request, "races/pages/invitation.html", context)
 

@@ -17,15 +17,13 @@ from django.views.decorators.http import require_http_methods, require_POST
 
 from accounts.models import Racer
 from accounts.request_racer import racer_of
-from core.forms import add_fault
+from core.pages.faults import faults_reported, faults_shown
 from league.models import Webhook, WebhookDelivery
 from league.webhooks.deliveries import shown
 from league.webhooks.payloads import EVENTS, LABELS, TEST, chat_of
 from league.webhooks.selectors import deliveries_of, races_for_webhooks, webhooks_of
 from league.webhooks.services import PER_RACER, add_webhook, change_secret, remove_webhook, secrets_of, send_test
-from paddock.errors import UserFault
 from races.models import Race
-from races.web.views import faults_reported
 
 SHOWN = 20
 # what a delivery failed for, by its ``error``; the codes of faults beside those of league.webhooks.services
@@ -75,11 +73,8 @@ def webhooks(request: HttpRequest) -> HttpResponse:
     """The racer's webhooks with their secrets and last deliveries; a POST adds one."""
     form = WebhookForm(request.POST or None, racer=racer_of(request))
     if request.method == "POST" and form.is_valid():
-        try:
+        with faults_shown(form):
             add_webhook(owner=racer_of(request), **form.cleaned_data)
-        except UserFault as fault:
-            add_fault(form, fault)
-        else:
             messages.success(request, _("Webhook created."))
             return redirect("webhooks")
     deliveries = deliveries_of(request.user)[:SHOWN]

@@ -11,6 +11,7 @@ from django.views.decorators.csrf import ensure_csrf_cookie
 from django.views.decorators.http import require_POST, require_safe
 
 from accounts.request_racer import racer_of
+from core.pages.faults import faults_reported, report_fault
 from paddock.errors import PaddockError, UserFault
 from races.aftermath.api import RATES
 from races.aftermath.certificate import certificate, entry_of_certificate, placed, require_settled
@@ -21,7 +22,7 @@ from races.live.selectors.events import live_events_visible_to
 from races.models import LiveEvent, LiveState, Race
 from videos.responses import page_language
 
-from ..web.views import downloaded, faults_reported, report_fault, too_many, visible_race
+from ..web.views import downloaded, too_many, visible_race
 
 
 @require_safe

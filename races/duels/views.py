@@ -8,12 +8,13 @@ from django.utils import timezone
 from django.utils.translation import gettext as _
 from django.views.decorators.http import require_POST, require_safe
 
+from core.pages.faults import faults_reported
 from races.duels.selectors import duels_of
 from races.duels.services import draw_duels, drive_on
 from races.models import Opponents, Race
 
 from ..web.race_page import race_context
-from ..web.views import faults_reported, organised_race, visible_race
+from ..web.views import organised_race, visible_race
 
 
 @require_safe

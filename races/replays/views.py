@@ -11,6 +11,7 @@ from django.utils.translation import gettext as _
 from django.views.decorators.http import require_safe
 
 from core import times
+from core.pages.faults import report_fault
 from evaluation.appearance.looks import VehicleLook, distinguish_looks
 from evaluation.models import Evaluation, State
 from evaluation.running.competitors import car_rows
@@ -33,7 +34,7 @@ from races.replays.selectors import (
 from races.replays.setup import clip_address, document_address, scene_address, viewer_setup
 from races.rules.layout import driven_boxes
 from races.spoilers.selectors import spoilers_of
-from races.web.views import MOST_RUNS, finished_evaluation, report_fault, shown_evaluation, visible_evaluations
+from races.web.views import MOST_RUNS, finished_evaluation, shown_evaluation, visible_evaluations
 from tracks.drawing.maps import Trajectory
 from tracks.models import ReferenceLap, Track
 from tracks.reference.selectors import reference_lap

@@ -19,6 +19,7 @@ from accounts.quotas import Usage
 from accounts.request_racer import racer_of
 from accounts.usage.selectors import usage_of
 from core.database.kept_queries import KeptQuery
+from core.pages.faults import faults_reported, report_fault
 from core.pages.pager import LeanPaginator
 from core.streams.shared_pieces import filled, hole, shared_piece
 from evaluation.models import Evaluation, State
@@ -33,7 +34,7 @@ from races.test_runs.forms import AsInForm, OwnForm, own_preview, values_of, val
 from races.test_runs.selectors import is_own_of, own_runs_of, seen_race_of, usable_race
 from races.test_runs.services import delete_own, drive_own, drive_own_again, options_of
 
-from ..web.views import faults_reported, report_fault, visible_evaluation
+from ..web.views import visible_evaluation
 
 PER_PAGE = 30
 RACES_OFFERED = 60

@@ -22,6 +22,7 @@ from django.views.decorators.http import require_http_methods, require_POST, req
 
 from accounts.models import Racer
 from accounts.request_racer import racer_of
+from core.pages.faults import faults_reported
 from evaluation.selectors import models_of
 from paddock.errors import UserFault
 from races.entries.selectors.lists import entry_of
@@ -35,7 +36,7 @@ from races.timing.services.files import MOST_BYTES, FileRefused, lap_lines
 from races.web.audit_log import log_if_admin
 
 from ..web.race_page import race_context
-from ..web.views import downloaded, faults_reported, organised_race, visible_race
+from ..web.views import downloaded, organised_race, visible_race
 
 SESSIONS_PER_PAGE = 30
 # What the timekeeper's page is made of besides itself, so that it can be loaded again without a network.

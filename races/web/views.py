@@ -1,25 +1,19 @@
 """Helpers that the race pages share."""
 
-from collections.abc import Iterable, Iterator
-from contextlib import contextmanager
+from collections.abc import Iterable
 from copy import copy
 from functools import cache
 from typing import Any
 
-from django.contrib import messages
 from django.db.models import QuerySet
 from django.http import Http404, HttpRequest, HttpResponse
 from django.shortcuts import get_object_or_404
-from django.utils.html import format_html
-from django.utils.safestring import SafeString
 
 from accounts.models import Racer, Viewer
 from core.database.kept_queries import KeptQuery
-from core.forms import explain
 from core.rate_limits import address_of, count
 from core.streams.shared_pieces import shared_value
 from evaluation.models import Evaluation, State
-from paddock.errors import PaddockError, UserFault
 from races.boards.selectors.shared_boards import shared_race
 from races.entries.selectors.visibility import can_organise, can_see_race, evaluations_visible_to, races_visible_to
 from races.models import Race, Visibility
@@ -110,25 +104,6 @@ def finished_evaluation(request: HttpRequest, public_id: str) -> Evaluation:
     if shown.state != State.FINISHED:
         raise Http404
     return shown
-
-
-def report_fault(request: HttpRequest, fault: PaddockError) -> None:
-    """Show a refusal at the top of the next page: its sentence."""
-    messages.error(request, fault_text(fault), extra_tags="fault")
-
-
-@contextmanager
-def faults_reported(request: HttpRequest) -> Iterator[None]:
-    """Show a refusal inside the block at the top of the next page. A PlatformFault passes, and becomes a 503."""
-    try:
-        yield
-    except UserFault as fault:
-        report_fault(request, fault)
-
-
-def fault_text(fault: PaddockError) -> SafeString:
-    """The fault's sentence; programs find its code in ``data-code``."""
-    return format_html('<span data-code="{}">{}</span>', fault.code, explain(fault))
 
 
 def too_many(request: HttpRequest, action: str, rates: dict[str, str]) -> HttpResponse | None:

@@ -20,6 +20,7 @@ from accounts.request_racer import racer_of
 from accounts.usage.storage import MEGABYTE
 from core.database.kept_queries import KeptQuery
 from core.forms import explain
+from core.pages.faults import faults_reported
 from core.pages.pager import LeanPaginator
 from core.streams.shared_pieces import lasting_value, shared_value
 from paddock.errors import UserFault
@@ -27,7 +28,6 @@ from paddock.rules.race import BOX_COUNT
 from races.models import Race, RaceType
 from races.replays.run_maps import map_point, map_size
 from races.rules.layout import box_marks
-from races.web.views import faults_reported
 from tracks.drawing.maps import BoxMark
 from training.jobs.exports import Download, download
 from training.jobs.progress_graph import SMOOTHINGS, draw_graph, points_of

@@ -9,9 +9,9 @@ from django.utils.translation import gettext as _
 from django.views.decorators.http import require_http_methods
 
 from accounts.request_racer import racer_of
+from core.pages.faults import report_fault
 from paddock.errors import PaddockError
 from races.web.names import named
-from races.web.views import report_fault
 
 from .services import train_first_car
 

@@ -2,17 +2,17 @@
 
 from typing import Any
 
-from django.core.management.base import BaseCommand, CommandParser
+from django.core.management.base import CommandParser
 from django.db.models import Q
 from django.utils import timezone
 
 from accounts.leaving.services import delete_account
 from accounts.models import DeletedAccount, Racer
-from core.management.base import Refusal
+from core.management.base import JsonCommand
 from paddock.errors import UserFault
 
 
-class Command(BaseCommand):
+class Command(JsonCommand):
     """``delete_account ALIAS...``, ``delete_account --id ID...`` and ``delete_account --list``."""
 
     help = "Delete accounts for good; results stay without the name. --list: the ids of the accounts deleted so far."
@@ -29,10 +29,7 @@ class Command(BaseCommand):
         named = [*(Q(alias__iexact=alias) for alias in options["racers"]), *(Q(pk=pk) for pk in options["id"])]
         for wanted in named:
             racer = Racer.objects.filter(wanted).first()
-            try:
-                if racer is None:
-                    raise UserFault("team_no_such_racer")
-                delete_account(racer=racer, by=None, now=timezone.now())
-            except UserFault as fault:
-                raise Refusal(fault) from None
+            if racer is None:
+                raise UserFault("team_no_such_racer")
+            delete_account(racer=racer, by=None, now=timezone.now())
             self.stdout.write(f"Deleted: {racer.pk}")

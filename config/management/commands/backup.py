@@ -9,8 +9,7 @@ from typing import Any
 from django.utils import timezone
 
 from config.operations.backup.making import back_up
-from core.management.base import JsonCommand, Refusal, Ticker, ended_in_good_order
-from paddock.errors import PaddockError
+from core.management.base import JsonCommand, Ticker, ended_in_good_order
 
 LOST = 1  # also what is damaged
 NAMED = 10
@@ -27,11 +26,8 @@ class Command(JsonCommand):
 
     def handle(self, *, file: Path, json: bool, verbosity: int, **options: Any) -> None:
         os.umask(0o077)
-        try:
-            with ended_in_good_order():
-                made = back_up(path=file, now=timezone.now(), tell=Ticker(self.stderr, quiet=verbosity < 1))
-        except PaddockError as fault:
-            raise Refusal(fault) from fault
+        with ended_in_good_order():
+            made = back_up(path=file, now=timezone.now(), tell=Ticker(self.stderr, quiet=verbosity < 1))
         if json:
             document = {"file": str(made.path), "bytes": made.size, "files": made.files}
             self.stdout.write(dumps(document | {"lost": made.lost, "damaged": made.damaged}, indent=2))

@@ -10,8 +10,7 @@ from django.conf import settings
 
 from config.operations.backup.restoring import restore
 from config.operations.data_lock import hold_data
-from core.management.base import JsonCommand, Refusal, Ticker, ended_in_good_order
-from paddock.errors import PaddockError
+from core.management.base import JsonCommand, Ticker, ended_in_good_order
 
 
 class Command(JsonCommand):
@@ -25,11 +24,8 @@ class Command(JsonCommand):
     def handle(self, *, file: Path, json: bool, verbosity: int, **options: Any) -> None:
         os.umask(0o077)
         lock = hold_data(settings.DATA_DIR / "run.lock")
-        try:
-            with lock, ended_in_good_order():
-                restored = restore(path=file, tell=Ticker(self.stderr, quiet=verbosity < 1))
-        except PaddockError as fault:
-            raise Refusal(fault) from fault
+        with lock, ended_in_good_order():
+            restored = restore(path=file, tell=Ticker(self.stderr, quiet=verbosity < 1))
         if json:
             document = {"made_at": restored.made_at, "files": restored.files, "lost": restored.lost}
             self.stdout.write(dumps(document, indent=2))

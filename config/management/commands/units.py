@@ -4,17 +4,14 @@ from argparse import ArgumentParser
 from pathlib import Path
 from typing import Any
 
-from django.core.management.base import BaseCommand
-
 from config.operations.listen_address import HOST, PORT, port
 from config.operations.run import in_fewer_processes, programs
 from config.operations.units.installing import install_units
 from config.operations.units.rendering import refused, render_units
-from core.management.base import Refusal
-from paddock.errors import UserFault
+from core.management.base import JsonCommand
 
 
-class Command(BaseCommand):
+class Command(JsonCommand):
     help = "Write units of systemd for the programs of this machine, and a target that starts them. Needs root."
     requires_system_checks = []
 
@@ -31,16 +28,13 @@ class Command(BaseCommand):
         parser.add_argument("--print", action="store_true", dest="dry", help="print the units and change nothing")
 
     def handle(self, *, host: str, port: int, user: str, directory: Path, env_file: Path, **options: Any) -> None:
-        try:
-            places = {"user": user, "env_file": env_file, "backups": options["backups"]}
-            units = render_units(_chosen(options["programs"], host, port), **places)
-            if options["dry"]:
-                for name, text in units.items():
-                    self.stdout.write(f"# {directory / name}\n{text}")
-                return
-            deleted = install_units(units=units, directory=directory, **places)
-        except UserFault as fault:
-            raise Refusal(fault) from fault
+        places = {"user": user, "env_file": env_file, "backups": options["backups"]}
+        units = render_units(_chosen(options["programs"], host, port), **places)
+        if options["dry"]:
+            for name, text in units.items():
+                self.stdout.write(f"# {directory / name}\n{text}")
+            return
+        deleted = install_units(units=units, directory=directory, **places)
         for name in units:
             self.stdout.write(f"{directory / name}")
         for name in deleted:

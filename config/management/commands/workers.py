@@ -6,9 +6,8 @@ from typing import Any
 
 from config.operations.workers import WorkerNow, workers_at
 from core.database.clock import database_now
-from core.management.base import JsonCommand, Refusal
+from core.management.base import JsonCommand
 from evaluation.running.worker_nodes import ALL, ORDERS, RESUME, order_workers
-from paddock.errors import UserFault
 
 
 class Command(JsonCommand):
@@ -30,10 +29,7 @@ class Command(JsonCommand):
         now = database_now()
         for order in (*ORDERS, RESUME):
             if options[order]:
-                try:
-                    order_workers(names=options[order], order=order, now=now)
-                except UserFault as fault:
-                    raise Refusal(fault) from fault
+                order_workers(names=options[order], order=order, now=now)
         rows = [_row(one) for one in workers_at(now)]
         if json:
             self.stdout.write(dumps({"workers": rows}, indent=2))

@@ -8,10 +8,9 @@ from typing import Any
 
 from django.utils import timezone
 
-from core.management.base import JsonCommand, Refusal
+from core.management.base import JsonCommand
 from league.history.proof import SeasonProof, proof_of, total_proof
 from league.history.season_import import import_folder
-from paddock.errors import UserFault
 
 # options of the command by the setting of a season that each is
 SETTINGS = {
@@ -40,12 +39,9 @@ class Command(JsonCommand):
 
     def handle(self, *, folder: Path, season: str | None, json: bool, points: str | None, **options: Any) -> None:
         settings = {name: options[name] for name in SETTINGS if options[name] is not None}
-        try:
-            if points is not None:
-                settings["points"] = _points(points)
-            seasons = import_folder(folder=folder, now=timezone.now(), season=season, **settings)
-        except UserFault as fault:
-            raise Refusal(fault) from fault
+        if points is not None:
+            settings["points"] = _points(points)
+        seasons = import_folder(folder=folder, now=timezone.now(), season=season, **settings)
         proofs = [proof_of(one) for one in seasons]
         proof = proofs[0] if len(proofs) == 1 else total_proof(proofs)
         text = dumps(proof, indent=2, ensure_ascii=False) if json else "\n".join(_lines(proof))

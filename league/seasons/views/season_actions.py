@@ -4,7 +4,7 @@ from django import forms
 from django.contrib import messages
 from django.contrib.admin.models import ADDITION, CHANGE, DELETION
 from django.contrib.auth.decorators import login_required
-from django.core.exceptions import PermissionDenied, ValidationError
+from django.core.exceptions import PermissionDenied
 from django.db import transaction
 from django.http import HttpRequest, HttpResponse
 from django.shortcuts import get_object_or_404, redirect, render
@@ -14,8 +14,9 @@ from django.utils.translation import gettext_lazy, ngettext
 from django.views.decorators.http import require_http_methods, require_POST
 
 from accounts.request_racer import racer_of
-from core.forms import add_fault, explain
+from core.forms import explain
 from core.pages import form_nonce
+from core.pages.faults import faults_shown
 from league.models import Season
 from league.seasons.selectors import why_kept
 from league.seasons.services.seasons import delete_round, delete_season, edit_season
@@ -50,16 +51,8 @@ def season_copy(request: HttpRequest, slug: str) -> HttpResponse:
     if request.method == "POST" and form.is_valid():
         if not form_nonce.claim(once):
             return redirect("seasons")  # the copy is in the list
-        try:
+        with faults_shown(form, nonce=once):
             copied = copy_season(season=season, now=timezone.now(), **form.cleaned_data)
-        except UserFault as fault:
-            form_nonce.release(once)
-            add_fault(form, fault)
-        except ValidationError as refused:
-            form_nonce.release(once)
-            for field, errors in refused.error_dict.items():
-                form.add_error(field if field in form.fields else None, errors)
-        else:
             log(racer_of(request), copied.season, ADDITION, f"Copied from {season.slug} with {copied.races} races")
             _add_copied_message(request, copied)
             return redirect(copied.season)

@@ -14,6 +14,7 @@ from django.views.decorators.http import require_http_methods, require_POST, req
 
 from accounts.request_racer import racer_of
 from core.forms import ignored_fields, warn_of_ignored
+from core.pages.faults import faults_reported
 from evaluation.selectors import models_of
 from paddock.errors import UserFault
 from races.duels.selectors import duels_of
@@ -35,7 +36,7 @@ from races.models.live import TO_COME, UNDER_WAY
 from races.models.sensors import not_offered
 from races.replays.document import look_document
 
-from ...web.views import faults_reported, organised_race, watched_race
+from ...web.views import organised_race, watched_race
 from .screens import panel_context
 
 LOG_SHOWN = 30

@@ -20,6 +20,7 @@ from django.views.decorators.http import require_POST, require_safe
 
 from core.database.commit_cache import Unchanged, is_shared
 from core.forms import explain
+from core.pages.faults import report_fault
 from core.rate_limits import address_of
 from core.templatetags.site import THEMES, theme
 from paddock.errors import UserFault
@@ -32,7 +33,7 @@ from races.live.services import react
 from races.models import LiveEvent, LiveRacer, Opponents, Race, ReactionKind, Visibility
 from races.web.spectator_links import keep_token, race_of_token, spectator_token
 
-from ...web.views import organised_race, report_fault, visible_race, watched_race
+from ...web.views import organised_race, visible_race, watched_race
 
 # Every screen with its label and its size in pixels: what the console lists, and what may report that it is connected.
 SCREENS: dict[str, tuple[Any, tuple[int, int]]] = {

@@ -12,6 +12,7 @@ from django.views.decorators.http import require_http_methods, require_POST
 
 from accounts.request_racer import racer_of
 from core.forms import explain
+from core.pages.faults import faults_reported, report_fault
 from evaluation.selectors import models_of
 from paddock.errors import UserFault
 from races.boards.ranking import rule_for
@@ -21,7 +22,7 @@ from races.entries.services.entries import accept_invitation, enter_race, withdr
 from races.entries.services.submissions import submit_model
 from races.models import Race
 
-from ...web.views import faults_reported, report_fault, visible_race
+from ...web.views import visible_race
 
 # where a guest's session keeps the invitation that they have accepted before they log in
 ACCEPTED = "accepted_invitation"

@@ -13,6 +13,7 @@ from django.views.decorators.http import require_http_methods, require_POST, req
 from accounts.groups.selectors import groups_to_hold_for
 from accounts.request_racer import racer_of
 from core.forms import say_saved, warn_of_ignored
+from core.pages.faults import faults_reported
 from paddock.errors import UserFault
 from races.boards.selectors.counts import cars_waiting
 from races.entries.selectors.cars import shared_cars
@@ -28,7 +29,7 @@ from races.web.audit_log import log_if_admin
 from races.web.spectator_links import spectator_token
 from tracks.selectors import track_named
 
-from ...web.views import faults_reported, organised_race
+from ...web.views import organised_race
 
 RACERS_PER_PAGE = 100
 

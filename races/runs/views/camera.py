@@ -11,12 +11,13 @@ from django.utils.translation import gettext as _
 from django.views.decorators.http import require_safe
 
 from accounts.request_racer import racer_of
+from core.pages.faults import fault_text, report_fault
 from evaluation.camera_replay.replay import CAMERA, Moment, SeenRun, probabilities, seen_run
 from evaluation.models import Evaluation
 from evaluation.selectors import can_see_model
 from paddock.errors import PaddockError, UserFault
 
-from ...web.views import fault_text, finished_evaluation, report_fault, too_many
+from ...web.views import finished_evaluation, too_many
 
 SEEN_FORMAT = 1
 RATES = {"seen_frame": "600/m", "seen_page": "60/m", "attention": "40/m"}  # a replay asks for three frames a second

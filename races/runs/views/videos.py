@@ -10,6 +10,7 @@ from django.views.decorators.http import require_POST, require_safe
 from django_htmx.middleware import HtmxDetails
 
 from accounts.request_racer import racer_of
+from core.pages.faults import fault_text, report_fault
 from core.pages.live_parts import live_part
 from evaluation.models import Evaluation
 from evaluation.running.competitors import CompetitorRow
@@ -20,7 +21,7 @@ from videos.scenes import ClipForm, VideoRun, best_lap
 from videos.selectors import ShownVideo, best_shown, can_request_video, can_stop_video, shown_video, videos_of
 from videos.services import request_video, stop_video
 
-from ...web.views import fault_text, report_fault, visible_evaluation
+from ...web.views import visible_evaluation
 
 CARD = "races/runs/video.html"
 FIELDS = ("what", "camera", "format", "from", "to")  # of the form

@@ -8,7 +8,6 @@ from typing import Any
 from django.utils import timezone
 
 from core.management.base import JsonCommand, Refusal
-from paddock.errors import UserFault
 from paddock.geometry.files import MAX_BYTES
 from tracks.models import TrackLook
 from tracks.services import import_track
@@ -48,21 +47,18 @@ class Command(JsonCommand):
                 data = file.read(MAX_BYTES + 1)
         except OSError as error:
             raise Refusal.unreadable(error, path) from None
-        try:
-            track = import_track(
-                data=data,
-                name=options["name"] if options["name"] is not None else path.stem.replace("_", " "),
-                owner=None,
-                now=timezone.now(),
-                slug=options["slug"],
-                description=options["description"],
-                look=options["look"],
-                is_open=options["open"],
-                scale=options["scale"],
-                least_width_m=options["least_width"],
-            )
-        except UserFault as fault:
-            raise Refusal(fault) from None
+        track = import_track(
+            data=data,
+            name=options["name"] if options["name"] is not None else path.stem.replace("_", " "),
+            owner=None,
+            now=timezone.now(),
+            slug=options["slug"],
+            description=options["description"],
+            look=options["look"],
+            is_open=options["open"],
+            scale=options["scale"],
+            least_width_m=options["least_width"],
+        )
         if options["json"]:
             fields = ("slug", "name", "length_m", "width_m", "direction", "is_open", "look", "fingerprint")
             self.stdout.write(json.dumps({field: getattr(track, field) for field in fields}))
