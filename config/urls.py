@@ -5,6 +5,7 @@ from allauth.account.views import LoginView
 from django.conf import settings
 from django.contrib import admin
 from django.urls import include, path
+from django.utils.functional import SimpleLazyObject
 from django.views.decorators.csrf import csrf_exempt
 from django.views.generic import RedirectView
 from django.views.i18n import set_language
@@ -19,6 +20,9 @@ from .operations import views as workers
 
 # One log-in: the admin site uses the site's own form, with its limits and its second factor
 admin.site.login = secure_admin_login(admin.site.login)  # type: ignore[method-assign]
+# Django lists all applications for each page of the admin site, but most pages find the side bar drawn
+list_applications = admin.site.get_app_list
+admin.site.get_app_list = lambda *which: SimpleLazyObject(lambda: list_applications(*which))  # type: ignore
 
 log_in: type[LoginView] = LoginView
 if settings.LDAP:

@@ -4,18 +4,44 @@ from copy import copy
 from datetime import datetime
 from typing import Any
 
-from django.contrib.admin import ModelAdmin
+from django.contrib.admin import ModelAdmin, RelatedFieldListFilter
+from django.contrib.admin.helpers import ACTION_CHECKBOX_NAME
 from django.core.exceptions import FieldDoesNotExist
 from django.db.models import Field, Model
 from django.forms import ModelForm
 from django.http import HttpRequest
+from django.utils.html import format_html
+from django.utils.safestring import SafeString
+from django.utils.translation import gettext as _
 
 from .forms import same_value, unknown_fields, warn_of_ignored
+from .streams.shared_pieces import shared_value
 
 _BUTTONS = frozenset({"_save", "_continue", "_addanother", "_saveasnew", "_popup", "_to_field"})
 
 
-class ComparedChanges(ModelAdmin):
+class SharedChoices(RelatedFieldListFilter):
+    """A filter by a related row, whose choices are read once for all admins."""
+
+    def field_choices(self, field: Any, request: HttpRequest, model_admin: ModelAdmin) -> Any:
+        choices = super().field_choices
+        return shared_value(("filter", str(field)), lambda: choices(field, request, model_admin))
+
+
+class ShortLists(ModelAdmin):
+    """Pages of a list are short, because Django's templates take a millisecond a row."""
+
+    list_per_page = 25
+    show_full_result_count = False  # the same count once more, unless the list is filtered
+
+    def action_checkbox(self, obj: Model) -> SafeString:
+        """As Django's, which renders a template for each row."""
+        label = format_html(_("Select this object for an action - {}"), obj)
+        box = '<input type="checkbox" name="{}" value="{}" class="action-select" aria-label="{}">'
+        return format_html(box, ACTION_CHECKBOX_NAME, obj.pk, label)
+
+
+class ComparedChanges(ShortLists):
     """The log names the fields whose values have changed, and the page those that were sent and not taken."""
 
     def get_object(self, request: HttpRequest, object_id: str, from_field: Any = None) -> Any:

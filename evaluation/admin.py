@@ -7,7 +7,7 @@ from django.utils import timezone
 from django.utils.translation import gettext_lazy as _
 from django.utils.translation import ngettext
 
-from core.admin import ReadOnly
+from core.admin import ReadOnly, SharedChoices, ShortLists
 from core.database.clock import database_now
 from core.jobs.models import Outage, WorkerHold
 from paddock.errors import UserFault
@@ -29,7 +29,7 @@ from .running.queue.services import stop_evaluation
 from .running.worker_nodes import RESUME, order_workers
 
 
-class ReadOnlyAdmin(ReadOnly, admin.ModelAdmin):
+class ReadOnlyAdmin(ReadOnly, ShortLists):
     """Rows that only services write."""
 
 
@@ -119,12 +119,15 @@ class ResultAdmin(ReadOnlyAdmin):
 @admin.register(Evaluation)
 class EvaluationAdmin(ReadOnlyAdmin):
     list_display = ["public_id", "state", "owner", "model", "track", "attempt", "reason_code", "worker", "queued_at"]
-    list_filter = ["state", "reason_code", "worker", "track"]
+    list_filter = ["state", "reason_code", "worker", ("track", SharedChoices)]
     search_fields = ["public_id", "owner__alias", "model__name", "model__public_id"]
     list_select_related = ["owner", "model", "track"]
     date_hierarchy = "queued_at"
     inlines = [EvaluationRivalInline, ResultInline]
     actions = ["stop", "sweep"]
+
+    def get_queryset(self, request: HttpRequest) -> QuerySet[Evaluation]:
+        return super().get_queryset(request).select_related(*self.list_select_related)
 
     @admin.action(description=_("Stop for good"), permissions=["stop"])
     def stop(self, request: HttpRequest, queryset: QuerySet[Evaluation]) -> None:

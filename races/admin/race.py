@@ -16,6 +16,7 @@ from django.utils.html import format_html
 from django.utils.translation import gettext as _
 from django.utils.translation import gettext_lazy, ngettext
 
+from core.admin import SharedChoices
 from core.forms import explain
 from core.times import written
 from paddock.errors import PaddockError
@@ -134,7 +135,15 @@ def _section(title: Any, *fields: str, description: Any = "") -> Any:
 class RaceAdmin(WithReason):
     form = RaceAdminForm
     list_display = ("name", "kind", "division", "track", "state", "opens_at", "closes_at", "racers", "organiser")
-    list_filter = (StateFilter, "kind", "division", "ranking_method", "race_type", "visibility", "track")
+    list_filter = (
+        StateFilter,
+        "kind",
+        "division",
+        "ranking_method",
+        "race_type",
+        "visibility",
+        ("track", SharedChoices),
+    )
     list_select_related = ("track", "organiser")
     search_fields = ("name", "slug", "organiser__alias", "track__name")
     date_hierarchy = "opens_at"
