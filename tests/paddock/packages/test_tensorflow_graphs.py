@@ -14,7 +14,6 @@ import numpy as np
 import pytest
 
 from paddock.packages.admission import admit_network
-from paddock.packages.export import frozen_graph
 from paddock.packages.gate import check_onnx
 from paddock.packages.kinds import TENSORFLOW
 from paddock.packages.metadata import ModelMetadata, parse_metadata
@@ -23,6 +22,7 @@ from paddock.packages.tensorflow import convert
 from . import tensorflow_graphs as made
 from .coach import metadata_dict
 from .test_conversion import WIDE, admit, ours
+from .test_export import frozen_graph
 
 CASES = {case.name: case for case in made.cases()}
 
