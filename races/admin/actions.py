@@ -59,8 +59,3 @@ class WithReason(ComparedChanges, ModelAdmin):
                 self.log_change(request, row, note)
                 done += 1
         return done
-
-
-def seconds(time_ms: int | None) -> str:
-    """``m:ss.mmm``, or a dash."""
-    return "-" if time_ms is None else f"{time_ms // 60_000}:{time_ms // 1000 % 60:02}.{time_ms % 1000:03}"

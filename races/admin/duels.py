@@ -6,9 +6,9 @@ from django.http import HttpRequest
 from django.utils.translation import gettext_lazy
 
 from core.admin import ReadOnly
+from core.times import clock
 
 from ..models import Draw, Duel, DuelCompetitor
-from .actions import seconds
 
 
 @admin.register(Draw)
@@ -28,7 +28,7 @@ class DuelCompetitorInline(ReadOnly, admin.TabularInline):
 
     @admin.display(description=gettext_lazy("bot time"))
     def time(self, car: DuelCompetitor) -> str:
-        return seconds(car.time_ms or None)
+        return clock(car.time_ms or None)
 
     def get_queryset(self, request: HttpRequest) -> QuerySet[DuelCompetitor]:
         return super().get_queryset(request).select_related("entry__racer", "entry__race")

@@ -9,12 +9,13 @@ from django.utils.translation import gettext_lazy, ngettext
 
 from accounts.request_racer import racer_of
 from core.admin import ReadOnly
+from core.times import clock
 
 from ..boards.selectors.board import rank_of
 from ..entries.services.entries import remove_entry, restore_entry
 from ..entries.services.submissions import repeat_submission
 from ..models import Entry, OwnEvaluation, Race, Submission
-from .actions import WithReason, seconds
+from .actions import WithReason
 
 
 class LeftFilter(admin.SimpleListFilter):
@@ -54,11 +55,11 @@ class EntryAdmin(ReadOnly, WithReason):
 
     @admin.display(description=gettext_lazy("score"), ordering="rank_score")
     def score(self, entry: Entry) -> str:
-        return seconds(entry.score_ms)
+        return clock(entry.score_ms)
 
     @admin.display(description=gettext_lazy("best lap"), ordering="best_lap_ms")
     def best_lap(self, entry: Entry) -> str:
-        return seconds(entry.best_lap_ms)
+        return clock(entry.best_lap_ms)
 
     @admin.display(description=gettext_lazy("rank"))
     def rank(self, entry: Entry) -> str:

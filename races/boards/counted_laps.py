@@ -36,6 +36,11 @@ def is_complete(race: Race, lap: MeasuredLap) -> bool:
     return lap.valid and lap.resets <= race.max_resets
 
 
+def counted_time(race: Race, lap: MeasuredLap) -> int | None:
+    """The counted time of a lap in milliseconds; None for one that does not count."""
+    return counted_ms(race, lap) if is_complete(race, lap) else None
+
+
 def counted_laps(race: Race, laps: Iterable[MeasuredLap]) -> list[CountedLap]:
     """The laps of a session for the ranking rules; if the total ranks, only the first ``race.laps``."""
     measured = list(laps)

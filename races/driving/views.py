@@ -6,7 +6,6 @@ from dataclasses import asdict
 from typing import Any, NamedTuple
 
 from django.contrib.auth.models import AnonymousUser
-from django.db.models import Q
 from django.http import Http404, HttpRequest, HttpResponse
 from django.shortcuts import get_object_or_404, render
 from django.urls import reverse
@@ -20,10 +19,10 @@ from paddock.geometry.track import CCW, CW
 from paddock.rules.race import RaceRules
 from paddock.simulator.physics import PADDOCK_CAR
 from races.entries.selectors.visibility import evaluations_visible_to
-from races.models import Duel, Submission
 from races.replays.comparison import best_lap
 from races.replays.document import look_document
 from races.replays.reference import viewed_reference
+from races.replays.selectors import driven_in, without_races
 from races.spoilers.selectors import spoilers_of
 from tracks.models import Track
 from tracks.reference.selectors import reference_lap
@@ -44,16 +43,10 @@ def ghosts_on(
 ) -> list[GhostOffer]:
     """The fastest visible run of each racer on the track in the direction, the fastest first. ``hidden``: races whose
     results are spoilers."""
-    driven = Q(spec__rules__direction=direction)
-    if direction == CCW:
-        driven |= Q(spec__rules__direction=None)
     runs = evaluations_visible_to(reader).filter(
-        driven, track=track, state=State.FINISHED, result__best_lap_ms__isnull=False
+        driven_in(direction), track=track, state=State.FINISHED, result__best_lap_ms__isnull=False
     )
-    if hidden:
-        in_race = Submission.objects.filter(entry__race__in=hidden).values("evaluation")
-        runs = runs.exclude(pk__in=in_race)
-        runs = runs.exclude(pk__in=Duel.objects.filter(race__in=hidden).values("evaluation"))
+    runs = without_races(runs, hidden)
     runs = runs.select_related("result").defer("result__trajectory", "track__npy")
     found: dict[int | None, Evaluation] = {}
     for run in runs.order_by("result__best_lap_ms", "pk")[:_LOOKED_AT]:

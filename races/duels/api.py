@@ -49,16 +49,27 @@ class HeatSerializer(serializers.Serializer):
 class DuelsSerializer(serializers.Serializer):
     """All duels of a race."""
 
-    race = serializers.CharField()
-    duel_format = serializers.ChoiceField(DuelFormat.choices)
-    duel_cars = serializers.IntegerField(help_text="In a heat, if there are so many.")
-    duel_heats = serializers.IntegerField(help_text="In a tie of a bracket; 3: best of three.")
-    drawn_at = serializers.DateTimeField(allow_null=True, help_text="null while qualifying goes on.")
-    over_at = serializers.DateTimeField(allow_null=True)
-    entrants = serializers.IntegerField(help_text="Cars drawn.")
-    decided = serializers.IntegerField(help_text="Heats that are over.")
-    total = serializers.IntegerField(help_text="Heats in all, those of a bracket's rounds to come included.")
-    heats = HeatSerializer(many=True, help_text="In the order of rounds; those of a bracket as they become known.")
+    race = serializers.CharField(source="race.slug")
+    duel_format = serializers.ChoiceField(DuelFormat.choices, source="race.duel_format")
+    duel_cars = serializers.IntegerField(source="race.duel_cars", help_text="In a heat, if there are so many.")
+    duel_heats = serializers.IntegerField(
+        source="race.duel_heats", help_text="In a tie of a bracket; 3: best of three."
+    )
+    drawn_at = serializers.DateTimeField(
+        source="duels.draw.drawn_at", default=None, allow_null=True, help_text="null while qualifying goes on."
+    )
+    over_at = serializers.DateTimeField(source="duels.draw.over_at", default=None, allow_null=True)
+    entrants = serializers.IntegerField(source="duels.draw.entrants", default=0, help_text="Cars drawn.")
+    decided = serializers.IntegerField(source="duels.decided", default=0, help_text="Heats that are over.")
+    total = serializers.IntegerField(
+        source="duels.total", default=0, help_text="Heats in all, those of a bracket's rounds to come included."
+    )
+    heats = HeatSerializer(
+        source="duels.heats",
+        default=[],
+        many=True,
+        help_text="In the order of rounds; those of a bracket as they become known.",
+    )
 
 
 class DuelsView(APIView):
@@ -76,19 +87,7 @@ class DuelsView(APIView):
     def get(self, request: Request, race: Race) -> dict[str, object]:
         if race.opponents != Opponents.MODELS:
             raise UserFault("race_has_no_duels")
-        shown = duels_of(race, request.user)
-        return {
-            "race": race.slug,
-            "duel_format": race.duel_format,
-            "duel_cars": race.duel_cars,
-            "duel_heats": race.duel_heats,
-            "drawn_at": shown and shown.draw.drawn_at,
-            "over_at": shown and shown.draw.over_at,
-            "entrants": shown.draw.entrants if shown else 0,
-            "decided": shown.decided if shown else 0,
-            "total": shown.total if shown else 0,
-            "heats": [heat for each in shown.rounds for heat in each.heats] if shown else [],
-        }
+        return {"race": race, "duels": duels_of(race, request.user)}
 
     @operation(
         "draw_duels",

@@ -98,6 +98,10 @@ class Duels:
     def is_over(self) -> bool:
         return self.draw.over_at is not None
 
+    @property
+    def heats(self) -> list[Heat]:
+        return [heat for each in self.rounds for heat in each.heats]
+
 
 def duels_of(race: Race, racer: Viewer = None) -> Duels | None:
     """The duels of a race as ``racer`` sees them; None until they are drawn. Four queries."""
@@ -199,13 +203,14 @@ def _tree(
     return rounds
 
 
+def drive_of(car: DuelCompetitor) -> HeatDrive:
+    """A car of a heat as the pure functions know it: without a place and points until that is decided, or void."""
+    return HeatDrive(car.place or 0, car.points or 0, car.laps, car.time_ms)
+
+
 def _drives(heat: Heat) -> dict[int, HeatDrive]:
     """The drive of each seed in a heat: empty until it is decided."""
-    return {
-        car.entry.seed: HeatDrive(car.place or 0, car.points or 0, car.laps, car.time_ms)
-        for car in heat.cars
-        if car.entry.seed is not None
-    }
+    return {car.entry.seed: drive_of(car) for car in heat.cars if car.entry.seed is not None}
 
 
 def round_name(ties: int) -> str:

@@ -43,6 +43,7 @@ from ..rules.layout import race_rules
 from .bracket import Tie, bracket, deciders, heat_number, ties_won, winners_of
 from .points import HeatDrive, places, points_lap_time
 from .schedule import Heat, round_robin
+from .selectors import drive_of
 
 logger = logging.getLogger(__name__)
 MAX_TRIES = 3  # runs of one heat that fail through our fault; each is itself tried EVALUATION_MAX_ATTEMPTS times
@@ -198,12 +199,6 @@ def recount(race: Race, entries: Sequence[Entry]) -> None:
     Entry.objects.bulk_update(changed, _STANDING)
 
 
-def drive_of(car: DuelCompetitor) -> HeatDrive:
-    """A decided car as the pure functions know it."""
-    assert car.place is not None and car.points is not None, "its heat is decided"
-    return HeatDrive(car.place, car.points, car.laps, car.time_ms)
-
-
 def bracket_of(race: Race) -> list[list[Tie]]:
     """The tree of a drawn bracket as it stands, by round."""
     return bracket(Draw.objects.get(race=race).entrants, winners_of(_decided_heats(race), race.duel_heats))
@@ -215,9 +210,8 @@ def _decided_heats(race: Race) -> dict[tuple[int, int], dict[int, HeatDrive]]:
     for car in DuelCompetitor.objects.filter(duel__race=race, duel__decided_at__isnull=False).select_related(
         "duel", "entry"
     ):
-        drive = drive_of(car) if car.duel.state == DuelState.DECIDED else HeatDrive(0, 0)
         assert car.entry.seed is not None, "it was drawn"
-        heats.setdefault((car.duel.round, car.duel.number), {})[car.entry.seed] = drive
+        heats.setdefault((car.duel.round, car.duel.number), {})[car.entry.seed] = drive_of(car)
     return heats
 
 

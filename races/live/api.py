@@ -31,7 +31,7 @@ from .selectors.events import LIVE_RELATED, console_rows, live_events_visible_to
 from .selectors.speed import SpeedDocument, live_racers_commanded_by, speed_document
 from .services import change_live, check_in, choose_model, command_now, command_start, name_deputy, plan_live
 from .services.planning import MOST_GAP_S
-from .services.roll_call import racers_of
+from .services.roll_call import entry_in
 from .streaming.pose_chunks import ChunkDocument
 
 LiveEventSerializer = serializer_of(LiveEventDocument)
@@ -138,8 +138,7 @@ def organised_event(request: Request, slug: str) -> LiveEvent:
 def entered_event(request: Request, slug: str) -> LiveEvent:
     """The live event of a race that the reader is in. Raises Http404, UserFault("live_not_in")."""
     event = live_event(request, slug)
-    if not racers_of(event.race).filter(racer=racer_of(request)).exists():
-        raise UserFault("live_not_in")
+    entry_in(event, racer_of(request))
     return event
 
 

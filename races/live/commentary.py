@@ -262,7 +262,7 @@ def _heat_outcome(event: LiveEvent, slot: LiveSlot, duels: Duels | None, now: da
     at, duel = slot.done_at or now, slot.duel
     if duel is None or duels is None:
         return
-    heats = [heat for each in duels.rounds for heat in each.heats if heat.duel.pk == duel.pk]
+    heats = [heat for heat in duels.heats if heat.duel.pk == duel.pk]
     cars = heats[0].at_the_end if heats else []
     if not cars or cars[0].place is None:
         yield Sentence(at, "incident", _("The heat of %(racers)s has no result.") % {"racers": slot.driver_names})

@@ -70,7 +70,9 @@ class Race(ChecksTogether, with_rules(RULES, inside_a_race)):  # type: ignore[mi
     division = models.CharField(_("division"), max_length=4, choices=Division.choices, blank=True)
     name = OneLineField(_("name"), max_length=64)
     description = MultiLineField(_("description"), blank=True, max_length=2000)
-    prize = OneLineField(_("prize"), blank=True, max_length=200, default="", db_default="")
+    prize = OneLineField(
+        _("prize"), blank=True, max_length=200, default="", db_default="", help_text=_("One line, for the race card.")
+    )
     sponsor = OneLineField(_("sponsor"), blank=True, max_length=64, default="", db_default="")
     terms = MultiLineField(
         _("terms to accept"),

@@ -10,21 +10,22 @@ from typing import Any
 from django import forms
 from django.core.exceptions import ValidationError
 from django.db.models import Q, QuerySet
+from django.forms.models import fields_for_model
 from django.utils import timezone
 from django.utils.translation import gettext_lazy as _
 
 from accounts.models import Racer, RacerGroup
-from core.forms import add_fault, differs, ignored_fields
+from core.forms import differs, ignored_fields
 from paddock.errors import UserFault
 from paddock.rules.race import BY_PLACE, OF_ENTERING, OF_SOME_TYPES, RANKING, RULES
 
 from ..errors import RaceRefused
-from ..models import Race, RaceKind, RaceState, TeamEntries, Visibility
-from ..models.race import MINIMUM_LAP_MS, MOST_TERMS, SESSION_S
+from ..models import Race, RaceKind, RaceState, Visibility
+from ..models.race import MINIMUM_LAP_MS, SESSION_S
 from ..rules import validation
 from ..rules.fields import drop_rules_of_other_types, rule_fields, rules_of_other_types
 from ..rules.form_fields import BesideField, MomentField
-from ..rules.layout_form import DRAWN, FIXED, PROPOSALS, LayoutForm
+from ..rules.layout_form import DRAWN, FIXED, PROPOSALS, LayoutForm, show_refusal
 from .services import edition_of
 
 DEFAULT_DURATION = timedelta(days=7)
@@ -35,7 +36,11 @@ _ELSEWHERE = (*OF_SOME_TYPES, *OF_ENTERING, "sensors")
 _OF_REAL_CARS = ("session_s", "minimum_lap_ms")
 # What every race has, in rows of three on a page.
 _IN_ROWS = tuple(name for name in BY_PLACE if name not in (*LayoutForm.base_fields, *_ELSEWHERE))
-_FIELDS = rule_fields((*_IN_ROWS, *_ELSEWHERE))
+_FIELDS = rule_fields((*_IN_ROWS, *_ELSEWHERE)) | fields_for_model(
+    Race,
+    ("name", "description", "prize", "sponsor", "terms", "physical", "team_entries"),
+    widgets={name: forms.Textarea(attrs={"rows": rows}) for name, rows in (("description", 3), ("terms", 4))},
+)
 # Checks of several fields: where one of them cannot be read, nothing is known about the others.
 _TOGETHER = (
     set(RANKING),
@@ -49,26 +54,6 @@ _RuleFields = new_class("RuleFields", (LayoutForm,), exec_body=lambda body: body
 class RaceForm(_RuleFields):  # type: ignore[misc, valid-type]
     """A community race. What a race may be is decided by the race's own validation, not here."""
 
-    name = forms.CharField(label=_("Name"), max_length=64)
-    description = forms.CharField(
-        label=_("Description"), required=False, max_length=2000, widget=forms.Textarea(attrs={"rows": 3})
-    )
-    prize = forms.CharField(
-        label=_("Prize"), required=False, max_length=200, help_text=_("One line, for the race card.")
-    )
-    sponsor = forms.CharField(label=_("Sponsor"), required=False, max_length=64)
-    terms = forms.CharField(
-        label=_("Terms to accept"),
-        required=False,
-        max_length=MOST_TERMS,
-        widget=forms.Textarea(attrs={"rows": 4}),
-        help_text=_("Racers must accept them before joining. After a change, everyone must accept them again."),
-    )
-    physical = forms.BooleanField(
-        label=_("Real cars, timed at the track"),
-        required=False,
-        help_text=_("Real cars: timekeepers or sensors record the times."),
-    )
     session_s = forms.IntegerField(
         label=_("Session (s)"),
         required=False,
@@ -107,7 +92,6 @@ class RaceForm(_RuleFields):  # type: ignore[misc, valid-type]
         empty_label=_("for everybody"),
         help_text=_("Only its confirmed members may enter; they need no link."),
     )
-    team_entries = forms.ChoiceField(label=_("Teams"), required=False, choices=TeamEntries.choices)
     time_zone = forms.CharField(required=False, widget=forms.HiddenInput)
     edition = forms.CharField(required=False, widget=forms.HiddenInput)
 
@@ -224,11 +208,7 @@ class RaceForm(_RuleFields):  # type: ignore[misc, valid-type]
 
     def show(self, fault: UserFault) -> None:
         """Show a refusal, each problem beside its field where the form has it."""
-        if not isinstance(fault, RaceRefused) or not hasattr(fault.errors, "error_dict"):
-            add_fault(self, fault)
-            return
-        for field, errors in fault.errors.error_dict.items():
-            self.add_error(self.place_error(field), errors)
+        show_refusal(self, fault)
 
 
 def locked_fields(race: Race, now: datetime, *, submissions: bool) -> set[str]:

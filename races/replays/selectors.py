@@ -14,6 +14,7 @@ from accounts.models import Follow, Racer
 from core.database.kept_queries import KeptQuery
 from evaluation.models import Evaluation, State
 from paddock.errors import UserFault
+from paddock.geometry.track import CCW
 from paddock.rules.race import OF_A_LAP_TIME
 
 from ..boards.selectors.results import place_of
@@ -23,7 +24,6 @@ from ..models import Duel, Entry, Race, Submission
 OFFERED = 10  # of each kind but the leader
 KINDS = 8  # of offers whose SQL a process keeps
 _BOARD = ("rank_score", "rank_lap", "resets", "achieved_at")
-_CCW = "ccw"
 
 
 class Why(StrEnum):
@@ -70,7 +70,7 @@ def race_of(evaluation: Evaluation) -> Race | None:
 
 
 def direction_of(evaluation: Evaluation) -> str:
-    return evaluation.spec["rules"].get("direction", _CCW)
+    return evaluation.spec["rules"].get("direction", CCW)
 
 
 def same_rules(evaluation: Evaluation, other: Evaluation) -> bool:
@@ -87,10 +87,22 @@ def comparable_with(evaluation: Evaluation, reader: Racer | AnonymousUser | None
 
 def _comparable(kind: "_Kind", reader: Racer | AnonymousUser | None, run: Any, track: Any) -> QuerySet[Evaluation]:
     runs = evaluations_visible_to(reader).filter(track_id=track, state=State.FINISHED)
-    driven = Q(spec__rules__direction=kind.direction)
-    if kind.direction == _CCW:
-        driven |= Q(spec__rules__direction=None)
-    return runs.filter(driven, result__engine=kind.engine).exclude(pk=run).select_related("result")
+    runs = runs.filter(driven_in(kind.direction), result__engine=kind.engine)
+    return runs.exclude(pk=run).select_related("result")
+
+
+def driven_in(direction: str) -> Q:
+    """Runs in a direction; those without one in their rules are counter-clockwise."""
+    driven = Q(spec__rules__direction=direction)
+    return driven | Q(spec__rules__direction=None) if direction == CCW else driven
+
+
+def without_races(runs: QuerySet[Evaluation], hidden: Collection[int]) -> QuerySet[Evaluation]:
+    """The runs but for those of the races with these ids."""
+    if not hidden:
+        return runs
+    runs = runs.exclude(pk__in=Submission.objects.filter(entry__race__in=hidden).values("evaluation"))
+    return runs.exclude(pk__in=Duel.objects.filter(race__in=hidden).values("evaluation"))
 
 
 def refuse_incomparable(evaluation: Evaluation, other: Evaluation) -> None:
@@ -162,10 +174,7 @@ def _offered(
             .select_related("result", "submission__entry__race", "duel__race")
             .defer("result__trajectory", "track__npy")
         )
-        if hidden:
-            in_hidden = Submission.objects.filter(entry__race__in=hidden).values("evaluation")
-            runs = runs.exclude(pk__in=in_hidden)
-            runs = runs.exclude(pk__in=Duel.objects.filter(race__in=hidden).values("evaluation"))
+        runs = without_races(runs, hidden)
         ranked = runs.filter(result__best_lap_ms__isnull=False).order_by("result__best_lap_ms", "pk")
         alike = ranked.filter(**{f"spec__rules__{name}": value for name, value in kind.rules})
         wanted = [alike.filter(owner__is_house=True)[:OFFERED], alike[:OFFERED]]
@@ -186,10 +195,9 @@ def _offered(
 def _counts_in(run: Evaluation, race: Race | None) -> bool:
     """Whether a run is the counted one of a racer in a race."""
     submission = getattr(run, "submission", None)
-    return race is not None and submission is not None and _is_best(submission.entry, submission, race)
-
-
-def _is_best(entry: Entry, submission: Submission, race: Race) -> bool:
+    if race is None or submission is None:
+        return False
+    entry: Entry = submission.entry
     return entry.race_id == race.pk and entry.best_id == submission.pk and not entry.is_baseline
 
 

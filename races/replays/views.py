@@ -101,9 +101,7 @@ def replay(request: HttpRequest, public_id: str) -> HttpResponse:
     if refused is not None:
         report_fault(request, refused)
     if refused is not None or _spelled(beside) != ",".join(request.GET.getlist("with")):
-        query = request.GET.copy()
-        query["with"] = _spelled(beside)
-        return redirect(_address(public_id, query))
+        return redirect(_address(public_id, request.GET, {"with": _spelled(beside)}))
     cars = car_rows(shown)
     reference = reference_lap(shown.track, direction_of(shown), shown.result.engine)
     with_reference = reference is not None and request.GET.get("ghost") == REFERENCE
@@ -126,12 +124,12 @@ def replay(request: HttpRequest, public_id: str) -> HttpResponse:
         ),
         "together": together,
         "reference": reference,
-        "reference_toggle": _address(public_id, _toggled(request.GET, with_reference)),
+        "reference_toggle": _address(public_id, request.GET, {"ghost": "" if with_reference else REFERENCE}),
         "with_reference": with_reference,
         "has_analysis": bool(analysis),
         "verdicts": _verdicts(runs) if analysis else [],
-        "analysis_page": _address(public_id, _analysed(request.GET, "1")),
-        "analysis_part": _address(public_id, _analysed(request.GET, PART)),
+        "analysis_page": _address(public_id, request.GET, {"analysis": "1", "t": "", "camera": ""}),
+        "analysis_part": _address(public_id, request.GET, {"analysis": PART, "t": "", "camera": ""}),
         "rows": _rows(runs) if len(runs) > 1 else [],
         "swapped": _swapped(runs) if len(runs) == 2 else "",
         "offers": _offers(request, shown, runs, beside) if len(runs) < MOST_RUNS else [],
@@ -142,11 +140,9 @@ def replay(request: HttpRequest, public_id: str) -> HttpResponse:
 @require_safe
 def compare_before(request: HttpRequest, public_id: str, other_id: str = "") -> HttpResponse:
     """The address of the page of two runs in earlier versions: redirects to the viewer."""
-    query = QueryDict(mutable=True)
     laps = [request.GET.get(name, "") for name in ("lap", "other_lap")]
-    query["lap"] = laps[0]
-    query["with"] = _spelled([(other_id, laps[1])]) if other_id else request.GET.get("with", "")
-    address = _address(public_id, query)
+    beside = _spelled([(other_id, laps[1])]) if other_id else request.GET.get("with", "")
+    address = _address(public_id, QueryDict(), {"lap": laps[0], "with": beside})
     return redirect(address if "?" in address else f"{address}#offers", permanent=True)
 
 
@@ -261,13 +257,14 @@ def _spelled(beside: Sequence[tuple[str, str]]) -> str:
 
 def _with(shown: Evaluation, lap: str, beside: Sequence[tuple[str, str]]) -> str:
     """The page's address with these other runs and their laps."""
-    query = QueryDict(mutable=True)
-    query["lap"], query["with"] = lap, _spelled(beside)
-    return _address(shown.public_id, query)
+    return _address(shown.public_id, QueryDict(), {"lap": lap, "with": _spelled(beside)})
 
 
-def _address(public_id: str, query: QueryDict) -> str:
-    """The page's address with a query, without its empty values."""
+def _address(public_id: str, query: QueryDict, changes: dict[str, str]) -> str:
+    """The page's address with a query after these changes, without its empty values."""
+    query = query.copy()
+    for name, value in changes.items():
+        query[name] = value
     for name in [name for name, value in query.items() if not value]:
         del query[name]
     address = reverse("replay", args=[public_id])
@@ -277,22 +274,6 @@ def _address(public_id: str, query: QueryDict) -> str:
 def _swapped(runs: Sequence[ReplayedRun]) -> str:
     first, other = runs
     return _with(other.run, str(other.lap or "all"), [(first.run.public_id, str(first.lap or ""))])
-
-
-def _toggled(query: QueryDict, is_shown: bool) -> QueryDict:
-    """The query with the reference lap, or without it where it is shown."""
-    toggled = query.copy()
-    toggled["ghost"] = "" if is_shown else REFERENCE
-    return toggled
-
-
-def _analysed(query: QueryDict, how: str) -> QueryDict:
-    """The query for the same laps with their analysis."""
-    analysed = query.copy()
-    analysed["analysis"] = how
-    for name in ("t", "camera"):
-        analysed.pop(name, None)
-    return analysed
 
 
 def _together(runs: Sequence[ReplayedRun]) -> str:

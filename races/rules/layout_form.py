@@ -9,11 +9,14 @@ from django import forms
 from django.core.exceptions import ValidationError
 from django.utils.translation import gettext_lazy as _
 
+from core.forms import add_fault
+from paddock.errors import UserFault
 from paddock.rules.race import BOX_COUNT, BOX_RULES, DRAWN_BOXES, LAYOUT, MAX_BOXES, RULES
 from tracks.drawing.maps import BoxMark
 from tracks.forms import TrackChoiceField, label_directions
 from tracks.selectors import shared_track
 
+from ..errors import RaceRefused
 from ..models import Opponents, Race, RaceType
 from ..models.layout import problems_of
 from ..models.rules import usual
@@ -71,6 +74,15 @@ class LayoutForm(_RuleFields):  # type: ignore[misc, valid-type]
             others: dict[str | None, tuple[str, ...]] = {Opponents.BOTS: _DUELS, Opponents.MODELS: _BOTS}
             return (*BOX_RULES, *others.get(cleaned.get("opponents"), (*_BOTS, *_DUELS)))
         return LAYOUT
+
+
+def show_refusal(form: Any, fault: UserFault, field: str | None = None) -> None:
+    """Show a refusal on a form, each problem of a race beside its field where the form has it, others at ``field``."""
+    if isinstance(fault, RaceRefused) and hasattr(fault.errors, "error_dict"):
+        for name, errors in fault.errors.error_dict.items():
+            form.add_error(form.place_error(name), errors)
+    else:
+        add_fault(form, fault, field)
 
 
 @dataclass(frozen=True)

@@ -93,31 +93,26 @@ def check_times(race: Race, *, now: datetime, before: Race | None = None, submis
             problems["closes_at"] = problem("race_too_long", days=MAX_DURATION.days)
         if race.opens_at > now + MAX_AHEAD:
             problems["opens_at"] = problem("race_too_far_ahead", days=MAX_AHEAD.days)
-    if before is None:
-        if isinstance(race.closes_at, datetime) and race.closes_at <= now:
-            problems["closes_at"] = problem("race_already_over")
-        # a league's month may be scheduled after it has begun
-        if race.kind == RaceKind.COMMUNITY and _has_opened(race, now):
-            problems.setdefault("opens_at", problem("race_opens_in_the_past"))
-    if before is not None:
-        state = before.state_at(now)
-        if state in (RaceState.CLOSED, RaceState.CANCELLED):
-            for field in changed:
-                if field not in TEXT_FIELDS:
-                    problems[field] = problem("race_is_over")
-        elif isinstance(race.closes_at, datetime) and "closes_at" in changed and race.closes_at <= now:
-            problems.setdefault("closes_at", problem("race_already_over"))
-        if state == RaceState.OPEN and "opens_at" in changed:
-            problems["opens_at"] = problem("race_has_opened")
-        elif state == RaceState.UPCOMING and "opens_at" in changed and _has_opened(race, now):
-            problems.setdefault("opens_at", problem("race_opens_in_the_past"))
-        if submissions:
-            for field in changed:
-                if field in RULE_FIELDS or field == "division":
-                    problems[field] = problem("race_has_submissions")
-        for field in changed:
-            if field in FIXED_FIELDS:
-                problems[field] = problem("race_field_fixed", field=field)
+    state = None if before is None else before.state_at(now)
+    is_over = state in (RaceState.CLOSED, RaceState.CANCELLED)
+    has_closed = isinstance(race.closes_at, datetime) and race.closes_at <= now
+    if before is None and has_closed:
+        problems["closes_at"] = problem("race_already_over")
+    elif not is_over and "closes_at" in changed and has_closed:
+        problems.setdefault("closes_at", problem("race_already_over"))
+    # a league's month may be scheduled after it has begun
+    is_new = before is None and race.kind == RaceKind.COMMUNITY
+    if (is_new or (state == RaceState.UPCOMING and "opens_at" in changed)) and _has_opened(race, now):
+        problems.setdefault("opens_at", problem("race_opens_in_the_past"))
+    for field in changed:
+        if field in FIXED_FIELDS:
+            problems[field] = problem("race_field_fixed", field=field)
+        elif submissions and (field in RULE_FIELDS or field == "division"):
+            problems[field] = problem("race_has_submissions")
+        elif field == "opens_at" and state == RaceState.OPEN:
+            problems[field] = problem("race_has_opened")
+        elif is_over and field not in TEXT_FIELDS:
+            problems[field] = problem("race_is_over")
     if problems:
         raise ValidationError(problems)
 

@@ -34,7 +34,7 @@ def asked_laps(request: HttpRequest | Request, shown: Evaluation) -> list[AskedL
             wanted.setdefault(public_id[:64], lap)
     known = visible_evaluations(request, [each for each in wanted if each != REFERENCE][: MOST_RUNS - 1])
     rewards = reward_functions([shown, *known.values()], request.user) if request.GET.get("reward") == "1" else {}
-    laps = [asked_lap(shown, _number(shown, request.GET.get("lap", "")), rewards.get(shown.pk))]
+    laps = [asked_lap(shown, asked_number(shown, request.GET.get("lap", "")), rewards.get(shown.pk))]
     for public_id, lap in list(wanted.items())[: MOST_RUNS - 1]:
         if public_id == REFERENCE and (reference := asked_reference(shown)):
             laps.append(reference)
@@ -43,7 +43,7 @@ def asked_laps(request: HttpRequest | Request, shown: Evaluation) -> list[AskedL
             raise UserFault("compare_unknown")
         refuse_incomparable(shown, known[public_id])
         run = known[public_id]
-        laps.append(asked_lap(run, _number(run, lap), rewards.get(run.pk)))
+        laps.append(asked_lap(run, asked_number(run, lap), rewards.get(run.pk)))
     return laps
 
 
@@ -83,7 +83,8 @@ def asked_reference(run: Evaluation) -> AskedLap | None:
     )
 
 
-def _number(run: Evaluation, asked: str) -> int:
+def asked_number(run: Evaluation, asked: str) -> int:
+    """The lap that a query names, 0 for none. Raises UserFault ``compare_lap``."""
     laps = run.result.laps
     if not asked:
         return 0

@@ -5,16 +5,11 @@ from django.utils.translation import gettext as _
 
 from core.times import clock
 
-from ..boards.counted_laps import counted_ms, is_complete
-from ..models import LapCorrection, MeasuredLap, Race
+from ..boards.counted_laps import counted_time
+from ..models import LapCorrection
 
 register = template.Library()
-
-
-@register.simple_tag
-def counted(race: Race, lap: MeasuredLap) -> int | None:
-    """The counted time of a lap in milliseconds; None for one that does not count."""
-    return counted_ms(race, lap) if is_complete(race, lap) else None
+register.simple_tag(counted_time, name="counted")
 
 
 @register.simple_tag

@@ -8,18 +8,16 @@ from django import forms
 from django.utils.translation import gettext_lazy as _
 
 from accounts.models import Racer
-from core.forms import add_fault
 from evaluation.garage.selectors import cars_of
 from evaluation.models import TrainedModel
 from paddock.errors import UserFault
 from paddock.rules.race import BOX_COUNT, MAX_CARS, MODELS, OF_SOME_TYPES, OWN_RULES, ROUND_ROBIN, RULES
 from paddock.rules.ranked import NEEDED
 
-from ..errors import RaceRefused
 from ..models import Race, RaceType
 from ..models.rules import usual
 from ..rules.fields import drop_rules_of_other_types, rule_field
-from ..rules.layout_form import DRAWN, FIXED, PROPOSALS, LayoutForm, Preview, preview
+from ..rules.layout_form import DRAWN, FIXED, PROPOSALS, LayoutForm, Preview, preview, show_refusal
 from .selectors import usable_model, usable_rivals
 
 RIVALS = tuple(f"rival_{number}" for number in range(1, MAX_CARS))
@@ -42,11 +40,7 @@ class CarForm(forms.Form):
 
     def show(self, fault: UserFault) -> None:
         """Show a refusal, each problem beside its field where the form has it."""
-        if isinstance(fault, RaceRefused) and hasattr(fault.errors, "error_dict"):
-            for field, errors in fault.errors.error_dict.items():
-                self.add_error(self.place_error(field), errors)
-        else:
-            add_fault(self, fault, _field_of(fault, self.fields))
+        show_refusal(self, fault, _field_of(fault, self.fields))
 
     def place_error(self, field: str) -> str | None:
         """The field to show a problem at, None for the form as a whole."""

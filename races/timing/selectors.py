@@ -2,12 +2,12 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any, TypeGuard
+from typing import Any
 
 from django.db.models import Prefetch, QuerySet
 from django.http import HttpRequest
 
-from accounts.models import Racer, Viewer
+from accounts.models import Viewer
 from evaluation.models import TrainedModel
 
 from ..boards.ranking import standing_in
@@ -27,7 +27,7 @@ from ..models import (
 
 def can_keep_time(racer: Viewer, race: Race) -> bool:
     """Whether the racer may take times in the race of real cars: its organiser, its timekeepers and admins."""
-    if not race.physical or not _known(racer):
+    if not race.physical or racer is None or not racer.is_authenticated:
         return False
     return can_organise(racer, race) or Timekeeper.objects.filter(race=race, racer_id=racer.pk).exists()
 
@@ -63,10 +63,6 @@ def timeable_entries(race: Race) -> QuerySet[Entry]:
     """The entries of a race that may be timed, by name."""
     entries = Entry.objects.filter(race=race, withdrawn_at=None, is_baseline=False).select_related("racer", "model")
     return entries.order_by("racer__alias")
-
-
-def _known(racer: Viewer) -> TypeGuard[Racer]:
-    return racer is not None and racer.is_authenticated
 
 
 @dataclass(frozen=True)

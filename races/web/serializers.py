@@ -1,6 +1,5 @@
 """Serializers that the API of several features shares."""
 
-from drf_spectacular.utils import extend_schema_field
 from rest_framework import serializers
 
 from core.api.documents import serializer_of
@@ -32,6 +31,13 @@ def submissions_left(entry: Entry) -> int | None:
     return None if limit is None else max(0, limit - entry.submission_count)
 
 
+class AcceptedTermsSerializer(serializers.Serializer):
+    """Accepted terms."""
+
+    version = serializers.IntegerField(source="terms.version")
+    at = serializers.DateTimeField(source="accepted_at")
+
+
 class EntrySerializer(serializers.Serializer):
     """A racer in a race, with the standing of the best submission. Times in milliseconds."""
 
@@ -41,8 +47,10 @@ class EntrySerializer(serializers.Serializer):
     withdrawn_at = serializers.DateTimeField(allow_null=True)
     removed_at = serializers.DateTimeField(allow_null=True)
     removal_reason = serializers.CharField(allow_blank=True)
-    accepted_terms = serializers.SerializerMethodField(
-        help_text="The newest version of the race's terms that was accepted, and when; null for none."
+    accepted_terms = ComputedField(
+        AcceptedTermsSerializer(allow_null=True),
+        lambda entry: entry.accepted_terms.select_related("terms").order_by("-terms__version").first(),
+        help_text="The newest version of the race's terms that was accepted, and when; null for none.",
     )
     submission_count = serializers.IntegerField(help_text="Those that count.")
     submissions_left = ComputedField(
@@ -60,15 +68,3 @@ class EntrySerializer(serializers.Serializer):
     evaluation = serializers.CharField(
         source="best.evaluation.public_id", default=None, allow_null=True, help_text="Of the best submission."
     )
-
-    @extend_schema_field(
-        {
-            "type": "object",
-            "nullable": True,
-            "properties": {"version": {"type": "integer"}, "at": {"type": "string", "format": "date-time"}},
-            "required": ["version", "at"],
-        }
-    )
-    def get_accepted_terms(self, entry: Entry) -> dict[str, object] | None:
-        accepted = entry.accepted_terms.select_related("terms").order_by("-terms__version").first()
-        return {"version": accepted.terms.version, "at": accepted.accepted_at} if accepted else None

@@ -48,7 +48,7 @@ def choose_model(*, event: LiveEvent, racer: Racer, model: TrainedModel, now: da
         raise UserFault("live_submissions_closed")
     if not can_use_model(racer, model):
         raise UserFault("model_not_yours")
-    entry = _entry(event, racer)
+    entry = entry_in(event, racer)
     mine = LiveRacer.objects.filter(event=event, entry=entry).first()
     if mine is not None and slots_of_racer(mine).filter(state__in=(SlotState.CALLED, SlotState.RUNNING)).exists():
         raise UserFault("live_called")
@@ -69,7 +69,7 @@ def check_in(*, event: LiveEvent, racer: Racer, now: datetime) -> LiveRacer:
     event = open_to_racers(event)
     if event.state == LiveState.PLANNED and not event.in_lobby(now):
         raise UserFault("live_lobby_closed")
-    mine, _ = LiveRacer.objects.get_or_create(event=event, entry=_entry(event, racer))
+    mine, _ = LiveRacer.objects.get_or_create(event=event, entry=entry_in(event, racer))
     if mine.here_at is None:
         mine.here_at = now
         mine.save(update_fields=["here_at"])
@@ -185,7 +185,8 @@ def open_to_racers(event: LiveEvent) -> LiveEvent:
     return locked
 
 
-def _entry(event: LiveEvent, racer: Racer) -> Entry:
+def entry_in(event: LiveEvent, racer: Racer) -> Entry:
+    """The racer's entry. Raises UserFault("live_not_in")."""
     entry = racers_of(event.race).filter(racer=racer).first()
     if entry is None:
         raise UserFault("live_not_in")

@@ -22,11 +22,11 @@ from paddock.errors import UserFault
 from paddock.rules.race import RaceRules
 from paddock.rules.speed import MODEL_SPEED, MODES, MOST_COMMANDS, VALUES, SpeedCommand
 
-from ...models import Entry, LiveEvent, LiveRacer, LiveSlot, LiveState, SlotState
+from ...models import LiveEvent, LiveRacer, LiveSlot, LiveState, SlotState
 from ..selectors import speed as commands
 from ..streaming.pose_chunks import CHUNK_MS, chunks_of
 from .event_action import publish_change
-from .roll_call import drop_computed, open_to_racers, racers_of
+from .roll_call import drop_computed, entry_in, open_to_racers
 from .sealing import prepare_after_commit
 
 logger = logging.getLogger(__name__)
@@ -94,9 +94,7 @@ def name_deputy(*, event: LiveEvent, racer: Racer, alias: str, now: datetime) ->
     """Name a deputy with command of the car's speed; an empty ``alias`` removes the deputy. Raises UserFault
     ``live_over``, ``live_speed_off``, ``live_not_in``, ``live_deputy_unknown``, ``live_deputy_self``."""
     event = _lock(event)
-    entry: Entry | None = racers_of(event.race).filter(racer=racer).first()
-    if entry is None:
-        raise UserFault("live_not_in")
+    entry = entry_in(event, racer)
     deputy = None
     if alias:
         deputy = Racer.objects.filter(alias__iexact=alias, is_active=True).first()

@@ -7,10 +7,10 @@ from core.api.documents import serializer_of
 from core.api.operations import operation
 from core.api.views import APIView
 from evaluation.models import Evaluation
-from paddock.errors import UserFault
 
 from ...replays.comparison import LapComparison, LapLine, best_lap, compare, driven_trace, lap_line
 from ...replays.selectors import refuse_incomparable
+from ...telemetry.selectors import asked_number
 from ...web.api import visible_evaluation
 
 
@@ -34,9 +34,5 @@ class CompareView(APIView):
 
 def _line(request: Request, name: str, run: Evaluation) -> LapLine:
     laps = run.result.laps
-    asked = request.query_params.get(name, "")
-    if not asked:
-        return lap_line(driven_trace(run.result), laps, best_lap(laps))
-    if not (asked.isascii() and asked.isdecimal() and len(asked) < 4):
-        raise UserFault("compare_lap", lap=asked[:20], laps=len(laps))
-    return lap_line(driven_trace(run.result), laps, int(asked))
+    asked = asked_number(run, request.query_params.get(name, ""))
+    return lap_line(driven_trace(run.result), laps, asked or best_lap(laps))

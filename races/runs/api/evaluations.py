@@ -5,7 +5,7 @@ from typing import Annotated, Any, TypedDict
 from django.http import HttpResponse, HttpResponseBase
 from django.utils import timezone
 from django.utils.translation import gettext as _
-from drf_spectacular.utils import OpenApiParameter, extend_schema_field
+from drf_spectacular.utils import OpenApiParameter
 from rest_framework import serializers
 from rest_framework.exceptions import NotFound, PermissionDenied
 from rest_framework.request import Request
@@ -29,7 +29,7 @@ from paddock.simulator.results import LapDocument, Progress
 
 from ...models import OwnEvaluation
 from ...rules.serializers import with_rules
-from ...test_runs.selectors import OwnResult, can_stop_run, own_of, own_result, seen_race_of
+from ...test_runs.selectors import can_stop_run, own_of, own_result, seen_race_of
 from ...test_runs.services import delete_own
 from ...web.api import visible_evaluation
 from ...web.serializers import NamedSerializer, PlacedBoxSerializer, TrackSummarySerializer
@@ -121,33 +121,32 @@ class OwnSerializer(with_rules(serializers.Serializer, RANKED)):  # type: ignore
         seen_race_of,
         help_text="The race that it was driven as in, as long as you see it.",
     )
-    classified = serializers.SerializerMethodField(help_text="Once it has a result.")
-    score_ms = serializers.SerializerMethodField(help_text="By the ranking method; null unless it is classified.")
-    would_be = serializers.SerializerMethodField(help_text="In its race, against the board as it is now.")
+    classified = serializers.BooleanField(
+        source="worth.standing.classified", default=None, allow_null=True, help_text="Once it has a result."
+    )
+    score_ms = serializers.IntegerField(
+        source="worth.standing.score_ms",
+        default=None,
+        allow_null=True,
+        help_text="By the ranking method; null unless it is classified.",
+    )
+    would_be = WouldBeSerializer(
+        source="worth.would_be",
+        default=None,
+        allow_null=True,
+        read_only=True,
+        help_text="In its race, against the board as it is now.",
+    )
     submit_if_better = serializers.BooleanField()
     submitted = serializers.CharField(
         source="submission.evaluation.public_id", default=None, allow_null=True, help_text="The run in the race."
     )
     submit_reason = ReasonField("submit_reason", help_text="Why it was not submitted.")
 
-    def get_classified(self, own: OwnEvaluation) -> bool | None:
-        worth = self._worth(own)
-        return None if worth is None else worth.standing.classified
-
-    def get_score_ms(self, own: OwnEvaluation) -> int | None:
-        worth = self._worth(own)
-        return None if worth is None else worth.standing.score_ms
-
-    @extend_schema_field(WouldBeSerializer(allow_null=True))
-    def get_would_be(self, own: OwnEvaluation) -> dict[str, Any] | None:
-        worth = self._worth(own)
-        return None if worth is None or worth.would_be is None else WouldBeSerializer(worth.would_be).data
-
-    def _worth(self, own: OwnEvaluation) -> OwnResult | None:
-        if not hasattr(self, "_worked_out"):
-            result = getattr(own.evaluation, "result", None)
-            self._worked_out = None if result is None else own_result(own, result)
-        return self._worked_out
+    def to_representation(self, own: OwnEvaluation) -> dict[str, Any]:
+        result = getattr(own.evaluation, "result", None)
+        own.worth = None if result is None else own_result(own, result)
+        return super().to_representation(own)
 
 
 class EvaluationSerializer(serializers.Serializer):

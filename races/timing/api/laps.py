@@ -22,7 +22,7 @@ from core.api.views import APIView, PrivateView
 from core.forms import explain
 from paddock.errors import UserFault
 
-from ...boards.counted_laps import counted_ms, is_complete
+from ...boards.counted_laps import counted_time
 from ...models import CrossingVerdict, LapNote, MeasuredLap, Race, Source, TimedSession, TimingSensor
 from ...models.timing import MOST_LAPS
 from ...web.api import organised_race, visible_race
@@ -48,8 +48,7 @@ class MeasuredLapSerializer(serializers.Serializer):
     corrected = serializers.BooleanField()
 
     def get_counted_ms(self, lap: MeasuredLap) -> int | None:
-        race: Race = self.context["race"]
-        return counted_ms(race, lap) if is_complete(race, lap) else None
+        return counted_time(self.context["race"], lap)
 
 
 class CorrectionSerializer(Body):

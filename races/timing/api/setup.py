@@ -14,6 +14,7 @@ from accounts.models import Racer
 from accounts.request_racer import racer_of
 from accounts.scopes import ORGANISE, RACE
 from core.api.bodies import Body
+from core.api.fields import ComputedField
 from core.api.operations import operation
 from core.api.views import PrivateView
 from paddock.errors import UserFault
@@ -94,10 +95,11 @@ class GuestSerializer(serializers.Serializer):
 
     id = serializers.UUIDField()
     name = serializers.CharField()
-    racer = serializers.SerializerMethodField(help_text="Who has taken the laps over; null for nobody yet.")
-
-    def get_racer(self, guest: Guest) -> str | None:
-        return guest.entry.racer.alias if guest.linked_at else None
+    racer = ComputedField(
+        serializers.CharField(allow_null=True),
+        lambda guest: guest.entry.racer.alias if guest.linked_at else None,
+        help_text="Who has taken the laps over; null for nobody yet.",
+    )
 
 
 class OrganisersGuestSerializer(GuestSerializer):

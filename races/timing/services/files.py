@@ -21,7 +21,7 @@ from core.forms import explain
 from core.times import clock
 from paddock.errors import UserFault
 
-from ...boards.counted_laps import counted_ms, is_complete
+from ...boards.counted_laps import counted_time
 from ...boards.exports import csv_lines
 from ...models import Guest, MeasuredLap, Race, Source, TimedSession
 from ..selectors import sessions_of
@@ -288,7 +288,7 @@ def _cells(race: Race, session: TimedSession, lap: MeasuredLap) -> tuple:
         lap.off_tracks,
         lap.resets,
         lap.valid,
-        counted_ms(race, lap) if is_complete(race, lap) else "",
+        counted_time(race, lap),
         lap.note,
         lap.corrected,
     )
