@@ -9,7 +9,6 @@ from evaluation.tasks import is_fit
 
 from .boards.day_ranks import note_ranks
 from .duels.services import drive_all_on
-from .entries.services.cars import settle_due
 from .entries.services.redrives import sweep_redrives
 from .live.services import tick_live
 from .rechecks.jobs import RECHECKS, run_next_recheck
@@ -45,12 +44,6 @@ def day_ranks() -> int:
 def redrives() -> int:
     """Rerun the runs of other engines in races that are not over. Returns the number of queued runs."""
     return sweep_redrives(now=database_now())
-
-
-@shared_task
-def cars() -> int:
-    """Write down whose the cars of races under way are where that is not yet known. Returns of how many races."""
-    return settle_due(now=database_now())
 
 
 @shared_task(bind=True)

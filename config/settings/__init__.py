@@ -110,7 +110,6 @@ CELERY_BEAT_SCHEDULE: dict[str, dict[str, Any]] = {
     "redrives": {"task": "races.tasks.redrives", "schedule": 30.0, "options": {"expires": 29}},
     "rechecks": {"task": "races.tasks.rechecks", "schedule": 60.0, "options": {"expires": 59}},
     "references": {"task": "tracks.tasks.references", "schedule": 600.0, "options": {"expires": 599}},
-    "cars": {"task": "races.tasks.cars", "schedule": 60.0, "options": {"expires": 59}},
     "rounds": {"task": "league.tasks.close_rounds", "schedule": 60.0, "options": {"expires": 59}},
     "old_trainings": {"task": "training.tasks.purge", "schedule": 6 * 3600.0, "options": {"expires": 3600}},
     "old_videos": {"task": "videos.tasks.purge", "schedule": 6 * 3600.0, "options": {"expires": 3600}},

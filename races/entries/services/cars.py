@@ -4,13 +4,12 @@ The racer who brought a car to the site has priority over later senders. House c
 after its racer left the race. Places are rows (:class:`~races.models.RaceCar`) written under the race's lock.
 """
 
-import logging
 from collections import defaultdict
 from collections.abc import Collection
 from datetime import datetime
 
 from django.db import transaction
-from django.db.models import Exists, OuterRef, Q, QuerySet
+from django.db.models import Q, QuerySet
 
 from accounts.models import Racer
 from core.database.after_commit import after_commit
@@ -22,7 +21,6 @@ from ...models import Entry, Race, RaceCar, RefusedCar, Submission, car_of
 from .locks import lock_entries
 from .standings import work_out_standings
 
-logger = logging.getLogger(__name__)
 BATCH = 500
 
 
@@ -32,15 +30,11 @@ def take_place(*, entry: Entry, race: Race, network: Network) -> None:
     if race.shared_cars or entry.is_baseline:
         return
     car = car_of(network.pk, network.facts)
-    place = RaceCar.objects.filter(race=race, car=car).first()
-    if place is None:
-        # sent by a version that wrote no places
-        before = _counted(race).filter(network=network).exclude(entry=entry).order_by("submitted_at", "pk").first()
-        place = RaceCar.objects.create(race=race, car=car, entry=entry if before is None else before.entry)
-    elif place.entry_id != entry.pk and not _is_held(place):
-        RaceCar.objects.filter(pk=place.pk).update(entry=entry)
-        return
+    place, _created = RaceCar.objects.get_or_create(race=race, car=car, defaults={"entry": entry})
     if place.entry_id == entry.pk:
+        return
+    if not _is_held(place):
+        RaceCar.objects.filter(pk=place.pk).update(entry=entry)
         return
     sent = _counted(race).filter(_same(car)).values_list("network", flat=True)
     if _brought_by({*sent, network.pk}) != entry.racer_id:
@@ -93,19 +87,7 @@ def settle_after_commit(entry: Entry) -> None:
         after_commit(settle_cars, race=entry.race)
 
 
-def settle_due(*, now: datetime) -> int:
-    """Settle the races under way whose cars were sent by a version that wrote no places. Returns how many."""
-    places = RaceCar.objects.filter(race=OuterRef("pk"))
-    sent = _counted(OuterRef("pk"))
-    due = Race.objects.filter(shared_cars=False, cancelled_at=None, imported_at=None, closes_at__gt=now)
-    races = list(due.filter(~Exists(places), Exists(sent)))
-    for race in races:
-        changed = settle_cars(race=race)
-        logger.info("Whose the cars of %s are is written down: %s were sent by others before.", race.slug, changed)
-    return len(races)
-
-
-def _counted(race: Race | OuterRef) -> QuerySet[Submission]:
+def _counted(race: Race) -> QuerySet[Submission]:
     """Submissions of entered racers that may count."""
     return Submission.objects.filter(
         entry__race=race, entry__is_baseline=False, entry__withdrawn_at=None, is_void=False
