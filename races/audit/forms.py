@@ -1,6 +1,7 @@
 """The filter of the audit log."""
 
 from collections.abc import Iterable
+from operator import itemgetter
 from typing import Any
 
 from django import forms
@@ -11,11 +12,6 @@ from core.audit.acts import ACTS
 from .selectors import AuditFilter
 
 _LARGEST = 2**63 - 1
-
-
-def actions(names: Iterable[str]) -> list[tuple[str, str]]:
-    """These acts as choices, by label."""
-    return sorted(((name, str(ACTS[name].label)) for name in names if name in ACTS), key=lambda one: one[1])
 
 
 class AuditForm(forms.Form):
@@ -33,7 +29,8 @@ class AuditForm(forms.Form):
         super().__init__(*args, **kwargs)
         field = self.fields["action"]
         assert isinstance(field, forms.ChoiceField)
-        field.choices = [("", _("any")), *actions(acts)]
+        known = ((name, str(ACTS[name].label)) for name in acts if name in ACTS)
+        field.choices = [("", _("any")), *sorted(known, key=itemgetter(1))]
 
     def filter(self) -> AuditFilter:
         """What was asked for; everything where the form is not valid."""

@@ -7,13 +7,13 @@ from typing import Self
 
 from paddock.geometry.track import TrackGeometry
 from paddock.simulator.results import LapDocument
+from races.boards.selectors.board import sector_colour
 from races.models import Race
 from tracks.drawing.maps import MARGIN_M, TOP_SPEED_MPS, Trajectory
 from tracks.models import Track
 
 LAP_COLOURS = 6
 SECTORS = 3
-PURPLE, GREEN, YELLOW = "purple", "green", "yellow"
 
 
 class ColourBy(StrEnum):
@@ -54,7 +54,7 @@ def lap_rows(laps: Sequence[LapDocument], race: Race | None) -> list[LapRow]:
     for lap in laps:
         counts = lap["complete"] and _timed(lap)
         sectors = [
-            (time, _colour(time, own[index], fastest[index]) if counts else "")
+            (time, sector_colour(time, own[index], fastest[index]) if counts else "")
             for index, time in enumerate(lap.get("sector_ms") or ())
         ]
         gap = lap["time_ms"] - best_ms if best_ms is not None and lap["complete"] else None
@@ -65,12 +65,6 @@ def lap_rows(laps: Sequence[LapDocument], race: Race | None) -> list[LapRow]:
 def _timed(lap: LapDocument) -> bool:
     sectors = lap.get("sector_ms") or ()
     return len(sectors) == SECTORS and all(time is not None for time in sectors)
-
-
-def _colour(time: int, own: int, fastest: int | None) -> str:
-    if fastest is not None and time <= fastest:
-        return PURPLE
-    return GREEN if time <= own else YELLOW
 
 
 def speed_scale(line: Sequence[Sequence[Sequence[float]]]) -> tuple[float, float]:

@@ -404,16 +404,19 @@ def _interval(entry: Entry, ahead: Entry | None) -> int | None:
     return (entry.score_ms or 0) - (ahead.score_ms or 0) if ahead.seed is None else None
 
 
+def sector_colour(time_ms: int, own: int | None, fastest: int | None) -> str:
+    """Purple as fast as the race's best, green as the own best, else yellow."""
+    if fastest is not None and time_ms <= fastest:
+        return PURPLE
+    return GREEN if own is not None and time_ms <= own else YELLOW
+
+
 def _colours(entry: Entry, race: Race) -> tuple[str | None, str | None, str | None]:
     if len(entry.sectors) != 3:
         return None, None, None
-    marks = []
-    for time_ms, own, fastest in zip(entry.sectors, entry.own_sectors_ms, race.fastest_sectors_ms, strict=True):
-        if has_rank(entry) and fastest is not None and time_ms <= fastest:
-            marks.append(PURPLE)
-        else:
-            marks.append(GREEN if own is not None and time_ms <= own else YELLOW)
-    return marks[0], marks[1], marks[2]
+    fastest = race.fastest_sectors_ms if has_rank(entry) else (None, None, None)
+    first, second, third = map(sector_colour, entry.sectors, entry.own_sectors_ms, fastest)
+    return first, second, third
 
 
 def _with_relations(entries: QuerySet[Entry]) -> QuerySet[Entry]:

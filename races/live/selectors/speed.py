@@ -180,5 +180,5 @@ def car_of(command: StoredCommand | WaitingCommand) -> int:
 
 
 def wishes_of(written: Any) -> list[WaitingCommand]:
-    """The waiting commands, the newest of each car, oldest first. Old rows hold a single command."""
-    return list(written or ()) if not isinstance(written, dict) else [written]  # type: ignore[list-item]
+    """The waiting commands, the newest of each car, oldest first."""
+    return list(written or ())
