@@ -84,10 +84,10 @@ def asked_reference(run: Evaluation) -> AskedLap | None:
 
 
 def asked_number(run: Evaluation, asked: str) -> int:
-    """The lap that a query names, 0 for none. Raises UserFault ``compare_lap``."""
+    """The lap that a query names, the best one where it names none. Raises UserFault ``compare_lap``."""
     laps = run.result.laps
     if not asked:
-        return 0
+        return best_lap(laps)
     if not (asked.isascii() and asked.isdecimal() and len(asked) < 4):
         raise UserFault("compare_lap", lap=asked[:20], laps=len(laps))
     return int(asked)

@@ -8,7 +8,7 @@ from core.api.operations import operation
 from core.api.views import APIView
 from evaluation.models import Evaluation
 
-from ...replays.comparison import LapComparison, LapLine, best_lap, compare, driven_trace, lap_line
+from ...replays.comparison import LapComparison, LapLine, compare, driven_trace, lap_line
 from ...replays.selectors import refuse_incomparable
 from ...telemetry.selectors import asked_number
 from ...web.api import visible_evaluation
@@ -33,6 +33,5 @@ class CompareView(APIView):
 
 
 def _line(request: Request, name: str, run: Evaluation) -> LapLine:
-    laps = run.result.laps
-    asked = asked_number(run, request.query_params.get(name, ""))
-    return lap_line(driven_trace(run.result), laps, asked or best_lap(laps))
+    number = asked_number(run, request.query_params.get(name, ""))
+    return lap_line(driven_trace(run.result), run.result.laps, number)
