@@ -11,23 +11,21 @@ class CoursesConfig(AppConfig):
         from django.db.models.signals import pre_delete
 
         from accounts.quotas import register
-        from core.events import register_audience, register_reader
+        from core.events import register_reader
         from core.pages.registry import register_slots
         from core.streams import register_moves
         from evaluation.signals import evaluation_ended
         from races.entries.selectors.visibility import AUDIENCES, RunAudience
 
-        from .assignments.selectors import event_audience, moves
+        from .assignments.selectors import moves
         from .assignments.services import take_runs_along
         from .attempts.selectors import runs_seen, sees_run
         from .attempts.services import take_ended_evaluation
-        from .events import ASSIGNMENT
         from .notices import NOTICES
         from .quotas import ASSIGNMENTS
 
         register(ASSIGNMENTS)
         register_reader(NOTICES)
-        register_audience(ASSIGNMENT, can_see=event_audience.can_see, seen=event_audience.seen)
         register_moves(moves)
         AUDIENCES.append(RunAudience(sees_run, runs_seen))
         pre_delete.connect(take_runs_along, sender="courses.Assignment", dispatch_uid="courses.take_runs_along")

@@ -20,7 +20,6 @@ class RacesConfig(AppConfig):
         from .boards.triggers import installed_after_migrate
         from .duels.services import recount
         from .entries import eligibility, hooks, queues
-        from .entries.selectors.visibility import register_audiences
         from .live.services.sealing import take_out_departed
         from .quotas import OWN_RUNS_A_DAY, OWN_RUNS_AT_ONCE, RACES
         from .receivers import take_ended_evaluation
@@ -42,7 +41,6 @@ class RacesConfig(AppConfig):
         queues.register()
         track_figures.register()
         register_demand(track_figures.raced_ways)
-        register_audiences()
         streams.register()
         spoiler_pages.register()
         register_cards(("races.cards.races", "races.cards.runs"))

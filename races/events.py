@@ -4,17 +4,13 @@ from typing import Any
 
 from django.utils import timezone
 
-from core.events import OWN, EventKind, record, register
-from evaluation.running.events import RUN
+from core.events import EventKind, record, register
 
 from .models import Race
 
-# Visible to everyone with access to the race.
-RACE = "race"
-
 
 def _kind(name: str, summary: str, data: tuple[str, ...] = (), *, once: str = "") -> EventKind:
-    return register(EventKind(name, summary, RACE, ("race", "subject"), data, once))
+    return register(EventKind(name, summary, ("race", "subject"), data, once))
 
 
 RACE_OPENED = _kind("race.opened", "a race has opened", once="race and opening time")
@@ -33,18 +29,15 @@ LIVE_SHOWN = _kind("live.shown", "a run of a live event was played to its end", 
 
 _OF_RACER = ("racer", "race", "subject")
 RACE_RESULT = register(
-    EventKind(
-        "race.result", "a car was timed in a race, and its result counts", RUN, _OF_RACER, ("submission",), once="run"
-    )
+    EventKind("race.result", "a car was timed in a race, and its result counts", _OF_RACER, ("submission",), once="run")
 )
 _TIMED = "a racer's session with a real car has ended, and its laps count"
-RACE_TIMED = register(EventKind("race.timed", _TIMED, RACE, _OF_RACER, ("session",), once="session"))
+RACE_TIMED = register(EventKind("race.timed", _TIMED, _OF_RACER, ("session",), once="session"))
 
 RESULT_DIFFERS = register(
     EventKind(
         "result.differs",
         "an official result was driven again and came to something else; for admins",
-        OWN,
         ("subject",),
         ("recheck",),
     )

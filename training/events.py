@@ -2,12 +2,12 @@
 
 from datetime import datetime
 
-from core.events import OWN, EventKind, record, register
+from core.events import EventKind, record, register
 
 from .models import TrainingJob
 
 TRAINING_ENDED = register(
-    EventKind("training.ended", "a training has ended", OWN, ("racer", "subject"), ("ended_because", "reason"))
+    EventKind("training.ended", "a training has ended", ("racer", "subject"), ("ended_because", "reason"))
 )
 
 

@@ -4,4 +4,3 @@ from .kinds import KINDS, EventKind, register
 from .models import Event
 from .reading import EventReader, follow, register_reader
 from .recording import record, record_all, written
-from .visibility import OWN, can_see_event, events_visible_to, register_audience

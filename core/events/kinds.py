@@ -7,12 +7,11 @@ from dataclasses import dataclass
 class EventKind:
     """A kind of event, named ``thing.what_happened``.
 
-    ``summary``: for the documentation; ``seen_by``: the audience; ``names``: the filled columns of :data:`COLUMNS`;
+    ``summary``: for the documentation; ``names``: the filled columns of :data:`COLUMNS`;
     ``data``: the keys of its JSON; ``once``: what there is one event for, empty for any number."""
 
     name: str
     summary: str
-    seen_by: str
     names: tuple[str, ...] = ()
     data: tuple[str, ...] = ()
     once: str = ""

@@ -6,10 +6,8 @@ from collections.abc import Sequence
 from django.db.models import Q, QuerySet
 
 from accounts.models import ClassTeacher, GroupMember, Racer, RacerGroup, Viewer
-from core.events import KINDS, Event
-from core.events.visibility import Audience
+from core.events import Event
 
-from ..events import ASSIGNMENT
 from ..grading.members import can_teach_group, is_student, taught_by
 from ..models import Assignment
 
@@ -44,22 +42,9 @@ def assignments_visible_to(viewer: Viewer) -> QuerySet[Assignment]:
     return found.filter(student | taught_by(viewer, "group"))
 
 
-def _sees_event(viewer: Viewer, event: Event) -> bool:
-    assignment = Assignment.objects.filter(public_id=event.subject).select_related("group").first()
-    return assignment is not None and can_see_assignment(viewer, assignment)
-
-
-def _events_seen(viewer: Viewer) -> Q:
-    return Q(subject__in=assignments_visible_to(viewer).values("public_id"))
-
-
-event_audience = Audience(can_see=_sees_event, seen=_events_seen)
-
-
 def moves(events: Sequence[Event]) -> dict[int, set[str]]:
     """An event of an assignment moves the open pages of its teachers and students."""
-    kinds = {kind.name for kind in KINDS.values() if kind.seen_by == ASSIGNMENT}  # a row may be of a kind that is gone
-    subjects = {event.pk: event.subject for event in events if event.kind in kinds}
+    subjects = {event.pk: event.subject for event in events if event.kind.startswith("assignment.")}
     if not subjects:
         return {}
     groups = dict(Assignment.objects.filter(public_id__in=subjects.values()).values_list("public_id", "group"))

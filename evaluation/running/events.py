@@ -8,16 +8,13 @@ from core.streams import Topic, register_moves, register_topic
 
 from ..models import Evaluation, Result, State
 
-# The viewers with access to the run. The room of the races defines them.
-RUN = "run"
-
-RUN_QUEUED = register(EventKind("run.queued", "a run was queued", RUN, ("racer", "subject")))
-RUN_STARTED = register(EventKind("run.started", "a worker has started a run", RUN, ("racer", "subject"), ("attempt",)))
+RUN_QUEUED = register(EventKind("run.queued", "a run was queued", ("racer", "subject")))
+RUN_STARTED = register(EventKind("run.started", "a worker has started a run", ("racer", "subject"), ("attempt",)))
 RUN_FINISHED = register(
-    EventKind("run.finished", "a run has a result", RUN, ("racer", "subject"), ("best_lap_ms", "total_ms"))
+    EventKind("run.finished", "a run has a result", ("racer", "subject"), ("best_lap_ms", "total_ms"))
 )
-RUN_FAILED = register(EventKind("run.failed", "a run ended without a result", RUN, ("racer", "subject"), ("reason",)))
-RUN_STOPPED = register(EventKind("run.stopped", "a run was stopped", RUN, ("racer", "subject")))
+RUN_FAILED = register(EventKind("run.failed", "a run ended without a result", ("racer", "subject"), ("reason",)))
+RUN_STOPPED = register(EventKind("run.stopped", "a run was stopped", ("racer", "subject")))
 
 
 def record_queued(evaluation: Evaluation, now: datetime) -> None:

@@ -2,7 +2,7 @@
 
 from typing import Any
 
-from django.http import Http404
+from django.http import Http404, HttpRequest
 from django.utils import timezone
 from rest_framework import serializers
 from rest_framework.request import Request
@@ -63,7 +63,7 @@ class ProfileSerializer(serializers.Serializer):
         return {**super().get_fields(), **{name: field.api() for name, field in FIELDS.items()}}
 
 
-def shown_racer(request: Request, alias: str) -> Racer:
+def shown_racer(request: HttpRequest | Request, alias: str) -> Racer:
     racer = racer_shown(alias)
     if racer is None:
         raise Http404

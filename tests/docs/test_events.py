@@ -29,7 +29,6 @@ def test_every_kind_has_a_row_as_registered():
             kind.summary,
             ", ".join(kind.names),
             ", ".join(f"`{name}`" for name in kind.data),
-            kind.seen_by,
             kind.once,
             ", ".join(f"`{name}`" for name in readers),
         ]

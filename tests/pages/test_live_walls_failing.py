@@ -13,7 +13,7 @@ from django.db import transaction
 from django.utils import timezone
 
 from accounts.models import Racer
-from core.events.visibility import events_visible_to
+from core.events import Event
 from core.personal_data.exporting import archive
 from evaluation.models import Evaluation
 from paddock.errors import UserFault
@@ -89,7 +89,7 @@ def answers(show: Show, viewer: str) -> dict[str, tuple[int, bytes]]:
     }
     race = str(show.event.race_id)
     streamed = json.dumps([welcome(race), EventFeed(race).next(True)[0]]).encode()
-    events = repr(list(events_visible_to(show.viewers[viewer]).values_list("kind", "subject"))).encode()
+    events = repr(list(Event.objects.values_list("kind", "subject"))).encode()
     return found | {"stream": (200, streamed), "events": (200, events)}
 
 

@@ -3,17 +3,14 @@
 from __future__ import annotations
 
 import pytest
-from django.contrib.auth.models import AnonymousUser
 
-from core.events import Event, can_see_event, events_visible_to
-from evaluation.models import Evaluation
+from core.events import Event
 from evaluation.running.queue.jobs import EVALUATIONS
 from evaluation.running.queue.services import stop_evaluation
 from paddock.errors import PlatformFault, UserFault
 from races.duels.services import draw_duels, drive_on
 from races.entries.services.entries import enter_race, withdraw
 from races.entries.services.submissions import submit_model
-from races.models import Visibility
 from races.pages.services import cancel_race
 from tests.duels import a_duel_race, end_all, qualify
 from tests.factories import a_model, a_race, a_racer, drive, fail, laps
@@ -92,50 +89,3 @@ def test_the_stages_of_duels_write_events(now):
     kinds = [kind for kind, *_rest in happened(race=race.pk)]
     assert kinds[0] == "duels.drawn" and kinds[-1] == "duels.over"
     assert kinds.count("duel.decided") == race.duels.count() == 6
-
-
-class TestVisibility:
-    @pytest.fixture
-    def cast(self, alice, bob, charlie):
-        """Alice organises a race by invitation, bob has driven in it, charlie is a stranger."""
-        return {
-            "organiser": alice,
-            "member": bob,
-            "stranger": charlie,
-            "staff": a_racer(is_staff=True),
-            "guest": AnonymousUser(),
-            "nobody": None,
-        }
-
-    def seen_by(self, cast, kind: str) -> list[str]:
-        """Who of the cast sees the only event of a kind, as predicate and queryset agree."""
-        event = Event.objects.get(kind=kind)
-        seen = [who for who, viewer in cast.items() if can_see_event(viewer, event)]
-        assert seen == [who for who, viewer in cast.items() if event in events_visible_to(viewer)]
-        return seen
-
-    def test_members_see_events_of_an_invitation_race(self, cast, now):
-        race = a_race(now, organiser=cast["organiser"], visibility=Visibility.INVITATION)
-        other = a_racer()
-        for racer in (cast["member"], other):
-            race.entries.create(racer=racer, entered_at=now)
-        drive(race, cast["member"], laps(9_000, 9_000, 9_000), now)
-        cancel_race(race=race, reason="Rain", now=now)
-        assert self.seen_by(cast, "race.cancelled") == ["organiser", "member", "staff"]
-        assert self.seen_by(cast, "run.finished") == ["organiser", "member", "staff"]
-        assert self.seen_by({"other": other}, "run.finished") == ["other"], "it stands on the board"
-
-    def test_all_see_public_races_but_only_owners_failed_runs(self, cast, now):
-        race = a_race(now)
-        failed = submit_model(race=race, racer=cast["member"], model=a_model(cast["member"]), now=now)
-        fail(failed, UserFault("non_finite_action", step=7), now)
-        cancel_race(race=race, reason="Rain", now=now)
-        assert self.seen_by(cast, "race.cancelled") == list(cast)
-        assert self.seen_by(cast, "run.failed") == ["member", "staff"]
-
-    def test_only_staff_see_events_of_deleted_rows(self, cast, now):
-        race = a_race(now)
-        cancel_race(race=race, reason="Rain", now=now)
-        race.delete()
-        assert self.seen_by(cast, "race.cancelled") == ["staff"]
-        assert not Evaluation.objects.exists()

@@ -2,17 +2,14 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Any, TypeGuard
+from typing import TypeGuard
 
 from django.db.models import Exists, F, OuterRef, Q, QuerySet
 
 from accounts.groups.selectors import is_in
 from accounts.models import GroupMember, Racer, Viewer
-from core.events import Event, register_audience
 from evaluation.models import Evaluation
-from evaluation.running.events import RUN
 
-from ...events import RACE
 from ...models import Duel, Entry, Race, Submission, Timekeeper, Visibility
 from ..engines import hidden_runs, is_hidden
 
@@ -120,23 +117,6 @@ def evaluations_visible_to(racer: Viewer) -> QuerySet[Evaluation]:
         for audience in AUDIENCES:
             seen |= audience.seen(racer)
     return evaluations.filter(~hidden_runs(), seen)
-
-
-def register_audiences() -> None:
-    """Let everybody who may see a race or a run read its events."""
-
-    def sees_race(viewer: Any, event: Event) -> bool:
-        race = Race.objects.filter(pk=event.race).first()
-        return race is not None and can_see_race(viewer, race)
-
-    def sees_run(viewer: Any, event: Event) -> bool:
-        run = Evaluation.objects.filter(public_id=event.subject).first()
-        return run is not None and can_see_evaluation(viewer, run)
-
-    register_audience(RACE, can_see=sees_race, seen=lambda viewer: Q(race__in=races_visible_to(viewer).values("pk")))
-    register_audience(
-        RUN, can_see=sees_run, seen=lambda viewer: Q(subject__in=evaluations_visible_to(viewer).values("public_id"))
-    )
 
 
 def _in_its_group(racer: Racer, to_race: str) -> Q:

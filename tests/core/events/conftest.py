@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import pytest
 
-from core.events import KINDS, OWN, Event, EventKind, EventReader, reading, register_reader, waking
+from core.events import KINDS, Event, EventKind, EventReader, reading, register_reader, waking
 from core.events import register as register_kind
 
-BELL = EventKind("test.rang", "a bell has rung", OWN, data=("number",))
-FIRST = EventKind("test.first", "a bell has rung for the first time", OWN, names=("subject",), once="bell")
-OTHER = EventKind("test.other", "something that nobody reads", OWN)
+BELL = EventKind("test.rang", "a bell has rung", data=("number",))
+FIRST = EventKind("test.first", "a bell has rung for the first time", names=("subject",), once="bell")
+OTHER = EventKind("test.other", "something that nobody reads")
 
 
 @pytest.fixture(autouse=True)

@@ -53,7 +53,7 @@ def test_many_events_are_written_in_few_queries(now, django_assert_max_num_queri
         (BELL, {"number": 1, "once": "x"}),
         (FIRST, {"subject": "church"}),
         (FIRST, {"once": "church"}),
-        (EventKind("test.unheard", "of which nobody has heard", "own"), {}),
+        (EventKind("test.unheard", "of which nobody has heard"), {}),
     ],
 )
 def test_an_event_that_does_not_fit_its_kind_is_an_error(now, kind, what):
@@ -65,9 +65,9 @@ def test_an_event_that_does_not_fit_its_kind_is_an_error(now, kind, what):
 def test_duplicate_kinds_and_unknown_columns_are_refused():
     assert register(BELL) is BELL
     with pytest.raises(ValueError):
-        register(EventKind(BELL.name, "something else", "own"))
+        register(EventKind(BELL.name, "something else"))
     with pytest.raises(ValueError):
-        register(EventKind("test.new", "something new", "own", names=("weather",)))
+        register(EventKind("test.new", "something new", names=("weather",)))
 
 
 class TestWakingUp:
