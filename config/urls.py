@@ -47,10 +47,10 @@ urlpatterns = [
     path("workers/<slug:name>/failed/", workers.failed, name="failed_runs"),
     path("", include("config.sharing.urls")),
     path("", include("league.urls")),
+    path("", include("races.urls")),  # tried in order, so those that many ask for come early
     path("", include("accounts.urls")),
     path("", include("training.urls")),
     path("", include("courses.urls")),
-    path("", include("races.urls")),
     path("", include("evaluation.urls")),
     path("", include("tracks.urls")),
     path("accounts/login/", log_in.as_view(form_class=LoginForm), name="account_login"),

@@ -31,7 +31,7 @@ T = TypeVar("T")
 # Parts have times such as "in 5 minutes", so they are made anew after this even when nothing was committed
 LIVES_S = 1.0
 PARTS = 400  # of one process; the one asked for longest ago makes way
-LASTING = 40  # of those that no commit changes
+LASTING, LASTING_PIECES = 40, 3000  # of those that no commit changes: values of any size, and small HTML
 
 
 class _Newest:
@@ -50,10 +50,30 @@ class _Newest:
             return self._position
 
 
+class _Lasting:
+    """Values that stay valid, of which the least recently used beyond ``size`` are dropped."""
+
+    def __init__(self, size: int) -> None:
+        self._lock = threading.Lock()
+        self._size = size
+        self._values: OrderedDict[Hashable, Any] = OrderedDict()
+
+    def get(self, key: Hashable, make: Callable[[], T]) -> T:
+        with self._lock:
+            if key in self._values:
+                self._values.move_to_end(key)
+                return self._values[key]
+        value = make()
+        with self._lock:
+            self._values[key] = value
+            while len(self._values) > self._size:
+                self._values.popitem(last=False)
+        return value
+
+
 _newest = _Newest()
+_lasting, _lasting_pieces = _Lasting(LASTING), _Lasting(LASTING_PIECES)
 _parts: Unchanged[Any] = Unchanged(PARTS)
-_lasting: OrderedDict[Hashable, Any] = OrderedDict()
-_lasting_lock = threading.Lock()
 # The event that the current request has seen; None: parts are never older than the request
 _seen: ContextVar[int | None] = ContextVar("seen", default=None)
 
@@ -96,17 +116,14 @@ def lasting_value(key: Hashable, make: Callable[[], T]) -> T:
     value."""
     if not is_shared():
         return make()
-    whole_key = (key, get_language())
-    with _lasting_lock:
-        if whole_key in _lasting:
-            _lasting.move_to_end(whole_key)
-            return _lasting[whole_key]
-    value = make()
-    with _lasting_lock:
-        _lasting[whole_key] = value
-        while len(_lasting) > LASTING:
-            _lasting.popitem(last=False)
-    return value
+    return _lasting.get((key, get_language()), make)
+
+
+def lasting_piece(template: str, values: dict[str, Any], *, key: Hashable) -> SafeString:
+    """HTML that the values in ``key`` determine, with the language and time zone: drawn without a request, and kept for
+    as long as others are not asked for more recently."""
+    whole_key = (template, key, get_language(), timezone.get_current_timezone_name())
+    return _lasting_pieces.get(whole_key, lambda: render_to_string(template, values))
 
 
 def shared_piece(template: str, values: Callable[[], dict[str, Any]], *, key: Hashable) -> SafeString:

@@ -4,6 +4,9 @@ from typing import Any
 
 from django import template
 from django.template.defaulttags import querystring as querystring_of
+from django.utils.safestring import SafeString
+
+from core.streams.shared_pieces import lasting_piece
 
 register = template.Library()
 
@@ -14,3 +17,13 @@ def querystring(context: template.Context, **changes: Any) -> str:
     a request has them as ``query``."""
     query = context["query"] if "query" in context else context["request"].GET
     return querystring_of(context, getattr(query, "read_so_far", query), **changes)
+
+
+@register.simple_tag(takes_context=True)
+def pager(context: template.Context, number: int, pages: int) -> SafeString | str:
+    """Links to the page before and the page after ``number``; nothing where there is one page."""
+    if pages < 2:
+        return ""
+    others = querystring(context, page=None)
+    values = {"number": number, "pages": pages, "others": others if others == "?" else f"{others}&"}
+    return lasting_piece("parts/pages.html", values, key=tuple(values.values()))

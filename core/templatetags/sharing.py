@@ -1,13 +1,13 @@
 """Tags of a page that other sites read when somebody shares its link: no query, and nothing but what is passed in."""
 
-from typing import Any
-
 from django import template
 from django.conf import settings
 from django.template.loader import render_to_string
 from django.urls import reverse
 from django.utils.safestring import SafeString
 from django.utils.translation import get_language
+
+from core.streams.shared_pieces import lasting_piece
 
 register = template.Library()
 _LOCALES = {"en": "en_US", "ko": "ko_KR"}
@@ -50,10 +50,11 @@ def sharing(
     )
 
 
-@register.inclusion_tag("parts/sharing/button.html")
-def share_button(page: str, title: str, *, hides: bool = False) -> dict[str, Any]:
+@register.simple_tag
+def share_button(page: str, title: str, *, hides: bool = False) -> SafeString:
     """A button that opens the share sheet of a phone, and elsewhere copies the link."""
-    return {"address": f"{settings.SITE_URL}{page}{_query(hides)}", "title": title}
+    values = {"address": f"{settings.SITE_URL}{page}{_query(hides)}", "title": title}
+    return lasting_piece("parts/sharing/button.html", values, key=tuple(values.values()))
 
 
 def _query(hides: bool) -> str:

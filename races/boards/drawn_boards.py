@@ -1,18 +1,15 @@
 """Tables of boards, drawn once for all readers."""
 
-import threading
-from collections import OrderedDict
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
-from typing import Protocol
+from typing import Any, Protocol
 
 from django.template.loader import render_to_string
 from django.utils import timezone
 from django.utils.safestring import SafeString
-from django.utils.translation import get_language
 
-from accounts.models import RacerGroup
-from core.streams.shared_pieces import MarkedPiece, shared_value
+from accounts.models import Racer, RacerGroup
+from core.streams.shared_pieces import MarkedPiece, lasting_piece, shared_value
 from tracks.reference.selectors import reference_times
 
 from ..models import Race
@@ -20,11 +17,7 @@ from .medals import race_reference_ms
 from .selectors.board import Board, BoardRow
 from .selectors.shared_boards import board_of_all
 
-PAGES = 40  # with kept lines, of one process
 LINES_LIVE_S = 60  # a line shows the age of a result in minutes
-
-_kept: OrderedDict[tuple, dict[tuple, SafeString]] = OrderedDict()
-_lock = threading.Lock()
 
 
 class Cut(Protocol):
@@ -62,7 +55,15 @@ class DrawnBoard:
     cut: Cut | None
     lines: MarkedPiece
     head: SafeString
+    foot: SafeString
     facts: SafeString
+    of_page: tuple
+
+    def row_of(self, reader: Racer, board: Board, cut: Cut | None) -> SafeString:
+        """The row of the reader of ``board`` outside of the lines of its page; ``cut``: of :meth:`cut_for`."""
+        assert board.my_row is not None
+        of_page = self.of_page if cut is self.cut else _values_of_page(board, cut)
+        return _line("races/boards/row.html", board, board.my_row, cut, of_page, user=reader)
 
     def cut_for(self, board: Board) -> Cut | None:
         """The qualifying line for the row of the reader of ``board``; the page's line knows the racers of the page."""
@@ -83,42 +84,34 @@ def drawn_board(slug: str, page: int, group: RacerGroup | None) -> DrawnBoard:
         values = {"board": board, "race": board.race}
         head = render_to_string(f"{_folder(board)}/head.html", values)
         facts = render_to_string("races/boards/facts.html", values)
-        lines = MarkedPiece.read("".join(_lines(board, cut, (*key, get_language()))))
-        return DrawnBoard(board, cut, lines, head, facts)
+        foot = render_to_string("races/boards/foot.html", {**values, "cut": cut})
+        of_page = _values_of_page(board, cut)
+        lines = MarkedPiece.read("".join(_lines(board, cut, of_page)))
+        return DrawnBoard(board, cut, lines, head, foot, facts, of_page)
 
     return shared_value(key, draw)
 
 
-def _lines(board: Board, cut: Cut | None, key: tuple) -> list[SafeString]:
-    """The lines of a page. Those that were drawn with the same values last time, in the same minute of the result's
-    age, are not drawn again: a commit changes few of them, or none."""
-    with _lock:
-        before = _kept.pop(key, {})
-    now, race = timezone.now(), board.race
-    of_race = repr([race.__dict__[field.attname] for field in Race._meta.concrete_fields])
-    of_all = (of_race, repr(cut), race_reference_ms(race, reference_times()))
-    kept, lines = {}, []
+def _lines(board: Board, cut: Cut | None, of_page: tuple) -> Iterator[SafeString]:
+    """The lines of a page. A commit changes few of them, or none: the others are not drawn again."""
+    template = f"{_folder(board)}/line.html"
     for number, row in enumerate(board.rows):
-        age = int((now - (row.entry.achieved_at or row.entry.entered_at)).total_seconds()) // LINES_LIVE_S
-        values = (row.shown_values, age, *of_all, board.classified_count == 1, _begins(board, number))
-        kept[values] = before.get(values) or _line(board, row, number, cut)
-        lines.append(kept[values])
-    with _lock:
-        _kept[key] = kept
-        while len(_kept) > PAGES:
-            _kept.popitem(last=False)
-    return lines
+        begins = number > 0 and board.rows[number - 1].group != row.group
+        yield _line(template, board, row, cut, (*of_page, begins), begins=begins, is_marked=True)
 
 
-def _line(board: Board, row: BoardRow, number: int, cut: Cut | None) -> SafeString:
-    values = {"race": board.race, "board": board, "row": row, "cut": cut, "begins": _begins(board, number)}
-    values["is_marked"] = True
-    return render_to_string(f"{_folder(board)}/line.html", values)
+def _values_of_page(board: Board, cut: Cut | None) -> tuple:
+    """What all lines of a page depend on."""
+    race = board.race
+    of_race = repr([race.__dict__[field.attname] for field in Race._meta.concrete_fields])
+    return of_race, repr(cut), race_reference_ms(race, reference_times()), board.classified_count == 1
 
 
-def _begins(board: Board, number: int) -> bool:
-    """Whether another group of rows begins with this one."""
-    return number > 0 and board.rows[number].group != board.rows[number - 1].group
+def _line(template: str, board: Board, row: BoardRow, cut: Cut | None, of_page: tuple, **values: Any) -> SafeString:
+    """A line, drawn once for the same values in the same minute of the result's age."""
+    age = (timezone.now() - (row.entry.achieved_at or row.entry.entered_at)).total_seconds() // LINES_LIVE_S
+    values |= {"race": board.race, "board": board, "row": row, "cut": cut}
+    return lasting_piece(template, values, key=(row.shown_values, age, of_page))
 
 
 def _folder(board: Board) -> str:

@@ -8,12 +8,13 @@ from django.template.loader import render_to_string
 from django.utils.safestring import SafeString
 
 from accounts.models import RacerGroup, Viewer
-from core.streams.shared_pieces import shared_piece
+from core.streams.shared_pieces import lasting_piece, shared_piece
 from races.boards.selectors.shared_boards import shared_race
 from races.entries.selectors.visibility import races_visible_to
 from races.models import Race
 from races.pages.selectors import OnTrack, on_track, track_of
 from races.streams import RACES
+from races.templatetags.races import race_medal, target_medal, tries_line
 
 register = template.Library()
 _TRACK_NOW = "races/pages/parts/track_now.html"
@@ -26,6 +27,38 @@ def race_piece(context: Context, template: str, **values: str | int | None) -> S
     key = (slug, tuple(values.items()))
     assert all(isinstance(value, str | int | None) for value in values.values()), values
     return shared_piece(template, lambda: {**values, "race": shared_race(slug)}, key=key)
+
+
+@register.simple_tag(takes_context=True)
+def my_line(context: Context) -> SafeString:
+    """The reader's row of the board, for another page of it."""
+    return context["drawn"].row_of(context["user"], context["board"], context["my_cut"])
+
+
+@register.simple_tag(takes_context=True)
+def my_facts(context: Context) -> SafeString:
+    """The facts about the reader's row beside the board of a race, and its links."""
+    race, board, latest = context["race"], context["board"], context["latest"]
+    row, (rival, rival_ms) = board.my_row, board.rival or (None, None)
+    entry = row.entry
+    target = target_medal(context, race, entry.best_lap_ms, board.rows)
+    facts = {
+        **{"slug": race.slug, "physical": race.physical, "state": str(context["state"]), "left": context["left"]},
+        **{"has_results": context["has_results"], "alias": row.racer.alias, "rank": row.rank},
+        **{"gap_ms": row.gap_ms, "interval_ms": row.interval_ms, "best_lap_ms": entry.best_lap_ms},
+        **{
+            "rival": rival and rival.shown_name,
+            "rival_ms": rival_ms,
+            "tries": tries_line(latest.tries) if latest else "",
+        },
+        **{
+            "medal": race_medal(context, race, entry.best_lap_ms),
+            "run": entry.best and entry.best.evaluation.public_id,
+        },
+    }
+    house = target and target.house
+    of_target = target and (target.medal, target.slowest_ms, target.by_ms, house and house.shown_name)
+    return lasting_piece("races/boards/my_facts.html", {**facts, "target": target}, key=(*facts.values(), of_target))
 
 
 @register.simple_tag(takes_context=True)

@@ -9,7 +9,7 @@ import pytest
 from django.utils import timezone
 
 from accounts.models import Racer
-from races.boards import drawn_boards
+from core.streams import shared_pieces
 from races.boards.drawn_boards import DrawnBoard, drawn_board
 from races.models import Entry, Race
 from tests.factories import a_race, a_racer, drive, laps
@@ -29,14 +29,15 @@ def clock(now: datetime, monkeypatch: pytest.MonkeyPatch) -> list[datetime]:
 def drawn(monkeypatch: pytest.MonkeyPatch) -> list[str]:
     """The racers whose lines were drawn since the test looked."""
     found: list[str] = []
-    real = drawn_boards._line
+    real = shared_pieces.render_to_string
 
-    def line(board: Any, row: Any, number: int, cut: Any) -> Any:
-        found.append(row.alias)
-        return real(board, row, number, cut)
+    def draw(template: str, values: Any) -> Any:
+        if template == "races/boards/line.html":
+            found.append(values["row"].alias)
+        return real(template, values)
 
-    monkeypatch.setattr(drawn_boards, "_line", line)
-    drawn_boards._kept.clear()
+    monkeypatch.setattr(shared_pieces, "render_to_string", draw)
+    monkeypatch.setattr(shared_pieces, "_lasting_pieces", shared_pieces._Lasting(100))
     return found
 
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import threading
-from collections import OrderedDict
 
 import pytest
 from django.db import transaction
@@ -18,6 +17,7 @@ from core.streams.shared_pieces import (
     MarkedPiece,
     filled,
     hole,
+    lasting_piece,
     lasting_value,
     marked,
     reading_since,
@@ -54,7 +54,7 @@ def name_of(race: Race) -> str:
 
 
 def test_a_lasting_value_is_made_once_a_language_whatever_is_committed(race, monkeypatch):
-    monkeypatch.setattr(shared_pieces, "_lasting", OrderedDict())
+    monkeypatch.setattr(shared_pieces, "_lasting", shared_pieces._Lasting(40))
     made = []
 
     def value(key: object) -> str:
@@ -69,7 +69,7 @@ def test_a_lasting_value_is_made_once_a_language_whatever_is_committed(race, mon
 
 
 def test_a_transaction_neither_gets_nor_leaves_a_lasting_value(monkeypatch):
-    monkeypatch.setattr(shared_pieces, "_lasting", OrderedDict())
+    monkeypatch.setattr(shared_pieces, "_lasting", shared_pieces._Lasting(40))
     with transaction.atomic():
         assert lasting_value("a", lambda: "own") == "own"
     assert lasting_value("a", lambda: "all") == "all"
@@ -78,11 +78,23 @@ def test_a_transaction_neither_gets_nor_leaves_a_lasting_value(monkeypatch):
 
 
 def test_the_lasting_value_used_longest_ago_makes_way(monkeypatch):
-    monkeypatch.setattr(shared_pieces, "_lasting", OrderedDict())
-    monkeypatch.setattr(shared_pieces, "LASTING", 2)
+    monkeypatch.setattr(shared_pieces, "_lasting", shared_pieces._Lasting(2))
     for key in ("a", "b", "a", "c"):
         lasting_value(key, lambda: "old")
     assert [lasting_value(key, lambda: "new") for key in ("a", "c", "b")] == ["old", "old", "new"]
+
+
+def test_a_lasting_piece_is_drawn_once_for_the_values_of_its_key_and_the_language(monkeypatch):
+    monkeypatch.setattr(shared_pieces, "_lasting_pieces", shared_pieces._Lasting(40))
+
+    def pager(number: int, key: object) -> str:
+        return lasting_piece("parts/pages.html", {"number": number, "pages": 9, "others": "?"}, key=key)
+
+    first = pager(2, "second")
+    assert "Page 2 of 9" in first and pager(3, "second") == first
+    assert "Page 3 of 9" in pager(3, "third")
+    with translation.override("ko"):
+        assert pager(2, "second") != first
 
 
 def test_a_part_is_made_once_a_position_however_much_is_committed(race):

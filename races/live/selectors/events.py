@@ -130,6 +130,8 @@ _soon_in_race = KeptQuery(
 
 def _live_now(events: Iterable[LiveEvent], now: datetime) -> list[LiveNow]:
     shown = list(events)
+    if not shown:
+        return []
     orders: dict[int, list[LiveSlot]] = {event.pk: [] for event in shown}
     for slot in _slots_in_order().filter(event__in=[event for event in shown if event.begun_at is not None]):
         orders[slot.event_id].append(slot)
