@@ -2,23 +2,21 @@
 
 from __future__ import annotations
 
-from functools import cache
-
 import pytest
 
 from tests.factories import a_track
+from tests.training.audit.driven import driven
 from tests.training.audit.shapes import SHAPES
 from training.rewards.audit import drives as recorded
 
 pytestmark = pytest.mark.django_db
 ADDRESS = "/api/v1/reward-functions/audit/"
 CONSTANT = SHAPES["a constant"]
-_driven = cache(recorded.eight_drives)
 
 
 @pytest.fixture(autouse=True)
 def driven_once(monkeypatch):
-    monkeypatch.setattr(recorded, "eight_drives", _driven)
+    monkeypatch.setattr(recorded, "eight_drives", driven)
 
 
 def test_the_api_answers_findings_and_the_eight_drives(alice, as_racer):

@@ -7,9 +7,8 @@ import time
 import pytest
 
 from evaluation.sandbox.limits import REWARD
-from paddock.geometry.catalogue import CATALOGUE
 from tests.soak import one_of_each
-from training.rewards.audit.drives import eight_drives
+from tests.training.audit.driven import driven_on_the_oval
 from training.rewards.audit.report import audit_reward
 
 from .test_hostile import children, descriptors, is_left
@@ -18,7 +17,7 @@ from .test_hostile_rewards import marked_lines, parameters, source, takes_second
 
 @pytest.fixture(scope="module")
 def drives():
-    return eight_drives(next(entry for entry in CATALOGUE if entry.slug == "oval").geometry(), "ccw")
+    return driven_on_the_oval()
 
 
 def of_each_code() -> list:

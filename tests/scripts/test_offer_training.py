@@ -18,6 +18,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from types import ModuleType
 
+import pip
 import pytest
 
 from tests.scripts.torch_index import Index, Wheel
@@ -72,7 +73,11 @@ class Machine:
 def plain(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """An environment with pip alone."""
     folder = tmp_path_factory.mktemp("plain") / ".venv"
-    subprocess.run([sys.executable, "-m", "venv", folder], check=True)
+    subprocess.run([sys.executable, "-m", "venv", "--without-pip", folder], check=True)
+    (packages,) = folder.glob("lib/python*/site-packages")
+    ours = Path(pip.__file__).parent  # a copy; unpacking the one of Python takes it seconds
+    for part in (ours, *ours.parent.glob("pip-*.dist-info")):
+        shutil.copytree(part, packages / part.name)
     return folder
 
 

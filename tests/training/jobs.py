@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import gzip
+import json
+from functools import lru_cache
 from typing import Any
 
 import numpy as np
@@ -90,7 +92,12 @@ def a_sweep_row(owner, track, now, **values) -> Sweep:
 
 def network(job, seed: int) -> bytes:
     """A network that the gate admits, with weights of its own."""
-    layout, rng = NetworkLayout.of(job.metadata), np.random.default_rng(seed)
+    return _network(json.dumps(job.metadata), seed)
+
+
+@lru_cache(maxsize=32)
+def _network(metadata: str, seed: int) -> bytes:
+    layout, rng = NetworkLayout.of(json.loads(metadata)), np.random.default_rng(seed)
     return to_onnx(layout, {name: rng.normal(0, 0.1, shape) for name, shape in layout.shapes.items()}, squash=False)
 
 

@@ -14,6 +14,7 @@ from paddock.geometry.catalogue import CATALOGUE, by_slug
 from paddock.geometry.character import character_of, median_width
 from paddock.geometry.checks import find_crossing
 from tests.shared import SHARED
+from tests.soak import some
 
 every_track = pytest.mark.parametrize("entry", CATALOGUE, ids=lambda entry: entry.slug)
 DATA = Path(str(files(catalogue) / "data"))
@@ -80,7 +81,7 @@ def test_a_track_drives_the_way_its_file_runs(entry):
     assert entry.geometry(other).length == pytest.approx(track.length)
 
 
-@every_track
+@pytest.mark.parametrize("entry", some(CATALOGUE, 4), ids=lambda entry: entry.slug)
 def test_no_line_of_a_track_crosses_another_or_itself(entry):
     track = entry.geometry()
     lines = (track.centre, track.inner, track.outer)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from concurrent.futures import ThreadPoolExecutor
-from functools import cache as cache_of_calls
 from threading import Barrier, Lock
 
 import pytest
@@ -15,18 +14,16 @@ from training.rewards.audit import services
 from training.rewards.audit.services import drives_on
 from training.rewards.check_slots import one_check
 
+from .driven import driven
 from .shapes import SHAPES
 
 pytestmark = pytest.mark.django_db
 CONSTANT = SHAPES["a constant"]
 
 
-_driven = cache_of_calls(recorded.eight_drives)
-
-
 @pytest.fixture(autouse=True)
 def driven_once(monkeypatch):
-    monkeypatch.setattr(recorded, "eight_drives", _driven)
+    monkeypatch.setattr(recorded, "eight_drives", driven)
 
 
 @pytest.fixture
@@ -57,13 +54,13 @@ class AllWait:
 
 
 def test_those_who_ask_at_once_have_a_track_driven_once(monkeypatch):
-    track, driven = a_track(), []
-    drives = _driven(track.geometry, "ccw", "time_trial")
-    monkeypatch.setattr(recorded, "eight_drives", lambda *place: driven.append(place) or drives)
+    track, asked = a_track(), []
+    drives = driven(track.geometry, "ccw", "time_trial")
+    monkeypatch.setattr(recorded, "eight_drives", lambda *place: asked.append(place) or drives)
     monkeypatch.setattr(services, "_driving", AllWait(4))
     with ThreadPoolExecutor(4) as threads:
         found = [*threads.map(lambda _number: drives_on(track, "ccw", "time_trial"), range(4))]
-    assert len(driven) == 1 and found == [[*drives]] * 4
+    assert len(asked) == 1 and found == [[*drives]] * 4
 
 
 def test_tracks_directions_and_objects_have_drives_of_their_own():

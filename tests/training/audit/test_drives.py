@@ -29,6 +29,8 @@ from training.rewards.audit.drives import (
 )
 from training.rewards.sandbox.function import from_wire, to_wire
 
+from .driven import driven as kept
+
 TRACKS = [("oval", "ccw"), ("reinvent-2018", "cw")]
 LAPS = (FAST, SLOW, OFF_LINE, ZIG_ZAG, CUTTING)
 
@@ -46,7 +48,7 @@ def place(request):
 
 @cache
 def driven(*place):
-    return {drive.name: drive for drive in eight_drives(*place)}
+    return {drive.name: drive for drive in kept(*place)}
 
 
 @pytest.fixture

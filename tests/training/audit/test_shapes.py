@@ -6,10 +6,9 @@ from typing import NamedTuple
 
 import pytest
 
-from paddock.geometry.catalogue import CATALOGUE
-from training.rewards.audit.drives import eight_drives
 from training.rewards.audit.report import audit_reward
 
+from .driven import driven_on_the_oval
 from .shapes import SHAPES
 
 
@@ -97,7 +96,7 @@ SIGNS = {"reward_follows_progress": "+", "reward_against_progress": "-", "reward
 
 @pytest.fixture(scope="module")
 def drives():
-    return eight_drives(next(entry for entry in CATALOGUE if entry.slug == "oval").geometry(), "ccw")
+    return driven_on_the_oval()
 
 
 def test_the_table_has_every_shape_and_at_least_forty():
