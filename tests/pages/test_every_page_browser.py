@@ -70,6 +70,8 @@ def test_every_page_is_accessible_and_logs_no_browser_errors(looks, site, browse
         session = site.world.client(viewer).cookies.get(COOKIE)
         if session is not None:
             context.add_cookies([{"name": COOKIE, "value": session.value, "url": live_server.url}])
+        # sent once, not with each page
+        context.add_init_script(f"if (window === window.top) {{\n{axe.AXE_SCRIPT}\n}}")
         page = context.new_page()
         complaints: list[str] = []
         page.on("pageerror", lambda error, to=complaints: to.append(str(error)))
@@ -77,7 +79,6 @@ def test_every_page_is_accessible_and_logs_no_browser_errors(looks, site, browse
         for path in site.paths[viewer]:
             page.set_viewport_size(WIDE)
             answer = page.goto(path)
-            page.evaluate(axe.AXE_SCRIPT)
             found = [each for look in (looks or [next(turn)]) for each in look_at(page, *look)]
             page.set_viewport_size(NARROW)
             beyond = page.evaluate("document.documentElement.scrollWidth - document.documentElement.clientWidth")
