@@ -1,9 +1,12 @@
 """Querysets and permission checks for models: own, visible and shared."""
 
+from typing import Any
+
 from django.contrib.auth.models import AnonymousUser
 from django.db.models import Expression, F, Q, QuerySet
 
 from accounts.models import Racer
+from core.database.kept_queries import KeptQuery
 from core.streams.shared_pieces import shared_value
 
 from .models import TrainedModel
@@ -30,10 +33,20 @@ def can_use_model(racer: Racer | AnonymousUser, model: TrainedModel) -> bool:
 def visible_models(racer: Racer | AnonymousUser) -> QuerySet[TrainedModel]:
     """Models that the racer may look at, download and train on from: their own, and what others share. Twin of
     :func:`can_see_model`. Admins see what others see; the admin site shows them the rest."""
+    return TrainedModel.objects.none() if racer.pk is None else _visible_to(racer.pk)
+
+
+def _visible_to(racer: Any) -> QuerySet[TrainedModel]:
     models = TrainedModel.objects.select_related("network", "owner")
-    if racer.pk is None:
-        return models.none()
-    return models.filter(_SHARED | Q(owner_id=racer.pk, deleted_at=None))
+    return models.filter(_SHARED | Q(owner_id=racer, deleted_at=None))
+
+
+_visible = KeptQuery(lambda racer, public_id: _visible_to(racer).filter(public_id=public_id))
+
+
+def visible_model(racer: Racer, public_id: str) -> TrainedModel | None:
+    """The model of this id, if it is one of :func:`visible_models`."""
+    return next(iter(_visible(racer=racer.pk, public_id=public_id)), None)
 
 
 def can_see_model(racer: Racer | AnonymousUser, model: TrainedModel) -> bool:

@@ -22,7 +22,8 @@ from paddock.geometry.catalogue import by_slug
 from paddock.packages.kinds import EXPORTS
 from paddock.simulator.engine import ENGINE_ID
 
-from ..selectors import can_stop_sharing, can_use_model, models_of, visible_models
+from ..models import TrainedModel
+from ..selectors import can_stop_sharing, can_use_model, models_of, visible_model
 from . import services
 from .downloads import download_of, export_of, upload_of
 from .forms import DescribeForm, UploadForm
@@ -90,11 +91,18 @@ def model_upload(request: HttpRequest) -> HttpResponse:
     return render(request, "evaluation/garage/upload.html", context, status=status)
 
 
+def _visible_model(request: HttpRequest, public_id: str) -> TrainedModel:
+    shown = visible_model(racer_of(request), public_id)
+    if shown is None:
+        raise Http404
+    return shown
+
+
 @login_required
 @require_safe
 def model(request: HttpRequest, public_id: str) -> HttpResponse:
     """A model of mine, or one that somebody shares: what it is, what it drove, where mine can race."""
-    shown = get_object_or_404(visible_models(request.user), public_id=public_id)
+    shown = _visible_model(request, public_id)
     context = {
         "model": shown,
         "is_mine": can_use_model(request.user, shown),
@@ -107,7 +115,7 @@ def model(request: HttpRequest, public_id: str) -> HttpResponse:
 @require_safe
 def model_sensors(request: HttpRequest, public_id: str) -> HttpResponse:
     """What the sensors of a model see, as a picture (PNG). Models that read alike share one."""
-    shown = get_object_or_404(visible_models(request.user), public_id=public_id)
+    shown = _visible_model(request, public_id)
     png = _sensor_picture(tuple(shown.sensors), shown.metadata.get("lidar_config"))
     response = HttpResponse(png, content_type="image/png")
     response["Cache-Control"] = "private, max-age=86400"
@@ -131,14 +139,14 @@ def _sensor_picture(sensors: tuple[str, ...], lidar_config: dict | None) -> byte
 @require_safe
 def model_package(request: HttpRequest, public_id: str) -> HttpResponseBase:
     """A model of mine, or one that somebody shares, as a package: ONNX and model_metadata.json in a zip."""
-    return download_of(get_object_or_404(visible_models(request.user), public_id=public_id))
+    return download_of(_visible_model(request, public_id))
 
 
 @login_required
 @require_safe
 def model_export(request: HttpRequest, public_id: str, form: str) -> HttpResponseBase:
     """A model of mine, or one that somebody shares, in a format of others: for a car, for OpenVINO."""
-    shown = get_object_or_404(visible_models(request.user), public_id=public_id)
+    shown = _visible_model(request, public_id)
     if form not in EXPORTS:
         raise Http404
     with faults_reported(request):
@@ -159,7 +167,7 @@ def model_uploaded(request: HttpRequest, public_id: str) -> HttpResponseBase:
 @require_POST
 def model_share(request: HttpRequest, public_id: str) -> HttpResponse:
     """Share one of my models with every racer, or (``stop``) keep it to myself again; admins stop what they must."""
-    shown = get_object_or_404(visible_models(request.user), public_id=public_id)
+    shown = _visible_model(request, public_id)
     is_mine = can_use_model(request.user, shown)
     if "stop" in request.POST:
         if not is_mine and not can_stop_sharing(request.user, shown):

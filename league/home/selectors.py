@@ -15,6 +15,7 @@ from accounts.models import Racer
 from core.database.kept_queries import KeptQuery
 from core.forms import explain
 from evaluation.models import Evaluation, Result, TrainedModel
+from evaluation.selectors import garage_of
 from paddock.errors import UserFault
 from paddock.rules.race import RANKING
 from paddock.simulator.results import LapDocument
@@ -32,6 +33,7 @@ if TYPE_CHECKING:
 
 LOOKED_AT, CARDS, LEAST_CARDS = 24, 4, 2
 RESULTS = 6
+OWN = 5
 PLACES_READ = 50
 
 
@@ -142,12 +144,27 @@ _RUN_RESULT = ("result__laps", "result__best_lap_ms", "result__order")
 _RUN_RACE = ("slug", "name", "opponents", *RANKING)
 
 
-def latest_runs(racer: Racer) -> QuerySet[Evaluation]:
-    """The racer's runs that count, the latest first, with what the table of runs shows of them."""
+def _counting(racer: Any) -> QuerySet[Evaluation]:
     races = [f"{path}__{name}" for path in ("submission__entry__race", "duel__race") for name in _RUN_RACE]
     mine = Evaluation.objects.filter(~hidden_runs(), owner=racer, replaced_by=None)
     mine = mine.select_related("track", "result", "submission__entry__race", "duel__race")
-    return mine.only(*_RUN, *_RUN_RESULT, *races).order_by("-queued_at")
+    return mine.only(*_RUN, *_RUN_RESULT, *races).order_by("-queued_at")[:OWN]
+
+
+_latest = KeptQuery(_counting)
+_models: KeptQuery[TrainedModel] = KeptQuery(
+    lambda racer: garage_of(racer).select_related(None).only("public_id", "name", "metadata")[:OWN]
+)
+
+
+def latest_runs(racer: Racer) -> list[Evaluation]:
+    """The racer's latest runs that count, the latest first, with what the table of runs shows of them."""
+    return _latest(racer=racer.pk)
+
+
+def newest_models(racer: Racer) -> list[TrainedModel]:
+    """The racer's newest models, with their names and metadata."""
+    return _models(racer=racer.pk)
 
 
 NEWCOMER_FOR = timedelta(days=60)
@@ -171,13 +188,19 @@ def first_steps(racer: Racer, now: datetime) -> FirstSteps | None:
     """A newcomer's progress; None after all four steps or 60 days, and in a class: one query or none."""
     if racer.is_house or now - racer.joined_at > NEWCOMER_FOR:
         return None
+    steps = next((FirstSteps(*done) for done in _steps(racer=racer.pk)), None)
+    return None if steps is None or steps.done == 4 else steps
+
+
+def _done(racer: Any) -> QuerySet[Racer, tuple[bool, bool, bool, bool]]:
     entries = Entry.objects.filter(racer=OuterRef("pk"))
     sent = Submission.objects.filter(entry__racer=OuterRef("pk"))
-    found = Racer.objects.filter(pk=racer.pk, learner=None).values_list(
+    return Racer.objects.filter(pk=racer, learner=None).values_list(
         Exists(TrainedModel.objects.filter(owner=OuterRef("pk"))),
         Exists(sent),
         Exists(entries.filter(CLASSIFIED)),
         Exists(sent.filter(entry__race__kind=RaceKind.LEAGUE)),
     )
-    steps = next((FirstSteps(*done) for done in found), None)
-    return None if steps is None or steps.done == 4 else steps
+
+
+_steps = KeptQuery(_done)

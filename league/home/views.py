@@ -13,7 +13,6 @@ from django.views.decorators.http import require_safe
 
 from accounts.models import Viewer
 from core.streams.shared_pieces import filled, hole, shared_piece, shared_value
-from evaluation.selectors import models_of
 from league.cups.selectors import cup_now, stage_of
 from league.home.selectors import (
     LOOKED_AT,
@@ -22,6 +21,7 @@ from league.home.selectors import (
     latest_runs,
     leading_lap,
     my_places,
+    newest_models,
     recent_results,
 )
 from races.boards.selectors.board import podiums, to_beat
@@ -32,7 +32,6 @@ from races.rules.layout import box_marks
 from races.spoilers.selectors import spoilers_of
 
 UPCOMING = 5
-OWN = 5
 NO_LAP = hole("no_lap")  # in the leading part that has no lap to play
 
 
@@ -104,12 +103,11 @@ def home(request: HttpRequest) -> HttpResponse:
         "cup": part("cup", lambda: _cup(now)),
     }
     if reader.is_authenticated:
-        models = list(models_of(reader).select_related(None).only("public_id", "name", "metadata")[:OWN])
         steps = first_steps(reader, now)
         has_place = steps is None or steps.has_place
         context |= {
-            "models": models,
-            "runs": list(latest_runs(reader)[:OWN]),
+            "models": newest_models(reader),
+            "runs": latest_runs(reader),
             "steps": steps,
             "places": my_places(reader, [race for race in cards if not spoilers.hides(race)]) if has_place else [],
             "league_race": next((race for race in cards if race.kind == RaceKind.LEAGUE), None),

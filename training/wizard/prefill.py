@@ -5,7 +5,7 @@ from typing import Any
 
 from accounts.models import Racer
 from evaluation.models import TrainedModel
-from evaluation.selectors import visible_models
+from evaluation.selectors import visible_model
 from paddock.packages.metadata import CONTINUOUS, DISCRETE
 from paddock.rules.hyperparameters import DEFAULTS, HYPERPARAMETERS, PPO, SAC
 from paddock.rules.race import BOX_COUNT
@@ -57,7 +57,7 @@ def proposals(owner: Racer, asked: Mapping[str, str], read: OwnRows | None = Non
         for one in jobs.select_related("track", "vehicle"):
             initial |= _of_job(one)
     wanted = asked.get("clone")
-    model = visible_models(owner).filter(public_id=wanted).first() if wanted else None
+    model = visible_model(owner, wanted) if wanted else None
     if model is not None:
         initial |= _of_model(read or OwnRows(owner), model)
         if build_of_model(model) == CONSOLE:
