@@ -4,11 +4,13 @@ import json
 import math
 
 from django import template
+from django.template.loader import render_to_string
 from django.utils.html import format_html, format_html_join
 from django.utils.safestring import SafeString
 from django.utils.translation import gettext as _
 from django.utils.translation import ngettext
 
+from core.streams.shared_pieces import lasting_value
 from evaluation.garage.selectors import algorithm_of
 from evaluation.models import TrainedModel
 from paddock.packages.inputs import SENSORS
@@ -18,6 +20,13 @@ register = template.Library()
 RADIUS = 100.0  # of the fan, in its own units
 TOP_SPEED_MPS = 4.0
 SENSOR_WORDS = {name: sensor.label for name, sensor in SENSORS.items()}
+
+
+@register.simple_tag
+def abilities(model: TrainedModel) -> SafeString:
+    """What a model can do and see, drawn once for all readers: its metadata never change."""
+    template = "evaluation/garage/abilities.html"
+    return lasting_value(("abilities", model.public_id), lambda: render_to_string(template, {"model": model}))
 
 
 @register.filter

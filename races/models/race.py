@@ -213,6 +213,10 @@ class Race(ChecksTogether, with_rules(RULES, inside_a_race)):  # type: ignore[mi
             ),
         ]
 
+    def get_race_type_display(self) -> str:
+        """As Django's, which looks through all choices each time."""
+        return str(RaceType(self.race_type).label)
+
     def __str__(self) -> str:
         return self.name
 
