@@ -3,6 +3,9 @@
 import re
 from functools import lru_cache
 
+from django.conf import settings
+from django.utils.translation import gettext
+
 from paddock.errors.reasons import gettext_noop  # Django's asks for settings, which read this
 
 # The regions of the United Nations' standard M49, with Taiwan and Kosovo beside their neighbours; Antarctica in none.
@@ -55,28 +58,20 @@ def is_country(code: str) -> bool:
 
 def region_of(country: str) -> str:
     """The name of a country's region; ``""`` where it is in none."""
-    from django.conf import settings
-
     return _by_country(settings.REGIONS).get(country, "")
 
 
 def countries_of(region: str) -> list[str]:
     """The codes of a region's countries; none of what is no region."""
-    from django.conf import settings
-
     return [code for code, name in _by_country(settings.REGIONS).items() if name == region]
 
 
 def all_regions() -> list[str]:
-    from django.conf import settings
-
     return list(dict.fromkeys(_by_country(settings.REGIONS).values()))
 
 
 def region_name(name: str) -> str:
     """A region's name in the reader's language, or as the operator named it."""
-    from django.utils.translation import gettext
-
     return gettext(name) if name in USUAL else name
 
 

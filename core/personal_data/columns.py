@@ -2,7 +2,6 @@
 
 import re
 
-from django.apps import apps
 from django.contrib.auth import get_user_model
 from django.db import models
 
@@ -24,12 +23,6 @@ def personal_columns(model: type[models.Model]) -> list[str]:
     """The columns of a model that need a rule: relations to racers, addresses, files, JSON, free and telling texts."""
     columns = [*model._meta.concrete_fields, *model._meta.local_many_to_many]
     return [column.name for column in columns if _is_personal(column)]
-
-
-def all_personal_columns() -> dict[str, list[str]]:
-    """The columns that need a rule by the label of their model; models without any are left out."""
-    found = {model._meta.label: personal_columns(model) for model in apps.get_models(include_auto_created=True)}
-    return {label: columns for label, columns in found.items() if columns}
 
 
 def _is_personal(column: models.Field) -> bool:

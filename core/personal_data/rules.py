@@ -43,11 +43,6 @@ class PersonalData:
     files: Callable[[Any], Iterable[str]] | None = None
 
     @property
-    def fates(self) -> list[str]:
-        """Each column that deleting an account treats by itself, once for each rule."""
-        return " ".join((self.erased, self.anonymised, *self.kept.values())).split()
-
-    @property
     def export_rules(self) -> list[str]:
         """Each column that the download has or withholds, once for each rule."""
         return " ".join((self.exported, *self.withheld.values())).split()
