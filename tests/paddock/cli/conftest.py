@@ -62,8 +62,8 @@ def paddock(capsys) -> Callable[..., Said]:
 
 
 @pytest.fixture
-def site(live_server, wakes, monkeypatch):
-    """The site's address; whoever waits for a run lets a worker have a turn."""
+def site(live_server, wakes, monkeypatch, admitted_here):
+    """The site's address; whoever waits for a run lets a worker have a turn. Uploads are converted in this process."""
     cache.clear()
     monkeypatch.setattr(asking.time, "sleep", lambda _: run_next_evaluation(worker="w"))
     monkeypatch.setenv("PADDOCK_SITE", live_server.url)

@@ -14,9 +14,11 @@ import pytest
 from django.core.management import call_command
 from django.utils import timezone
 
+from evaluation.garage import admission
 from evaluation.models import Evaluation, Result, RivalResult, TrainedModel
 from evaluation.running.queue.services import queue_evaluation
 from evaluation.running.queue.worker import run_next_evaluation
+from evaluation.sandbox import launch as sandbox
 from paddock.cli import rehearsing
 from paddock.rules.race import RaceRules
 from paddock.simulator import engine
@@ -43,7 +45,8 @@ def the_run() -> Evaluation:
     return Evaluation.objects.select_related("result").get()
 
 
-def test_from_a_token_to_a_proof(paddock, log_in, race, site, tmp_path):
+def test_from_a_token_to_a_proof(paddock, log_in, race, site, monkeypatch, tmp_path):
+    monkeypatch.setattr(admission, "launch", sandbox.launch)  # behind the walls, as on a real site
     log_in("alice")
     assert paddock("races").out.split("\n")[1].startswith("open")
     assert paddock("tracks", "--search", "oval", "--json").json[0]["slug"] == "oval"
