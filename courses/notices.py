@@ -11,6 +11,7 @@ from core.times import stored
 from league.notices.kinds import register
 from league.notices.writer import NewNotice, notify
 
+from .assignments.wording import plain_points
 from .events import ASSIGNMENT_DUE, ASSIGNMENT_PUBLISHED, ATTEMPT_REFUNDED, MARKS_COMPLETED, MARKS_REGRADED
 from .grading.members import students_of
 from .models import Assignment, Attempt, Extension, Mark
@@ -73,7 +74,7 @@ def _marked(event: Event, now: datetime) -> int:
         return 0
     written = 0
     for mark in Mark.objects.filter(assignment=assignment, is_complete=True).order_by("pk"):
-        params = {**_params(assignment), "points": f"{mark.points.normalize():f}"}
+        params = {**_params(assignment), "points": plain_points(mark.points)}
         about = f"{event.subject}:{mark.points}"  # marks that are complete again after a change of others are no news
         written += notify(NewNotice(MARKED, about, [mark.racer_id], assignment.get_absolute_url(), params), now)
     return written

@@ -43,10 +43,13 @@ def used_quotas(racers: Racers, now: datetime) -> dict[str, Mapping[int, float]]
 
 def _rows(racers: Racers, month: Any) -> QuerySet[Any, Any]:
     ours = Q(state=JobState.FAILED, reason_code__in=platform_codes())
-    jobs = _jobs(racers).filter(Q(created_at__gte=month) & ~ours | Q(state__in=UNDER_WAY, stop_seconds=None))
+    jobs = only(TrainingJob.objects.all(), "owner", racers).filter(
+        Q(created_at__gte=month) & ~ours | Q(state__in=UNDER_WAY, stop_seconds=None)
+    )
     whole = Case(When(state__in=UNDER_WAY, stop_seconds=None, then=1), default=0)
     jobs = jobs.order_by().annotate(kind=Value("job"), whole=whole)
-    sweeps = _running_sweeps(racers).order_by().annotate(kind=Value("sweep"), whole=Value(1))
+    running = only(Sweep.objects.filter(state=SweepState.RUNNING), "owner", racers)
+    sweeps = running.order_by().annotate(kind=Value("sweep"), whole=Value(1))
     sweeps = sweeps.annotate(charged_s=Coalesce(Sum("trials__job__charged_s"), 0.0))
     columns = ("kind", "owner", "whole", "created_at", "charged_s")
     return jobs.values_list(*columns, "stop_minutes").union(sweeps.values_list(*columns, "budget_s"), all=True)
@@ -78,14 +81,6 @@ def bytes_of(job: TrainingJob) -> int:
     """What the training's files weigh together, without its models' networks."""
     sizes = StoredFile.objects.filter(name__in=files_of(job)).aggregate(Sum("size"))
     return sizes["size__sum"] or 0
-
-
-def _jobs(racers: Racers) -> QuerySet[TrainingJob]:
-    return only(TrainingJob.objects.all(), "owner", racers)
-
-
-def _running_sweeps(racers: Racers) -> QuerySet[Sweep]:
-    return only(Sweep.objects.filter(state=SweepState.RUNNING), "owner", racers)
 
 
 def _have_training() -> bool:

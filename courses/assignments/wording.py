@@ -50,13 +50,12 @@ def _shown(code: str, params: Mapping[str, Any]) -> dict[str, Any]:
             shown[name] = clock(shown[name])
     if "thresholds" in shown:
         shown["thresholds"] = ", ".join(
-            _("%(points)s up to %(time)s") % {"points": plain(one["points"]), "time": clock(one["at_most_ms"])}
+            _("%(points)s up to %(time)s") % {"points": plain_points(one["points"]), "time": clock(one["at_most_ms"])}
             for one in shown["thresholds"]
         )
     return shown
 
 
-def plain(points: Decimal | str) -> str:
-    """Points without needless zeros."""
-    text = f"{Decimal(str(points)):f}"
-    return text.rstrip("0").rstrip(".") if "." in text else text
+def plain_points(points: Decimal | str) -> str:
+    """Points without needless zeros: ``37.5``, ``60``."""
+    return f"{Decimal(str(points)).normalize():f}"

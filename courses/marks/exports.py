@@ -14,7 +14,6 @@ import hashlib
 import io
 import re
 from collections.abc import Callable, Iterable, Sequence
-from dataclasses import dataclass
 from decimal import Decimal
 from typing import Any
 
@@ -22,6 +21,7 @@ from accounts.models import RacerGroup
 from races.boards.exports import plain as text
 
 from ..assignments.students import Student
+from ..assignments.wording import plain_points
 from ..models import Assignment
 from .table import MarkRow, assignments_of, mark_table
 
@@ -30,19 +30,7 @@ _CANVAS_ID = re.compile(r"\s\((\d+)\)\Z")
 _CANVAS_DROPS = re.compile(r"(Current|Final|Override) (?=Score|Points|Grade|Status)")
 
 
-@dataclass(frozen=True)
-class MarkFile:
-    """A file of marks; ``left_out``: students whom its reader could not find."""
-
-    text: str
-    left_out: tuple[str, ...] = ()
-
-    @property
-    def content(self) -> bytes:
-        return self.text.encode()
-
-
-def plain(assignments: Sequence[Assignment]) -> MarkFile:
+def plain(assignments: Sequence[Assignment]) -> bytes:
     """For a spreadsheet: parts, late days, attempts and state too. With the mark of the byte order, without which Excel
     takes another encoding."""
     tables = [(one, mark_table(one)) for one in assignments]
@@ -67,23 +55,20 @@ def plain(assignments: Sequence[Assignment]) -> MarkFile:
         for (one, _rows), row in zip(tables, rows, strict=True):
             line += cells(row, one.parts.count())
         lines.append(line)
-    return MarkFile(BYTE_ORDER_MARK + _written(lines))
+    return _written(lines, BYTE_ORDER_MARK)
 
 
-def moodle(assignments: Sequence[Assignment]) -> MarkFile:
+def moodle(assignments: Sequence[Assignment]) -> bytes:
     """For Moodle's import of grades: map "Student ID" to the user, and each assignment to a grade item."""
     tables = [(one, mark_table(one)) for one in assignments]
     lines: list[list[Any]] = [["Student ID", "Full name", *(text(one.title) for one in assignments)]]
-    left_out = []
     for student, rows in _by_student(tables):
-        if not student.student_id:
-            left_out.append(student.name)
-            continue
-        lines.append([text(student.student_id), text(student.name), *(_final(row) or "-" for row in rows)])
-    return MarkFile(_written(lines), tuple(left_out))
+        if student.student_id:
+            lines.append([text(student.student_id), text(student.name), *(_final(row) or "-" for row in rows)])
+    return _written(lines)
 
 
-def canvas(assignments: Sequence[Assignment]) -> MarkFile:
+def canvas(assignments: Sequence[Assignment]) -> bytes:
     """For Canvas' import into the gradebook."""
     tables = [(one, mark_table(one)) for one in assignments]
     titles = [text(_canvas_title(one.title)) for one in assignments]
@@ -94,15 +79,15 @@ def canvas(assignments: Sequence[Assignment]) -> MarkFile:
         section = text(assignments[0].group.name)
         found_by = [text(student.student_id)] * 2
         lines.append([text(student.name), "", *found_by, section, *(_final(row) for row in rows)])
-    return MarkFile(_written(lines))
+    return _written(lines)
 
 
-FORMS: dict[str, Callable[[Sequence[Assignment]], MarkFile]] = {"moodle": moodle, "canvas": canvas, "plain": plain}
+FORMS: dict[str, Callable[[Sequence[Assignment]], bytes]] = {"moodle": moodle, "canvas": canvas, "plain": plain}
 
 
 def digest_of(group: RacerGroup) -> str:
     """Of all marks of a group: the same as long as none changes."""
-    return hashlib.sha256(plain(assignments_of(group)).content).hexdigest()
+    return hashlib.sha256(plain(assignments_of(group))).hexdigest()
 
 
 def _by_student(
@@ -125,18 +110,14 @@ def _final(row: MarkRow | None) -> str:
 
 def _number(points: Decimal | None) -> str:
     """With a point, without needless zeros: every reader takes it in any language."""
-    if points is None:
-        return ""
-    text = f"{points:f}"
-    return text.rstrip("0").rstrip(".") if "." in text else text
+    return "" if points is None else plain_points(points)
 
 
 def _canvas_title(title: str) -> str:
     return _CANVAS_DROPS.sub(r"\1-", _CANVAS_ID.sub(r" [\1]", title))
 
 
-def _written(lines: Iterable[Iterable[Any]]) -> str:
+def _written(lines: Iterable[Iterable[Any]], begin: str = "") -> bytes:
     out = io.StringIO()
-    writer = csv.writer(out, lineterminator="\r\n")
-    writer.writerows(lines)
-    return out.getvalue()
+    csv.writer(out, lineterminator="\r\n").writerows(lines)
+    return f"{begin}{out.getvalue()}".encode()

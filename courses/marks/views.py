@@ -26,7 +26,7 @@ from ..assignments.views import taught_assignment
 from ..grading.members import groups_taught_by
 from ..models import Assignment, Regrade
 from . import services
-from .exports import FORMS, MarkFile, digest_of
+from .exports import FORMS, digest_of
 from .table import SORTS, assignments_of, mark_table
 
 PAST = 20  # regrades shown
@@ -88,14 +88,14 @@ def marks_are_downloaded(request: HttpRequest, group: RacerGroup) -> bool:
     return request.session.get(downloaded_key(group)) == digest_of(group)
 
 
-def _made(assignments: Sequence[Assignment], form: str) -> tuple[str, MarkFile]:
+def _made(assignments: Sequence[Assignment], form: str) -> tuple[str, bytes]:
     if form not in FORMS or not assignments:
         raise Http404
     return form, FORMS[form](assignments)
 
 
-def _download(made: MarkFile, name: str, now: datetime) -> HttpResponse:
-    response = HttpResponse(made.content, content_type="text/csv; charset=utf-8")
+def _download(made: bytes, name: str, now: datetime) -> HttpResponse:
+    response = HttpResponse(made, content_type="text/csv; charset=utf-8")
     response["Content-Disposition"] = f'attachment; filename="{name}-{now:%Y%m%d-%H%M}.csv"'
     response["Cache-Control"] = "private, no-store"
     return response

@@ -20,7 +20,7 @@ from races.models import RaceType
 from tracks.models import Direction
 
 from ..assignments.selectors import assignments_visible_to
-from ..assignments.wording import pass_rule_label, pass_rule_sentence
+from ..assignments.wording import pass_rule_label, pass_rule_sentence, plain_points
 from ..attempts.overview import due_next
 from ..grading.members import can_teach_group
 from ..marks.table import SORTS
@@ -29,12 +29,10 @@ from ..models import Assignment, AssignmentPart, Attempt, Counts
 register = template.Library()
 
 
-@register.filter
-def plain_points(points: Decimal | str | None) -> str:
-    """Points without needless zeros: ``37.5``, ``60``; a dash for none."""
-    if points is None or points == "":
-        return "–"
-    return f"{Decimal(points).normalize():f}"
+@register.filter("plain_points")
+def points_or_dash(points: Decimal | str | None) -> str:
+    """Points without needless zeros; a dash for none."""
+    return "–" if points is None or points == "" else plain_points(points)
 
 
 @register.simple_tag

@@ -7,7 +7,7 @@ from collections.abc import Callable, Iterable, Sequence
 from datetime import UTC, datetime
 from itertools import groupby
 from operator import itemgetter
-from typing import TypedDict
+from typing import Any
 
 from races.boards.selectors.board import ORDER
 from races.models import Entry
@@ -17,28 +17,8 @@ from ..models import ChampionshipPlace, FinalePlace, Membership, Round, Season, 
 Pairs = tuple[int, int]
 
 
-class Differing(TypedDict):
-    """A racer at another place than in the record."""
-
-    race: str
-    racer: str
-
-
-class SeasonProof(TypedDict, total=False):
-    """The agreement of a season, or of several ``seasons``, with its record: see :func:`proof_of`."""
-
-    season: str
-    races: int
-    results: int
-    racers: int
-    order: dict[str, int]
-    scores: dict[str, int]
-    promotion: dict[str, int]
-    finale: dict[str, int]
-    championship: int
-    differences: dict[str, list[Differing]]
-    notes: list[str]
-    seasons: list[SeasonProof]
+SeasonProof = dict[str, Any]  # see :func:`proof_of`
+Differing = dict[str, str]  # the slug of a race, and the alias of a racer at another place than in the record
 
 
 def proof_of(season: Season) -> SeasonProof:

@@ -108,15 +108,15 @@ class Canvas:
 def test_moodle_reads_its_file(made):
     known = {"kim@uni.example": 1, "20262": 2, "20264": 4, "20265": 5}
     file = moodle([made])
-    grades = read_by_moodle(file.content, known)
+    grades = read_by_moodle(file, known)
     assert grades[1] == {"Three laps, clean": Decimal(100)} and grades[2] == {"Three laps, clean": Decimal(0)}
     assert grades[4] == {"Three laps, clean": None}
-    assert file.left_out == ("Bo Svensson",) and set(grades) == {1, 2, 4, 5}
+    assert "Bo Svensson" not in file.decode() and set(grades) == {1, 2, 4, 5}
 
 
 def test_canvas_reads_its_file(made):
     sis = {"kim@uni.example": 1, "20262": 2, "20264": 4, "20265": 5}
-    read = Canvas(canvas([made]).content, sis=sis, names={"Bo Svensson": 3}, assignments={})
+    read = Canvas(canvas([made]), sis=sis, names={"Bo Svensson": 3}, assignments={})
     assert read.titles == ["Three laps, clean"] and read.possible == {"Three laps, clean": "100"}
     assert {user: one["Three laps, clean"] for user, one in read.grades.items()} == {
         1: "100",
@@ -133,13 +133,13 @@ def test_canvas_takes_any_title_for_a_new_assignment(made, title):
     made.refresh_from_db()
     names = {"Bo Svensson": 3}
     sis = {"kim@uni.example": 1, "20262": 2, "20264": 4, "20265": 5}
-    read = Canvas(canvas([made]).content, sis=sis, names=names, assignments={2026: "of somebody else"})
+    read = Canvas(canvas([made]), sis=sis, names=names, assignments={2026: "of somebody else"})
     assert len(read.titles) == 1 and read.titles != ["of somebody else"]
     assert next(iter(read.grades[1].values())) == "100"
 
 
 def test_a_sheet_gets_parts_days_and_states_and_knows_the_encoding(made):
-    content = plain([made]).content
+    content = plain([made])
     assert content.startswith(b"\xef\xbb\xbf"), "Excel takes another encoding without it"
     rows = list(csv.DictReader(io.StringIO(content.decode("utf-8-sig"), newline="")))
     kim = next(row for row in rows if row["Student"] == "Kim Minji")
@@ -153,9 +153,7 @@ def test_a_sheet_gets_parts_days_and_states_and_knows_the_encoding(made):
 def test_no_cell_is_a_formula(made, form):
     Assignment.objects.filter(pk=made.pk).update(title="=1+1")
     made.refresh_from_db()
-    cells = [
-        cell for row in csv.reader(io.StringIO(form([made]).text.removeprefix("\ufeff"), newline="")) for cell in row
-    ]
+    cells = [cell for row in csv.reader(io.StringIO(form([made]).decode("utf-8-sig"), newline="")) for cell in row]
     assert any("HYPERLINK" in cell for cell in cells)
     assert not [cell for cell in cells if cell[:1] in ("=", "+", "@", "\t") or (cell[:1] == "-" and cell != "-")]
 
@@ -165,10 +163,10 @@ def test_points_of_a_run_that_waits_are_not_exported(room, made, now):
     waits = hand_in(made, racer(room, "Kim Minji"), now)
     mark = Mark.objects.get(assignment=made, racer=racer(room, "Kim Minji"))
     assert mark.points == 100 and not mark.is_complete
-    grades = read_by_moodle(moodle([made]).content, {"kim@uni.example": 1, "20262": 2, "20264": 4, "20265": 5})
+    grades = read_by_moodle(moodle([made]), {"kim@uni.example": 1, "20262": 2, "20264": 4, "20265": 5})
     assert grades[1] == {"Three laps, clean": None}
     refund_attempt(attempt=waits, by=made.group.leader, reason="Queue", now=now)
-    grades = read_by_moodle(moodle([made]).content, {"kim@uni.example": 1, "20262": 2, "20264": 4, "20265": 5})
+    grades = read_by_moodle(moodle([made]), {"kim@uni.example": 1, "20262": 2, "20264": 4, "20265": 5})
     assert grades[1] == {"Three laps, clean": Decimal(100)}
 
 
@@ -177,10 +175,10 @@ def test_no_zero_is_exported_while_a_first_attempt_may_come(room, made, now):
     ann = racer(room, "Ann Lee")
     refund_attempt(attempt=Attempt.objects.get(racer=ann), by=made.group.leader, reason="Queue", now=now)
     known = {"kim@uni.example": 1, "20262": 2, "20264": 4, "20265": 5}
-    assert read_by_moodle(moodle([made]).content, known)[2] == {"Three laps, clean": None}
+    assert read_by_moodle(moodle([made]), known)[2] == {"Three laps, clean": None}
     Assignment.objects.filter(pk=made.pk).update(final_at=now)
     made.refresh_from_db()
-    assert read_by_moodle(moodle([made]).content, known)[2] == {"Three laps, clean": Decimal(0)}
+    assert read_by_moodle(moodle([made]), known)[2] == {"Three laps, clean": Decimal(0)}
 
 
 def test_decimals_are_the_same_in_every_language(made, room, alice):
