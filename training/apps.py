@@ -24,23 +24,25 @@ class TrainingConfig(AppConfig):
         from accounts.quotas import register
         from accounts.usage import storage
         from core.pages.registry import register_slots
+        from core.streams import Topic, register_moves, register_topic
         from evaluation.running import proof
         from races.telemetry import rewards
 
         # register the kinds of events and the reasons of sandboxed processes
         from . import events, sb3  # noqa: F401
         from .jobs.run_rewards import rewards_of_runs
-        from .jobs.selectors import register_topics
+        from .jobs.selectors import moves, sees_training
         from .jobs.services.queue import register_operators_queue
         from .quotas import AT_ONCE, FILES, MINUTES
-        from .sweeps.selectors import register_sweep_topic
+        from .sweeps.selectors import sees_sweep
 
         register(AT_ONCE)
         register(MINUTES)
         storage.register(FILES)
         register_operators_queue()
-        register_topics()
-        register_sweep_topic()
+        register_topic(Topic("training", sees_training))
+        register_topic(Topic("sweep", sees_sweep))
+        register_moves(moves)
         _read_policies_of_sb3()
         proof.register(_prove)
         rewards.SOURCES.append(rewards_of_runs)

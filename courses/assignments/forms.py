@@ -71,10 +71,6 @@ class _Moments(forms.Form):
             except forms.ValidationError as error:
                 self.add_error(name, error)
 
-    def show(self, fault: UserFault) -> None:
-        """Show a refusal, each problem beside its field where the form has it."""
-        show_fault(self, fault)
-
 
 def show_fault(form: forms.Form, fault: UserFault) -> None:
     """Show what a service refused, beside the field that it names."""
@@ -365,9 +361,6 @@ class PartForm(_RuleFields):  # type: ignore[misc, valid-type]
                 *((track, TrackKind.CANDIDATE) for track in hidden),
             ],
         }
-
-    def show(self, fault: UserFault) -> None:
-        show_fault(self, fault)
 
 
 def values_of_part(part: AssignmentPart) -> dict[str, Any]:

@@ -8,9 +8,7 @@ from django.db.models import Q
 
 from accounts.models import Racer
 from evaluation.models import Evaluation
-from evaluation.running.results import read_layout, read_trace
 from paddock.rules.race import HEAD_TO_HEAD
-from races.replays.selectors import direction_of
 from races.telemetry.rewards import RewardFunction
 
 from ..rewards.check_slots import one_check
@@ -52,15 +50,11 @@ def _rewards(run: Evaluation, code: str, lap: int) -> list[tuple[int, float]]:
     """The rewards of a lap with the trace's rows. Raises PaddockError: the first problem of the function where it gave
     none."""
     # the simulator comes along, which no other page needs
-    from paddock.simulator.solids import box
+    from ..rewards.laboratory.recorded_lap import driven_rows, rewards_along
+    from ..rewards.laboratory.views import driven_lap
 
-    from ..rewards.laboratory.recorded_lap import driven_rows, params_along, rewards_along
-    from ..rewards.laboratory.views import trace_columns
-
-    columns = trace_columns(read_trace(run.result))
-    solids = [box(each["x"], each["y"], each["yaw"]) for each in read_layout(run.result).get("boxes", ())]
-    track = run.track.geometry.in_direction(direction_of(run))
-    given = rewards_along(code, params_along(track, columns, solids=solids, episode=lap - 1))
+    _track, states, columns = driven_lap(run, lap - 1)
+    given = rewards_along(code, states)
     rows = driven_rows(columns, lap - 1)
     found = [(row, reward) for row, reward in zip(rows, given.rewards, strict=False) if reward is not None]
     if given.problems and not found:

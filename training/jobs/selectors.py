@@ -14,7 +14,6 @@ from accounts.quotas import Usage, limit_of, used_by
 from accounts.usage.selectors import usage_of
 from core.events import Event
 from core.forms import explain
-from core.streams import Topic, register_moves, register_topic
 from core.streams.topics import Viewer, is_known
 from paddock.errors import PlatformFault
 
@@ -132,14 +131,10 @@ def _stopped(job: TrainingJob, reader: Racer | AnonymousUser) -> str:
     return _("Stopped by its owner") if begun else _("Stopped by its owner before it started")
 
 
-def register_topics() -> None:
-    register_topic(Topic("training", _sees_training))
-    register_moves(moves)
-
-
 def moves(events: Sequence[Event]) -> dict[int, set[str]]:
     return {event.pk: {f"training:{event.subject}"} for event in events if event.kind == TRAINING_ENDED.name}
 
 
-def _sees_training(viewer: Viewer, key: str) -> bool:
+def sees_training(viewer: Viewer, key: str) -> bool:
+    """Of the topic of a training."""
     return is_known(viewer) and visible_trainings(viewer).filter(public_id=key).exists()

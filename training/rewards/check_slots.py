@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, TypedDict
 from django.core.cache import cache
 
 from core.forms import explain
-from paddock.errors import UserFault
+from paddock.errors import PaddockError, PlatformFault, UserFault
 
 if TYPE_CHECKING:
     from accounts.models import Racer
@@ -53,6 +53,12 @@ class ProblemDocument(TypedDict):
     kind: str
     code: str
     message: str
+
+
+def described_refusal(fault: PaddockError) -> tuple[ProblemDocument, int]:
+    """Why nothing was checked, as a problem, and the HTTP status."""
+    status = 503 if isinstance(fault, PlatformFault) else 409
+    return {"line": None, "kind": "", "code": fault.code, "message": explain(fault)}, status
 
 
 def described(problem: Problem) -> ProblemDocument:

@@ -11,11 +11,10 @@ from django.views.decorators.http import require_POST
 
 from accounts.models import Racer
 from accounts.request_racer import racer_of
-from core.forms import explain
-from paddock.errors import PaddockError, PlatformFault
+from paddock.errors import PaddockError
 from races.models import RaceType
 
-from .check_slots import ProblemDocument, checked, described
+from .check_slots import ProblemDocument, checked, described, described_refusal
 
 STATE_NAMES = {
     "start": gettext_lazy("at the start"),
@@ -64,8 +63,7 @@ def report_of(owner: Racer, form: QueryDict) -> EditorReport:
     try:
         report = checked(owner, form.get("reward_code", ""), race_type)
     except PaddockError as fault:
-        status = 503 if isinstance(fault, PlatformFault) else 409
-        problem: ProblemDocument = {"line": None, "kind": "", "code": fault.code, "message": explain(fault)}
+        problem, status = described_refusal(fault)
         return {"problems": [problem], "warnings": [], "rewards": [], "printed": "", "status": status}
     return {
         "problems": [described(problem) for problem in report.problems],

@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from statistics import correlation
 from typing import Any
 
 from django.contrib.auth.models import AnonymousUser
@@ -10,7 +11,6 @@ from django.utils.translation import gettext as _
 from django.utils.translation import pgettext
 
 from accounts.models import Racer
-from core.streams import Topic, register_topic
 from core.streams.topics import Viewer, is_known
 from paddock.packages.metadata import CONTINUOUS
 from paddock.rules.hyperparameters import HYPERPARAMETERS
@@ -178,10 +178,7 @@ def _ranks(values: Sequence[float]) -> list[float]:
 
 
 def _correlation(one: Sequence[float], other: Sequence[float]) -> float:
-    means = sum(one) / len(one), sum(other) / len(other)
-    products = sum((a - means[0]) * (b - means[1]) for a, b in zip(one, other, strict=True))
-    squares = sum((a - means[0]) ** 2 for a in one) * sum((b - means[1]) ** 2 for b in other)
-    return products / squares**0.5 if squares > 0 else 0.0
+    return correlation(one, other) if len(set(one)) > 1 and len(set(other)) > 1 else 0.0
 
 
 def _between(groups: Sequence[Any], ranks: Sequence[float]) -> float:
@@ -194,9 +191,6 @@ def _between(groups: Sequence[Any], ranks: Sequence[float]) -> float:
     return between / whole if whole > 0 else 0.0
 
 
-def register_sweep_topic() -> None:
-    register_topic(Topic("sweep", _sees_sweep))
-
-
-def _sees_sweep(viewer: Viewer, key: str) -> bool:
+def sees_sweep(viewer: Viewer, key: str) -> bool:
+    """Of the topic of a sweep."""
     return is_known(viewer) and visible_sweeps(viewer).filter(public_id=key).exists()

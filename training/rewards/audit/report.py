@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import statistics
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from itertools import accumulate, combinations
@@ -167,12 +168,9 @@ def _judged(audit: RewardAudit) -> RewardAudit:
 def correlation(ours: Sequence[float], theirs: Sequence[float]) -> float | None:
     """Spearman's rank correlation, -1 to 1; None where all values of one side are equal."""
     a, b = _ranks(ours), _ranks(theirs)
-    if len(a) < _FEWEST:
+    if len(a) < _FEWEST or len(set(a)) == 1 or len(set(b)) == 1:
         return None
-    mean = (len(a) + 1) / 2
-    across = sum((x - mean) * (y - mean) for x, y in zip(a, b, strict=True))
-    spread = (sum((x - mean) ** 2 for x in a) * sum((y - mean) ** 2 for y in b)) ** 0.5
-    return across / spread if spread else None
+    return statistics.correlation(a, b)
 
 
 def _ranks(values: Sequence[float]) -> list[float]:

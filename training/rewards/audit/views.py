@@ -24,7 +24,7 @@ from paddock.rules.hyperparameters import HYPERPARAMETERS, PPO
 from races.models import RaceType
 from tracks.models import Direction, Track
 
-from ..check_slots import described
+from ..check_slots import described, described_refusal
 from .services import audited
 
 DRIVE_NAMES = {
@@ -79,8 +79,7 @@ def audit_of(owner: Racer, form: QueryDict) -> tuple[dict[str, Any], int]:
             discount=_discount(form.get("discount_factor", "")),
         )
     except PaddockError as fault:
-        status = 503 if isinstance(fault, PlatformFault) else 409
-        problem = {"line": None, "kind": "", "code": fault.code, "message": explain(fault)}
+        problem, status = described_refusal(fault)
         return {"problems": [problem], "warnings": []}, status
     names = {row.drive.name: drive_name(row.drive.name, row.drive.ended) for row in audit.rows}
     shown = [

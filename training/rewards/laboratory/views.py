@@ -20,8 +20,10 @@ from core.forms import explain
 from evaluation.models import Evaluation, State
 from evaluation.running.results import read_layout, read_trace
 from paddock.errors import PaddockError, PlatformFault
+from paddock.geometry.track import TrackGeometry
 from paddock.simulator.solids import box
 from races.entries.engines import hidden_runs
+from races.replays.selectors import direction_of
 from tracks.forms import label_directions
 from tracks.models import Direction, Track
 from training.rewards.check_slots import one_check
@@ -141,12 +143,18 @@ def _drive(form: LabForm) -> tuple[Any, list[Params]]:
         offset = {INNER: left, OUTER: -left}.get(data["drive"], 0.0)
         states = _lap(track, direction, offset, aside if data["drive"] == SWAYING else 0.0)
         return track.in_direction(direction), states
+    track, states, _columns = driven_lap(run, 0)
+    return track, states
+
+
+def driven_lap(run: Evaluation, episode: int) -> tuple[TrackGeometry, list[Params], dict[str, list[Any]]]:
+    """The driven track, the params along a lap of a run (from 0), and all columns of its trace. Raises PaddockError."""
     from training.rewards.laboratory.recorded_lap import params_along
 
     columns = trace_columns(read_trace(run.result))
     solids = [box(each["x"], each["y"], each["yaw"]) for each in read_layout(run.result).get("boxes", ())]
-    track = run.track.geometry.in_direction(run.spec["rules"].get("direction", "ccw"))
-    return track, params_along(track, columns, solids=solids, episode=0)
+    track = run.track.geometry.in_direction(direction_of(run))
+    return track, params_along(track, columns, solids=solids, episode=episode), columns
 
 
 @lru_cache(maxsize=32)
