@@ -20,7 +20,7 @@ from races.models import Division, Race, RaceKind
 from ...models import ChampionshipPlace, FinalePlace, Membership, Round, Season, Stage, StewardDecision
 from ...models.season import WITH_FIELD
 from ..rules import ChampionshipField, FinaleField, Promotion
-from .outcomes import classified_order, guests_in
+from .outcomes import classified_order, guests_in, qualified_before
 
 if TYPE_CHECKING:
     from django_stubs_ext import WithAnnotations
@@ -121,10 +121,8 @@ def board_cut(round_: Round, classified: int, racers: Mapping[int, int]) -> Boar
 def cut_shown(board: Board) -> BoardCut | None:
     """The season's line through a page of a board; None for other races."""
     round_ = round_of(board.race)
-    return None if round_ is None else _cut_of_page(board, round_)
-
-
-def _cut_of_page(board: Board, round_: Round) -> BoardCut | None:
+    if round_ is None:
+        return None
     rows = [*board.rows, board.my_row] if board.my_row is not None else board.rows
     ranked = {row.entry.racer_id: row.rank for row in rows if row.rank is not None}
     return board_cut(round_, board.classified_count, ranked)
@@ -149,9 +147,7 @@ def _field(round_: Round) -> BoardCut:
         size, sentence = season.finale_size, FinaleField(season.finale_size).sentence()
     else:
         size, sentence = season.championship_places, ChampionshipField(season.championship_places).sentence()
-    places = ChampionshipPlace.objects.filter(season=season).exclude(round=round_.pk)
-    places = places.filter(round__race__closes_at__lte=round_.race.closes_at)
-    held = frozenset(places.values_list("racer_id", flat=True))
+    held = frozenset(qualified_before(round_))
     not_free = held | guests_in(round_.race)
     order = classified_order(round_.race, size + len(not_free))
     free = [(rank, racer) for rank, racer in enumerate(order, start=1) if racer not in not_free][:size]

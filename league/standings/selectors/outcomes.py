@@ -59,11 +59,11 @@ def outcome_of(round_: Round) -> BoardOutcome:
         order = classified_order(race, rule.places(count))
         outcome.promoted.extend(rule.promoted(order, count, _held_divisions(round_, order) | guests))
     elif round_.stage == Stage.PRO:
-        qualified = _qualified_before(round_) | guests
+        qualified = qualified_before(round_) | guests
         order = classified_order(race, season.finale_size + len(qualified))
         outcome.finale.extend(FinaleField(season.finale_size).chosen(order, qualified))
     elif round_.stage == Stage.FINALE:
-        qualified = _qualified_before(round_) | guests
+        qualified = qualified_before(round_) | guests
         order = classified_order(race, season.championship_places + len(qualified))
         outcome.qualified.extend(ChampionshipField(season.championship_places).chosen(order, qualified))
     return outcome
@@ -93,7 +93,7 @@ def _held_divisions(round_: Round, racers: list[int]) -> set[int]:
     return set(members.values_list("racer_id", flat=True)).intersection(racers)
 
 
-def _qualified_before(round_: Round) -> set[int]:
+def qualified_before(round_: Round) -> set[int]:
     """Ids of the racers with a championship place when the race closed, except in the finale of the same number."""
     places = ChampionshipPlace.objects.filter(season=round_.season_id).exclude(round__number=round_.number)
     earlier = places.filter(round__race__closes_at__lte=round_.race.closes_at)
