@@ -18,7 +18,7 @@ from accounts.groups.selectors import (
     members_visible_to,
 )
 from accounts.models import GroupMember, Racer, RacerGroup
-from league.standings.selectors.standings import group_standings
+from league.standings.selectors.standings import standings_among
 from league.stewarding.official_results import close_round
 from paddock.errors import UserFault
 from races.boards.selectors.board import group_board, groups_on
@@ -188,7 +188,7 @@ def test_the_standings_of_a_group_give_points_by_its_own_places(alice, now):
     board(round_.race, cast)
     close_round(round=round_, now=after(round_))
     table = season.points
-    lines = group_standings(season, "open", group)
+    lines = standings_among(season, "open", group)
     assert [(line.holder, line.points) for line in lines] == [(cast[5].pk, table[0]), (cast[7].pk, table[1])]
     page = Client().get(f"/seasons/{season.slug}/standings/?division=open&group={group.slug}").content.decode()
     assert "r5" in page and "r6" not in page

@@ -9,7 +9,7 @@ from django_countries import countries
 from accounts.models import Racer
 from accounts.profile.regions import USUAL, region_name, region_of, regions_in
 from config.settings.env import env_regions
-from league.standings.selectors.standings import season_standings, standings_within
+from league.standings.selectors.standings import season_standings, standings_among
 from league.stewarding.official_results import close_round
 from tests.factories import a_racer
 from tests.league.seasons import a_round, a_season, after, board
@@ -54,9 +54,9 @@ def test_racers_of_a_region_have_standings_among_each_other(client, settings):
     ]
     board(round_.race, cast)
     close_round(round=round_, now=after(round_))
-    lines = standings_within(season, "open", "Asia")
+    lines = standings_among(season, "open", "Asia")
     assert [(line.place, line.holder, line.points) for line in lines] == [(1, cast[0].pk, 10), (2, cast[2].pk, 5)]
-    assert standings_within(season, "open", "nowhere") == []
+    assert standings_among(season, "open", "nowhere") == []
     address = f"/seasons/{season.slug}/standings/"
     assert '<a class="name" href="?region=Asia">Asia</a>' in client.get(f"{address}?of=regions").content.decode()
     page = client.get(f"{address}?region=Asia").content.decode()

@@ -57,7 +57,9 @@ PROPOSALS: dict[str, dict[str, Any]] = {
 
 def stage_fields(stage: Stage) -> dict[str, forms.Field]:
     """The fields of a stage by their names in the form, each with its proposal."""
-    made = {**_turns(stage), **_layout(), **_rules()}
+    made = _turns(stage) | rule_fields((*LAYOUT, "sensors"), strict=True) | rule_fields(STAGE, short=True, strict=True)
+    made[BOX_COUNT].label = _("Boxes")
+    made[BOX_COUNT].help_text = _("Positions are drawn again each month.")
     for name, shown in made.items():
         shown.initial = PROPOSALS[stage][name]
         if name in STAGE or name in TURNS:
@@ -92,18 +94,6 @@ def _turns(stage: Stage) -> dict[str, forms.Field]:
         for name in TURNS[1:]:
             fields[name].widget = forms.HiddenInput()
     return fields
-
-
-def _layout() -> dict[str, forms.Field]:
-    """An empty one is as proposed."""
-    fields = rule_fields(LAYOUT, strict=True)
-    fields[BOX_COUNT].label = _("Boxes")
-    fields[BOX_COUNT].help_text = _("Positions are drawn again each month.")
-    return fields | rule_fields(("sensors",), strict=True)
-
-
-def _rules() -> dict[str, forms.Field]:
-    return rule_fields(STAGE, short=True, strict=True)
 
 
 MONTHS_AT_MOST = 12

@@ -41,14 +41,8 @@ class Turn(models.TextChoices):
 _TURNS: dict[str, tuple[dict[str, Any], tuple[str, ...]]] = {
     Turn.TIME_TRIAL: ({"race_type": RaceType.TIME_TRIAL}, ()),
     Turn.BOXES: ({"race_type": RaceType.OBJECT_AVOIDANCE}, DRAWN_BOXES),
-    Turn.BOTS: (
-        {"race_type": RaceType.HEAD_TO_HEAD, "opponents": Opponents.BOTS},
-        BOTS_DRIVING,
-    ),
-    Turn.MODELS: (
-        {"race_type": RaceType.HEAD_TO_HEAD, "opponents": Opponents.MODELS},
-        DUELS,
-    ),
+    Turn.BOTS: ({"race_type": RaceType.HEAD_TO_HEAD, "opponents": Opponents.BOTS}, BOTS_DRIVING),
+    Turn.MODELS: ({"race_type": RaceType.HEAD_TO_HEAD, "opponents": Opponents.MODELS}, DUELS),
 }
 
 

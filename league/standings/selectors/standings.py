@@ -48,27 +48,15 @@ def season_standings(
     return Standings().lines(summed, len(rounds))
 
 
-def group_standings(
-    season: Season, division: Division | str, group: RacerGroup, running: Sequence[Round] = ()
-) -> list[RacerStanding]:
-    """The standings among today's confirmed members of a group."""
-    return standings_among(season, division, Q(racer__in=inside(group).values("racer")), running)
-
-
-def standings_within(
-    season: Season, division: Division | str, region: str, running: Sequence[Round] = ()
-) -> list[RacerStanding]:
-    """The standings among the racers of a region, by today's countries."""
-    return standings_among(season, division, Q(racer__country__in=countries_of(region)), running)
-
-
 def standings_among(
-    season: Season, division: Division | str, racers: Q, running: Sequence[Round] = ()
+    season: Season, division: Division | str, among: RacerGroup | str, running: Sequence[Round] = ()
 ) -> list[RacerStanding]:
-    """The standings of one division among ``racers`` (of entries), with points for the places among each other.
-
-    Three queries, and one for each round.
-    """
+    """The standings of one division among a group's confirmed members or a region's racers, both as of today, with
+    points for the places among each other. Three queries, and one for each round."""
+    if isinstance(among, str):
+        racers = Q(racer__country__in=countries_of(among))
+    else:
+        racers = Q(racer__in=inside(among).values("racer"))
     rounds = _counted(season, division, running)
     table = PointsTable(tuple(season.points))
     results = []

@@ -56,10 +56,9 @@ def standings_table(
 
     Three queries, four for teams; for each of ``running`` one more, two for teams.
     """
-    if group is not None and of == standings.RACERS:
-        lines = standings.group_standings(season, division, group, running)
-    elif region and of == standings.RACERS:
-        lines = standings.standings_within(season, division, region, running)
+    among = group or region
+    if among and of == standings.RACERS:
+        lines = standings.standings_among(season, division, among, running)
     else:
         lines = standings.season_standings(season, division, of, running)
     rounds = _counted_rounds(months, division, running)
