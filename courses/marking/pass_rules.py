@@ -12,6 +12,7 @@ from paddock.errors.reasons import gettext_noop as _
 
 from .facts import FINISHED, Lap, PartMark, PartResult, TrackMark, TrackRun
 
+_Tracks = tuple[TrackMark, ...]
 NOTHING = Decimal(0)
 MOST_LAPS, MOST_MS, MOST_PLACE, MOST_THRESHOLDS = 20, 1_200_000, 10_000, 20
 BY_BEST, BY_AVERAGE = "best", "average"
@@ -95,9 +96,13 @@ class PassRule(ABC):
             return waiting(result, tracks)
         if not tracks:
             return PartMark(NOTHING, False, "not_driven")
+        return self.mark(result, tracks, params, full)
+
+    def mark(self, result: PartResult, tracks: _Tracks, params: Mapping[str, Any], full: Decimal) -> PartMark:
+        """The mark of a part that was driven to its end and that no track fails."""
         return PartMark(full, True, "passed", {}, tracks)
 
-    def track_marks(self, result: PartResult, params: Mapping[str, Any]) -> tuple[TrackMark, ...]:
+    def track_marks(self, result: PartResult, params: Mapping[str, Any]) -> _Tracks:
         """Each track by itself."""
         marks = []
         for track, run in zip(result.tracks, result.runs, strict=True):
@@ -125,7 +130,7 @@ def register(kind: type[PassRule]) -> type[PassRule]:
     return kind
 
 
-def waiting(result: PartResult, tracks: tuple[TrackMark, ...] = ()) -> PartMark:
+def waiting(result: PartResult, tracks: _Tracks = ()) -> PartMark:
     """The mark of a part that cannot be decided yet."""
     runs_wait = any(run.waits for run in result.runs)
     return PartMark(NOTHING, None, "waits" if runs_wait else "hidden_waits", {}, tracks)
@@ -241,15 +246,8 @@ class Thresholds(_ByTime):
         _LAPS,
     )
 
-    def points(self, result: PartResult, params: Mapping[str, Any], full: Decimal) -> PartMark:
-        tracks = self.track_marks(result, params)
-        if any(one.passed is False for one in tracks):
-            return PartMark(NOTHING, False, "no_lap", {}, tracks)
-        if result.waits:
-            return waiting(result, tracks)
-        slowest = max((one.value for one in tracks if one.value is not None), default=None)
-        if slowest is None:
-            return PartMark(NOTHING, False, "not_driven")
+    def mark(self, result: PartResult, tracks: _Tracks, params: Mapping[str, Any], full: Decimal) -> PartMark:
+        slowest = max(one.value for one in tracks if one.value is not None)
         reached = [one for one in params["thresholds"] if slowest <= one["at_most_ms"]]
         points = min(full, max((Decimal(str(one["points"])) for one in reached), default=NOTHING))
         return PartMark(points, points > 0, "by_time", {"value": slowest}, tracks)
@@ -270,14 +268,7 @@ class PlaceReached(_ByTime):
         values = [one.value for one in self.track_marks(result, params)]
         return None if not values or None in values else sum(value for value in values if value is not None)
 
-    def points(self, result: PartResult, params: Mapping[str, Any], full: Decimal) -> PartMark:
-        tracks = self.track_marks(result, params)
-        if any(one.passed is False for one in tracks):
-            return PartMark(NOTHING, False, "no_lap", {}, tracks)
-        if result.waits:
-            return waiting(result, tracks)
-        if self.key(result, params) is None:
-            return PartMark(NOTHING, False, "not_driven")
+    def mark(self, result: PartResult, tracks: _Tracks, params: Mapping[str, Any], full: Decimal) -> PartMark:
         if result.place is None:
             return PartMark(NOTHING, None, "place_waits", {}, tracks)
         passed = result.place <= params["place"]

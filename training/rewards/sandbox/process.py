@@ -88,20 +88,24 @@ class _Trial:
         if first is not None and first.code in _EXPENSIVE:
             self._note(first, 0)
             return
-        for number, params in enumerate(self._states):
-            try:
-                self.rewards.append(self._call(reward, params))
-            except UserFault as fault:
-                if self._out_of_time(fault):
-                    break
-                self.rewards.append(None)
-                self._note(fault, number)
-                if fault.code in _EXPENSIVE or not self._check:
-                    break
-        else:
+        if self._drive(reward, 0, len(self._states)):
             self.warnings += slowness(self._call_ms, load_ms)
         if first is not None:
             self._note(first, 0)
+
+    def _drive(self, reward: Reward, begin: int, end: int) -> bool:
+        """Whether all states were reached."""
+        for number in range(begin, end):
+            try:
+                self.rewards.append(self._call(reward, self._states[number]))
+            except UserFault as fault:
+                if self._out_of_time(fault):
+                    return False
+                self.rewards.append(None)
+                self._note(fault, number)
+                if fault.code in _EXPENSIVE or not self._check:
+                    return False
+        return True
 
     def _call(self, reward: Reward, params: Params) -> float:
         # All calls together have the time of one.
@@ -188,20 +192,6 @@ class _AuditTrial(_Trial):
         if complete:
             self.warnings += slowness(self._call_ms, loads[0])
         self.warnings += foreign_params(self._code, self._states[0], missed)
-
-    def _drive(self, reward: Reward, begin: int, end: int) -> bool:
-        """Whether all states were reached."""
-        for number in range(begin, end):
-            try:
-                self.rewards.append(self._call(reward, self._states[number]))
-            except UserFault as fault:
-                if self._out_of_time(fault):
-                    return False
-                self.rewards.append(None)
-                self._note(fault, number)
-                if fault.code in _EXPENSIVE:
-                    return False
-        return True
 
     def _drive_again(self, used: Reward, program: CodeType) -> None:
         """Drive the shortest drive again, by a new function and after another drive by one that was used."""
