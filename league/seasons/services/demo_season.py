@@ -1,8 +1,7 @@
 """The demo content of a new installation: a season of twelve months with all race types, and a few community races."""
 
 from calendar import month_name
-from datetime import datetime, timedelta
-from itertools import pairwise
+from datetime import datetime
 from typing import Any
 
 from django.db import transaction
@@ -20,14 +19,9 @@ from tracks.services import load_catalogue
 
 from ...house_cars.services import ORGANISER, house_racer
 from ...models import Season, Stage
-from ...models.season import WORD_OF
-from .season_plan import Turn, proposed_race
-from .seasons import create_season, schedule_round
+from .season_plan import MonthPlan, SeasonPlan, StagePlan, Turn, proposed_race, schedule_season
 
 MONTHS = 12
-# As the form for a season proposes: a month's finale in the next one, the championship a week after the last.
-FINALE_AFTER, FINALE_LASTS = timedelta(days=9, hours=18), timedelta(days=1)
-CHAMPIONSHIP_AFTER, CHAMPIONSHIP_LASTS = timedelta(days=7), timedelta(days=2)
 # The first month is the one that newcomers see: a fast track of middle length.
 OPEN_TRACKS = ("kuei-raceway", "cosmic-loop", "baja-turnpike", "cosmic-circuit", "baja-highway", "kuei-super-raceway")
 PRO_TRACKS = ("cosmic-circuit", "baja-highway", "kuei-super-raceway", "kuei-raceway", "cosmic-loop", "baja-turnpike")
@@ -42,9 +36,14 @@ PRO_RULES = {
     **LIMITS,
     "sensors": list(OFFERABLE),
 }
-# What the pro races and their finales are by turns, as the official league's were in 2021 and 2022: boxes or bots.
-PRO_TYPES = tuple(proposed_race(turn) for turn in (Turn.BOXES, Turn.BOTS))
-CHAMPIONSHIP_TYPE = proposed_race(Turn.MODELS)
+_PROPOSED = proposed_race(Turn.BOXES) | proposed_race(Turn.BOTS) | proposed_race(Turn.MODELS)
+STAGES: dict[str, StagePlan] = {
+    Stage.OPEN: StagePlan(),
+    # by turns, as the official league's were in 2021 and 2022
+    Stage.PRO: StagePlan((Turn.BOXES, Turn.BOTS), _PROPOSED),
+    Stage.FINALE: StagePlan(()),
+    Stage.CHAMPIONSHIP: StagePlan((Turn.MODELS,), _PROPOSED),
+}
 
 # The house's own races: for how many months, and what.
 COMMUNITY_RACES: tuple[tuple[int, dict[str, Any]], ...] = (
@@ -149,32 +148,7 @@ def open_demo_season(*, now: datetime) -> Season:
     if season is not None:
         return season
     tracks = {track.slug: track for track in load_catalogue(now=now)}
-    local = now.astimezone(timezone.get_default_timezone())
-    first = local.replace(day=1, hour=0, minute=0, second=0, microsecond=0, fold=0)
-    months = [add_months(first, month) for month in range(MONTHS + 1)]
-    last_day = (months[-1] - timedelta(days=1)).date()
-    years = f"{first.year}" if first.year == last_day.year else f"{first.year}-{last_day.year % 100:02}"
-    crowned = months[-1] + FINALE_AFTER + FINALE_LASTS + CHAMPIONSHIP_AFTER
-    season = create_season(
-        slug=years,
-        name=f"Season {years}",
-        starts_on=first.date(),
-        ends_on=(crowned + CHAMPIONSHIP_LASTS).date(),
-    )
-    for number, (opens, closes) in enumerate(pairwise(months), start=1):
-        pro = _schedule_month(season, number, tracks, opens, closes, now)
-    _schedule(
-        season,
-        MONTHS,
-        Stage.CHAMPIONSHIP,
-        (crowned, crowned + CHAMPIONSHIP_LASTS),
-        now,
-        slug=f"{years}-championship",
-        month=month_name[months[-2].month],
-        name=f"{season.name} · championship",
-        **pro,
-        **CHAMPIONSHIP_TYPE,
-    )
+    season, _races = schedule_season(plan=_plan(now, tracks), now=now)
     organiser = house_racer(name="paddock", display_name=ORGANISER, now=now)
     for lasts, race in COMMUNITY_RACES:
         wanted = race | {"track": tracks[race["track"]]}
@@ -182,43 +156,27 @@ def open_demo_season(*, now: datetime) -> Season:
     return season
 
 
-def _schedule_month(
-    season: Season, number: int, tracks: dict[str, Track], opens: datetime, closes: datetime, now: datetime
-) -> dict[str, Any]:
-    """The open race of a month, the pro race and its finale; returns where the latter two are driven."""
-    month = month_name[opens.month]
-    # half a year later every track comes back the other way round
-    turned = (number - 1) // len(OPEN_TRACKS) % 2 == 1
-    direction = Direction.CW if turned else Direction.CCW
-    finale = closes + FINALE_AFTER, closes + FINALE_AFTER + FINALE_LASTS
-    pro_track = tracks[PRO_TRACKS[(number - 1) % len(PRO_TRACKS)]]
-    pro_type = PRO_TYPES[(number - 1) % len(PRO_TYPES)] | {"seed": number}
-    for stage, times, track, title in (
-        (Stage.OPEN, (opens, closes), tracks[OPEN_TRACKS[(number - 1) % len(OPEN_TRACKS)]], month),
-        (Stage.PRO, (opens, closes), pro_track, f"{month} pro"),
-        (Stage.FINALE, finale, pro_track, f"{month} finale"),
-    ):
-        _schedule(
-            season,
-            number,
-            stage,
-            times,
-            now,
-            slug=f"{opens:%Y-%m}-{WORD_OF[stage]}",
-            month=month,
-            name=f"{title} · {track.name}",
-            track=track,
-            direction=direction,
-            **({} if stage == Stage.OPEN else pro_type),
-        )
-    return {"track": pro_track, "direction": direction}
-
-
-def _schedule(
-    season: Season, number: int, stage: Stage, times: tuple[datetime, datetime], now: datetime, **race: Any
-) -> None:
-    rules = OPEN_RULES if stage == Stage.OPEN else PRO_RULES
-    opens, closes = times
-    schedule_round(
-        season=season, number=number, stage=stage, now=now, opens_at=opens, closes_at=closes, **rules, **race
+def _plan(now: datetime, tracks: dict[str, Track]) -> SeasonPlan:
+    """Every finale in the next month and the championship a week after the last, as the form of a season proposes."""
+    zone = timezone.get_default_timezone()
+    first = now.astimezone(zone)
+    months, changes = [], {"championship": PRO_RULES}
+    for number in range(MONTHS):
+        month, opening = first.month + number, tracks[OPEN_TRACKS[number % len(OPEN_TRACKS)]]
+        # half a year later every track comes back the other way round
+        direction = Direction.CW if number // len(OPEN_TRACKS) % 2 else Direction.CCW
+        months.append(MonthPlan(month, opening, tracks[PRO_TRACKS[number % len(PRO_TRACKS)]], direction))
+        name = f"{month_name[(month - 1) % 12 + 1]} · {opening.name}"
+        changes |= {f"{month}-open": OPEN_RULES | {"name": name}}
+        changes |= {f"{month}-{word}": PRO_RULES for word in ("pro", "finale")}
+    last = (first.month + MONTHS - 2) // 12
+    years = f"{first.year}-{(first.year + last) % 100:02}" if last else f"{first.year}"
+    return _Plan(
+        years, f"Season {years}", first.year, zone, months, stages=STAGES, changes=changes, settings={"zone": ""}
     )
+
+
+class _Plan(SeasonPlan):
+    def slug_of(self, month: int, word: str) -> str:
+        """The month of the year, also where the season spans two."""
+        return f"{self.at(month):%Y-%m}-{word}"

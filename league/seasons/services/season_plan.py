@@ -147,6 +147,9 @@ class SeasonPlan:
         """A wall-clock time of the year; month 13 is January of the next."""
         return datetime(self.year + (month - 1) // 12, (month - 1) % 12 + 1, day, hour, tzinfo=self.zone)
 
+    def slug_of(self, month: int, word: str) -> str:
+        return f"{self.slug}-{(month - 1) % 12 + 1:02}-{word}"
+
     def rounds(self, now: datetime) -> list[RoundPlan]:
         """All races by month, the championship last, without past months. Raises UserFault("season_without_races")."""
         months = [one for one in sorted(self.months, key=lambda one: one.month) if self.at(one.month + 1) > now]
@@ -190,7 +193,7 @@ class SeasonPlan:
         race = {**race, **own, **plan.rules, **self.changes.get(key, {})}
         usual = f"{self.name} · {word}" if whole else f"{MONTHS[month]} {word} · {race['track'].name}"
         race = {"name": usual[:64]} | race
-        slug = f"{self.slug}-championship" if whole else f"{self.slug}-{month:02}-{word}"
+        slug = f"{self.slug}-championship" if whole else self.slug_of(one.month, word)
         return RoundPlan(key, number, month, stage, slug, race)
 
 
@@ -251,9 +254,8 @@ def _make_season(plan: SeasonPlan, rounds: Sequence[RoundPlan], now: datetime) -
         name=plan.name,
         starts_on=min(one.race["opens_at"] for one in rounds).astimezone(plan.zone).date(),
         ends_on=(last - timedelta(seconds=1)).date(),
-        zone=plan.zone.key,
         follows=before,
-        **plan.settings,
+        **{"zone": plan.zone.key, **plan.settings},
     )
     for stage, one in plan.stages.items():
         if one.rules:
