@@ -4,26 +4,12 @@ from django.db.models import Q, QuerySet
 
 from accounts.models import Racer, Viewer
 
-from ..assignments.selectors import can_teach
-from ..grading.members import is_student, taught_by
+from ..grading.members import taught_by
 from ..models import Mark
 
 
-def can_see_mark(viewer: Viewer, mark: Mark) -> bool:
-    """Teachers, and students their own. Twin of :func:`marks_visible_to`."""
-    assignment = mark.assignment
-    if can_teach(viewer, assignment):
-        return True
-    return (
-        isinstance(viewer, Racer)
-        and mark.racer_id == viewer.pk
-        and assignment.published_at is not None
-        and is_student(viewer, assignment.group_id)
-    )
-
-
 def marks_visible_to(viewer: Viewer) -> QuerySet[Mark]:
-    """Twin of :func:`can_see_mark`."""
+    """Teachers, and students their own."""
     marks = Mark.objects.select_related("assignment__group", "racer", "attempt")
     if not isinstance(viewer, Racer):
         return marks.none()
