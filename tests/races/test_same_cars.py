@@ -130,9 +130,7 @@ class TestSubmitting:
     def test_the_demos_beginners_race_allows_shared_cars(self, db):
         from league.seasons.services.demo_season import COMMUNITY_RACES
 
-        assert [race["name"] for _months, race in COMMUNITY_RACES if race.get("shared_cars")] == [
-            "First laps on the oval"
-        ]
+        assert [race["name"] for race in COMMUNITY_RACES if race.get("shared_cars")] == ["First laps on the oval"]
 
     def test_stopping_a_car_or_leaving_frees_its_place(self, alice, bob, now):
         for leave in (

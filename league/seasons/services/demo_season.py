@@ -45,97 +45,80 @@ STAGES: dict[str, StagePlan] = {
     Stage.CHAMPIONSHIP: StagePlan((Turn.MODELS,), _PROPOSED),
 }
 
-# The house's own races: for how many months, and what.
-COMMUNITY_RACES: tuple[tuple[int, dict[str, Any]], ...] = (
-    (
-        12,
-        {
-            "name": _("First laps on the oval"),
-            "description": _("For a first car: a short track, one complete lap is enough."),
-            "track": "oval",
-            "ranking_method": RankingMethod.BEST,
-            "laps": 3,
-            "minimum_laps": 1,
-            "off_track_penalty_ms": 2000,
-            # newcomers try it with the same cars, the site's own among them
-            "shared_cars": True,
-        },
-    ),
-    (
-        3,
-        {
-            "name": _("Turnpike three laps"),
-            "description": _("Three laps, and all count: for cars that stay on the road."),
-            "track": "baja-turnpike",
-            "ranking_method": RankingMethod.TOTAL,
-            "laps": 3,
-            "minimum_laps": 3,
-            "direction": Direction.CW,
-        },
-    ),
-    (
-        2,
-        {
-            "name": _("No second chance"),
-            "description": _("The first fault ends the run. The best two consecutive laps of ten count."),
-            "track": "cosmic-loop",
-            "ranking_method": RankingMethod.AVERAGE,
-            "laps": 10,
-            "minimum_laps": 2,
-            **UNTIL_THE_FIRST_FAULT,
-            "max_simulated_ms": 900_000,
-        },
-    ),
-    (
-        12,
-        {
-            "name": _("Boxes on the oval"),
-            "description": _("Three boxes on the road. One complete lap is enough; a crash costs three seconds."),
-            "track": "oval",
-            "race_type": RaceType.OBJECT_AVOIDANCE,
-            "boxes": [
-                {"fraction": 0.2, "lane": "outer"},
-                {"fraction": 0.5, "lane": "inner"},
-                {"fraction": 0.8, "lane": "outer"},
-            ],
-            **LIMITS,
-            "ranking_method": RankingMethod.BEST,
-            "laps": 3,
-            "minimum_laps": 1,
-            "sensors": list(OFFERABLE),
-        },
-    ),
-    (
-        3,
-        {
-            "name": _("Traffic on the loop"),
-            "description": _("Four slow bots that change lanes. Overtake without contact."),
-            "track": "cosmic-loop",
-            **proposed_race(Turn.BOTS),
-            "ranking_method": RankingMethod.AVERAGE,
-            "laps": 3,
-            "minimum_laps": 2,
-            "max_simulated_ms": 360_000,
-            "sensors": list(OFFERABLE),
-        },
-    ),
-    (
-        1,
-        {
-            "name": _("Duels on the turnpike"),
-            "description": _(
-                "Qualify alone. When the race has closed, the best cars meet in a round robin of two-car duels."
-            ),
-            "track": "baja-turnpike",
-            **proposed_race(Turn.MODELS),
-            **ROUND_ROBIN_DUELS,
-            "ranking_method": RankingMethod.BEST,
-            "laps": 3,
-            "minimum_laps": 1,
-            "max_simulated_ms": 360_000,
-            "sensors": list(OFFERABLE),
-        },
-    ),
+_ONE_LAP = {"ranking_method": RankingMethod.BEST, "laps": 3, "minimum_laps": 1}
+# The house's own races, and for how many months.
+COMMUNITY_RACES: tuple[dict[str, Any], ...] = (
+    {
+        "months": 12,
+        "name": _("First laps on the oval"),
+        "description": _("For a first car: a short track, one complete lap is enough."),
+        "track": "oval",
+        **_ONE_LAP,
+        "off_track_penalty_ms": 2000,
+        # newcomers try it with the same cars, the site's own among them
+        "shared_cars": True,
+    },
+    {
+        "months": 3,
+        "name": _("Turnpike three laps"),
+        "description": _("Three laps, and all count: for cars that stay on the road."),
+        "track": "baja-turnpike",
+        "ranking_method": RankingMethod.TOTAL,
+        "laps": 3,
+        "minimum_laps": 3,
+        "direction": Direction.CW,
+    },
+    {
+        "months": 2,
+        "name": _("No second chance"),
+        "description": _("The first fault ends the run. The best two consecutive laps of ten count."),
+        "track": "cosmic-loop",
+        "ranking_method": RankingMethod.AVERAGE,
+        "laps": 10,
+        "minimum_laps": 2,
+        **UNTIL_THE_FIRST_FAULT,
+        "max_simulated_ms": 900_000,
+    },
+    {
+        "months": 12,
+        "name": _("Boxes on the oval"),
+        "description": _("Three boxes on the road. One complete lap is enough; a crash costs three seconds."),
+        "track": "oval",
+        "race_type": RaceType.OBJECT_AVOIDANCE,
+        "boxes": [
+            {"fraction": 0.2, "lane": "outer"},
+            {"fraction": 0.5, "lane": "inner"},
+            {"fraction": 0.8, "lane": "outer"},
+        ],
+        **LIMITS,
+        **_ONE_LAP,
+        "sensors": list(OFFERABLE),
+    },
+    {
+        "months": 3,
+        "name": _("Traffic on the loop"),
+        "description": _("Four slow bots that change lanes. Overtake without contact."),
+        "track": "cosmic-loop",
+        **proposed_race(Turn.BOTS),
+        "ranking_method": RankingMethod.AVERAGE,
+        "laps": 3,
+        "minimum_laps": 2,
+        "max_simulated_ms": 360_000,
+        "sensors": list(OFFERABLE),
+    },
+    {
+        "months": 1,
+        "name": _("Duels on the turnpike"),
+        "description": _(
+            "Qualify alone. When the race has closed, the best cars meet in a round robin of two-car duels."
+        ),
+        "track": "baja-turnpike",
+        **proposed_race(Turn.MODELS),
+        **ROUND_ROBIN_DUELS,
+        **_ONE_LAP,
+        "max_simulated_ms": 360_000,
+        "sensors": list(OFFERABLE),
+    },
 )
 
 
@@ -150,9 +133,10 @@ def open_demo_season(*, now: datetime) -> Season:
     tracks = {track.slug: track for track in load_catalogue(now=now)}
     season, _races = schedule_season(plan=_plan(now, tracks), now=now)
     organiser = house_racer(name="paddock", display_name=ORGANISER, now=now)
-    for lasts, race in COMMUNITY_RACES:
-        wanted = race | {"track": tracks[race["track"]]}
-        create_community_race(organiser=organiser, now=now, opens_at=now, closes_at=add_months(now, lasts), **wanted)
+    for race in COMMUNITY_RACES:
+        wanted = race | {"track": tracks[race["track"]], "opens_at": now, "closes_at": add_months(now, race["months"])}
+        del wanted["months"]
+        create_community_race(organiser=organiser, now=now, **wanted)
     return season
 
 
