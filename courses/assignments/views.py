@@ -33,7 +33,7 @@ from races.test_runs.forms import own_preview
 from ..grading.members import groups_taught_by
 from ..models import Assignment, AssignmentPart, Attempt, PartTrack, SubmissionGroup
 from . import services
-from .forms import AssignmentForm, PartForm
+from .forms import AssignmentForm, PartForm, show_fault
 from .selectors import assignments_taught_by
 from .students import names_of, students_named
 
@@ -67,7 +67,7 @@ def assignment_new(request: HttpRequest) -> HttpResponse:
             )
         except UserFault as fault:
             form_nonce.release(once)
-            form.show(fault)
+            show_fault(form, fault)
         else:
             messages.success(request, _("Draft created. Add its parts."))
             return redirect("assignment_part_new", made.public_id)
@@ -86,7 +86,7 @@ def assignment_edit(request: HttpRequest, public_id: str) -> HttpResponse:
         try:
             changed = services.change_assignment(assignment=assignment, by=racer_of(request), now=now, **form.values())
         except UserFault as fault:
-            form.show(fault)
+            show_fault(form, fault)
         else:
             return _saved(request, changed)
     shown = get_object_or_404(Assignment.objects.select_related("group__classroom"), pk=assignment.pk)
@@ -142,7 +142,7 @@ def assignment_part(request: HttpRequest, public_id: str, number: int | None = N
             if removes:
                 report_fault(request, fault)
                 return redirect("assignment_edit", assignment.public_id)
-            form.show(fault)
+            show_fault(form, fault)
         else:
             return _saved(request, changed)
     context = {

@@ -25,7 +25,7 @@ class RoundForm(RaceForm):
 
     # a form leaves a field of its base out by naming it None
     visibility = None  # type: ignore[assignment]
-    description = None  # type: ignore[assignment]
+    description = None
     edition = None  # type: ignore[assignment]
 
 
