@@ -106,6 +106,7 @@ class ProcessPool:
                 self._module,
                 limits=RUNNER,
                 level=self._level,
+                keeps_memory=True,
                 arguments=[str(fd) for fd in ends],
                 pass_fds=[fd for fd in ends if fd >= 0],
             )
