@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING
 from django.conf import settings
 from django.db.models import Q, QuerySet, Sum
 
+from core.database.kept_queries import KeptQuery
 from evaluation.models import Evaluation, State
 
 from .hooks import runs
@@ -92,10 +93,12 @@ def _is_stale(video: Video, run: VideoRun | None) -> bool:
     return video.state == VideoState.READY and not is_current(video, run or VideoRun.of(video.evaluation))
 
 
+_of_run = KeptQuery(lambda run: Video.objects.filter(evaluation_id=run, part__lt=REEL).select_related("asked_by"))
+
+
 def videos_of(run: VideoRun) -> list[ShownVideo]:
     """All videos of a run alone, the last request first. One query, and one more where any waits."""
-    videos = Video.objects.filter(evaluation=run.evaluation, part__lt=REEL).select_related("asked_by")
-    for video in (found := list(videos)):
+    for video in (found := _of_run(run=run.evaluation.pk)):
         video.evaluation = run.evaluation
     places: dict[int, int] = {}
     if any(video.state == VideoState.WAITING for video in found):

@@ -4,8 +4,9 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
-from django.db.models import Q, Subquery
+from django.db.models import Q, QuerySet, Subquery
 
+from core.database.kept_queries import KeptQuery
 from core.streams.shared_pieces import shared_value
 from evaluation.models import Result
 
@@ -147,14 +148,22 @@ def heat_of(duel: Duel, racer_id: int) -> HeatResult | None:
     return HeatResult(duel, mine, len(cars), place_of(mine.entry))
 
 
+def _runs_before(entry: Any, number: Any, run: Any) -> QuerySet[Submission, tuple[int, bool, Sequence[Lap]]]:
+    runs = Submission.objects.filter(entry_id=entry, number__lt=number, is_void=False)
+    same_engine = Result.objects.filter(evaluation_id=run).values("engine")
+    runs = runs.filter(evaluation__result__engine=Subquery(same_engine[:1])).order_by("number")
+    return runs.values_list("number", "is_live", "evaluation__result__laps")
+
+
+_earlier = KeptQuery(_runs_before)
+
+
 def _best_earlier(submission: Submission) -> tuple[int | None, Standing | None]:
     """Number and standing of the racer's best submission before this one, of the same engine."""
     race = submission.entry.race
-    runs = Submission.objects.filter(entry=submission.entry, number__lt=submission.number, is_void=False)
-    same_engine = Result.objects.filter(evaluation=submission.evaluation_id).values("engine")
-    runs = runs.filter(evaluation__result__engine=Subquery(same_engine[:1])).order_by("number")
     number, best = None, None
-    for one, is_live, laps in runs.values_list("number", "is_live", "evaluation__result__laps"):
+    runs = _earlier(entry=submission.entry_id, number=submission.number, run=submission.evaluation_id)
+    for one, is_live, laps in runs:
         standing = standing_in(race, laps, is_live=is_live)
         if best is None or standing.key < best.key:
             number, best = one, standing
