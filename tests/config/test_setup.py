@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 import subprocess
 import sys
+from datetime import date
 from io import StringIO
 from types import SimpleNamespace
 
@@ -48,6 +49,12 @@ def run(db, monkeypatch, capsys, settings, tmp_path):
     os.umask(umask)
 
 
+@pytest.fixture
+def season(db) -> Season:
+    """One of the operator's, beside which setup opens none."""
+    return Season.objects.create(slug="mine", name="Mine", starts_on=date(2020, 1, 1), ends_on=date(2020, 12, 31))
+
+
 def test_setup_ends_in_tracks_a_season_and_races_and_changes_nothing_again(run, monkeypatch):
     printed = run()
     assert f"Loading {len(CATALOGUE)} tracks ... " in printed
@@ -66,6 +73,7 @@ def test_setup_ends_in_tracks_a_season_and_races_and_changes_nothing_again(run, 
     assert set(Race.objects.values_list("pk", "slug")) == races
 
 
+@pytest.mark.usefixtures("season")
 def test_static_files_are_collected_again_only_after_a_change(run, monkeypatch, settings, tmp_path):
     settings.DATA_DIR = tmp_path
     settings.STATIC_ROOT = tmp_path / "static"
@@ -96,12 +104,14 @@ def test_static_files_are_collected_again_only_after_a_change(run, monkeypatch, 
     assert [collections_of_a_setup(), collections_of_a_setup()] == [1, 0]
 
 
+@pytest.mark.usefixtures("season")
 def test_static_files_of_an_image_are_left_as_they_are(run, settings, tmp_path):
     settings.STATIC_PREPARED = str(tmp_path)
     assert "static files" not in run()
     assert not list(tmp_path.iterdir())
 
 
+@pytest.mark.usefixtures("season")
 def test_setup_creates_the_bucket_once(run, monkeypatch, settings):
     server = S3Server()
     storage = S3Storage(**server.options())
