@@ -13,7 +13,6 @@ from accounts.models import Racer
 from league.models import Round, Season, Stage
 from league.seasons.selectors import current_season
 from league.seasons.services.clock import tick
-from league.seasons.services.demo_season import open_demo_season
 from league.seasons.services.seasons import create_season
 from races.entries.services.entries import enter_race
 from races.models import Race
@@ -101,16 +100,15 @@ def test_deleting_the_draft_stops_the_season_before_it(boss, season, monkeypatch
     assert not season.continues
 
 
-def test_an_admin_replaces_the_draft_by_another_season(boss, monkeypatch):
-    open_demo_season(now=NOW)
-    first, later = Season.objects.get(), datetime(2027, 9, 15, 12, tzinfo=UTC)
+def test_an_admin_replaces_the_draft_by_another_season(boss, season, monkeypatch):
+    first, later = season, JANUARY + 11 * MONTH
     monkeypatch.setattr("django.utils.timezone.now", lambda: later)
     client = logged_in(boss)
     tick(now=later)
     draft = Season.objects.get(follows=first)
     page = client.get(f"/seasons/new/?replaces={draft.slug}")
     assert page.context["form"]["replaces"].value() == draft.slug
-    data = form_data(later, replaces=draft.slug, slug=draft.slug, first_month="11", year="2027")
+    data = short(replaces=draft.slug, slug=draft.slug, first_month="1", year="2028")
     seen = client.post("/seasons/new/", data)
     assert seen.status_code == 200 and Season.objects.filter(pk=draft.pk).exists(), "a preview deletes nothing"
     client.post("/seasons/new/", data | {"seen": seen.context["form"]["seen"].value(), "do": "make"})
