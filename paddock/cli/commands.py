@@ -70,7 +70,7 @@ def parser(asked: str = "") -> argparse.ArgumentParser:
         )
         one.add_argument("--json", action="store_true", help="print the outcome as one JSON value")
         one.add_argument("--site", default="", metavar="URL", help="which site; else PADDOCK_SITE, else the last login")
-        one.set_defaults(run=of, parser=top, of_many=False)
+        one.set_defaults(run=of, of_many=False)
         return one
 
     def group(name: str, help_: str) -> Any:

@@ -9,6 +9,7 @@ from pathlib import Path
 from paddock.errors import PlatformFault, UserFault
 
 from .asking import Call
+from .commands import parser
 from .files import UNWRITABLE, file_faults
 
 EXAMPLE = "train_a_car.py"
@@ -43,7 +44,7 @@ def _starter(name: str) -> str:
 
 
 def completion(asked: Call, options: argparse.Namespace) -> int:
-    named = dict(_words(options.parser))
+    named = dict(_words(parser()))
     text = {"bash": _bash, "zsh": _zsh, "fish": _fish}[options.shell](named)
     asked.speaker.result({"shell": options.shell, "script": text}, text)
     return 0
@@ -58,8 +59,8 @@ class _Words:
     verbs: list[str]
 
 
-def _words(parser: argparse.ArgumentParser) -> Iterator[tuple[str, _Words]]:
-    for action in parser._actions:
+def _words(top: argparse.ArgumentParser) -> Iterator[tuple[str, _Words]]:
+    for action in top._actions:
         if isinstance(action, argparse._SubParsersAction):
             helps = {choice.dest: choice.help or "" for choice in action._choices_actions}
             for name, one in action.choices.items():
