@@ -120,6 +120,8 @@ class RacerAdmin(ComparedChanges, UserAdmin):
         field = super().formfield_for_manytomany(db_field, request, **options)
         if field is not None:
             rows: Any = field.queryset
+            if db_field.name == "user_permissions":
+                rows = rows.select_related("content_type")  # in each name
             field.choices = shared_value(("choices", str(db_field)), lambda: [(one.pk, str(one)) for one in rows])
         return field
 

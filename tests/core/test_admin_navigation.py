@@ -4,7 +4,9 @@ import re
 
 import pytest
 from django.contrib.auth.models import Permission
+from django.db import connection
 from django.test import Client
+from django.test.utils import CaptureQueriesContext
 
 from tests.factories import a_racer
 
@@ -35,3 +37,12 @@ def test_admins_see_what_their_permissions_allow():
         {"/admin/tracks/track/", "/admin/races/race/"},
         ["/admin/races/race/"],
     )
+
+
+def test_all_permissions_are_read_in_one_query():
+    chief, client = a_racer("chief", is_staff=True, is_superuser=True), Client()
+    client.force_login(chief)
+    with CaptureQueriesContext(connection) as captured:
+        html = client.get(f"/admin/accounts/racer/{chief.pk}/change/").content.decode()
+    assert html.count("Can view") > 50
+    assert len(captured) < 20
