@@ -25,5 +25,5 @@ def pager(context: template.Context, number: int, pages: int) -> SafeString | st
     if pages < 2:
         return ""
     others = querystring(context, page=None)
-    values = {"number": number, "pages": pages, "others": others if others == "?" else f"{others}&"}
+    values = {"number": number, "pages": pages, "others": f"{others}&" if len(others) > 1 else "?"}
     return lasting_piece("parts/pages.html", values, key=tuple(values.values()))

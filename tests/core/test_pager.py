@@ -1,0 +1,37 @@
+"""Links to the page before and the page after."""
+
+from __future__ import annotations
+
+import re
+
+import pytest
+from django.template import Context, Engine
+from django.test import RequestFactory
+
+
+def links(query: str, number: int, pages: int) -> list[str]:
+    template = Engine.get_default().from_string("{% load links %}{% pager number pages %}")
+    request = RequestFactory().get(f"/races/busy/{query}")
+    html = template.render(Context({"request": request, "number": number, "pages": pages}))
+    return re.findall(r'href="([^"]*)"', html)
+
+
+@pytest.mark.parametrize(
+    ("query", "number", "pages", "expected"),
+    [
+        ("", 1, 1, []),
+        ("", 1, 2, ["?page=2"]),
+        ("?page=2", 2, 3, ["?page=1", "?page=3"]),
+        ("?page=3&spoilers=show", 3, 3, ["?spoilers=show&amp;page=2"]),
+        ("?group=ours&by=teams", 1, 2, ["?group=ours&amp;by=teams&amp;page=2"]),
+        ("?q=%22%3E%3Cscript%3E", 1, 2, ["?q=%22%3E%3Cscript%3E&amp;page=2"]),
+    ],
+)
+def test_a_pager_leads_to_the_pages_beside_and_keeps_the_rest_of_the_address(
+    query: str, number: int, pages: int, expected: list[str]
+) -> None:
+    assert links(query, number, pages) == expected
+
+
+def test_readers_of_other_addresses_get_other_links() -> None:
+    assert links("?group=ours", 1, 2) != links("?group=theirs", 1, 2)
