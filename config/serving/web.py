@@ -13,7 +13,7 @@ import signal
 import socket
 import sys
 import time
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from functools import partial
 from importlib import import_module
 from types import FrameType
@@ -28,6 +28,7 @@ APPLICATION = "config.wsgi:application"
 PROCESSES, THREADS = 2, 4
 BACKLOG = 2048
 CONNECTIONS = 8192  # of one process; beyond them new ones wait in the backlog
+TURN_S, LONGEST_TURN_S = 0.00005, 0.002  # a process waits so long for each connection that it has before it takes one
 IDLE_S = 60  # a connection without traffic is closed
 GRACE_S = 5.0
 RECEIVED_BYTES = 128 * 1024
@@ -152,14 +153,43 @@ def _serve_until_signal(application: Any, listening: socket.socket, threads: int
 
     for signum in (signal.SIGTERM, signal.SIGINT):
         signal.signal(signum, stop)
+    turn = Turn(server)
     while not stopping:
-        wasyncore.poll2(1.0, connections)
+        wasyncore.poll2(turn.wait_s(), connections)
     wasyncore.dispatcher.close(server)  # another server may listen there while this one finishes its requests
     until = time.monotonic() + GRACE_S
     while time.monotonic() < until and any(
         channel.requests or channel.total_outbufs_len for channel in server.active_channels.values()
     ):
         wasyncore.poll2(0.1, connections)
+
+
+class Turn:
+    """When a process takes a new connection: one with fewer connections takes it first. Processes that race for each
+    often have one and three quarters of them, and the readers of the second wait."""
+
+    def __init__(self, server: Any, clock: Callable[[], float] = time.monotonic) -> None:
+        self._server, self._clock, self._take = server, clock, server.handle_accept
+        self._since: float | None = None  # when the connection at hand was seen
+        server.handle_accept = self._see
+
+    def _see(self) -> None:
+        if self._since is None and self._server.active_channels:
+            self._since = self._clock()
+        else:
+            self._since = None
+            self._take()
+
+    def wait_s(self) -> float:
+        """How long to wait for something to do; without a new connection until it is this process's turn."""
+        left = 0.0
+        if self._since is not None:
+            passed = self._clock() - self._since
+            left = min(TURN_S * len(self._server.active_channels), LONGEST_TURN_S) - passed
+            if passed > 2 * LONGEST_TURN_S:
+                self._since = None  # another process took it
+        self._server.accepting = left <= 0
+        return left if left > 0 else 1.0
 
 
 def many_files() -> None:
