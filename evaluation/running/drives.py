@@ -14,6 +14,7 @@ from paddock.rules.report import LAP
 from paddock.simulator.randomisation import Variation
 
 from ..sandbox.cores import one_core
+from .messages import ProgressDocument
 from .pipeline import WALL_LIMIT_S, PolicyBudget, RivalModel, SandboxedRun
 from .process_pool import DRIVES_MODULE, ProcessPool
 from .race_setup import Venue
@@ -106,7 +107,7 @@ def _driven(
         ],
     }
 
-    def report(progress: dict[str, Any]) -> None:
+    def report(progress: ProgressDocument) -> None:
         if on_progress is not None:
             on_progress(int(progress["done"]))
 

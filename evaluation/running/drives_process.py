@@ -22,6 +22,7 @@ from paddock.simulator.stage import PreparedTrack
 
 from ..sandbox.frames import FrameError, read_message, write_message
 from ..sandbox.policy_client import PolicyClient
+from .messages import DriveDocument
 from .runner_process import ground_of, policy_client, policy_of, telling_faults
 
 _NEVER = 1 << 30  # steps: progress is reported only at the end of a lap
@@ -40,7 +41,7 @@ def _drive_all(frames_in: int, frames_out: int) -> None:
     rules = RaceRules.from_dict(job["rules"])
     read_message(frames_in)
     ground, built = None, -1  # one at a time: a large track takes 30 MB
-    driven: list[dict[str, Any]] = []
+    driven: list[DriveDocument] = []
     ways = dict.fromkeys(WAYS, 0)
     for drive in job["drives"]:
         if ground is None or drive["venue"] != built:
@@ -63,8 +64,7 @@ def _driven(
     metadata: Mapping[str, Any],
     space: ActionSpace,
     client: PolicyClient,
-) -> dict[str, Any]:
-    """The fields of :class:`.drives.DriveOutcome`."""
+) -> DriveDocument:
     variation = None if fields is None else Variation(**fields)
     last: list[Progress] = []
     start_m = 0.0 if variation is None else variation.start_m

@@ -6,7 +6,7 @@ import select
 import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass, field, replace
-from typing import Any, TypeAlias
+from typing import Any, TypeAlias, cast
 
 from paddock.errors import PaddockError, PlatformFault, UserFault, fault_from_dict
 from paddock.geometry.track import TrackGeometry
@@ -24,6 +24,7 @@ from ..sandbox.frames import FrameClosed, FrameError, read_message, write_messag
 from ..sandbox.policy import describe, failed_start
 from ..sandbox.policy_client import OVERAGE_S, STEP_DEADLINE_S, TOTAL_S
 from ..sandbox.process import widen_pipe
+from .messages import ProgressDocument, ResultDocument, RetiredDocument, RunnerMessage
 from .process_pool import ProcessPool
 from .race_setup import Venue, check_rivals
 
@@ -31,7 +32,7 @@ WALL_LIMIT_S = 300.0
 _START_S = 30.0
 _MESSAGE_S = 10.0  # a runner that began to write a message ends it
 _STOP_EVERY_S = 0.25
-OnProgress: TypeAlias = Callable[[dict[str, Any]], None]
+OnProgress: TypeAlias = Callable[[ProgressDocument], None]
 
 
 @dataclass(frozen=True)
@@ -235,7 +236,7 @@ class SandboxedRun:
             answer, _ = read_message(self._runner.stdout, max(deadline, time.monotonic() + _MESSAGE_S))
         except FrameError as error:
             raise failed_start(self._runner, str(error)) from None
-        self._raise_error(answer)
+        self._raise_error(cast(RunnerMessage, answer))
         if len(answer.get("headers", ())) != len(cars):
             raise self.noted(PlatformFault("runner_protocol"))
         versions = []
@@ -249,7 +250,7 @@ class SandboxedRun:
             self._network_from[number] = policy.process.cpu_seconds()
         return versions[0] if versions else ""
 
-    def drive(self) -> tuple[dict[str, Any], list[bytes]]:
+    def drive(self) -> tuple[RunnerMessage, list[bytes]]:
         """Start the race and follow it to its end. Returns the last message and its blobs."""
         with contextlib.suppress(FrameError):  # a runner that is gone left a message why, or its exit status
             write_message(self._runner.stdin, {"start": True}, deadline=time.monotonic() + _MESSAGE_S)
@@ -300,7 +301,7 @@ class SandboxedRun:
                 raise
             self._retire(number, fault)
 
-    def _note_retired(self, report: dict[str, Any]) -> None:
+    def _note_retired(self, report: RetiredDocument) -> None:
         """Retire a car whose policy the runner found at fault, explained now: later it might look otherwise."""
         try:
             number, fault = report["car"], fault_from_dict(report["error"])
@@ -324,16 +325,17 @@ class SandboxedRun:
         used = self._policies[number].process.cpu_seconds() - self._network_from[number]
         self._network_s[number] = max(self._network_s[number], used)
 
-    def _read_message(self) -> tuple[dict[str, Any], list[bytes]]:
+    def _read_message(self) -> tuple[RunnerMessage, list[bytes]]:
         try:
-            return read_message(self._runner.stdout, time.monotonic() + _MESSAGE_S)
+            message, blobs = read_message(self._runner.stdout, time.monotonic() + _MESSAGE_S)
+            return cast(RunnerMessage, message), blobs
         except FrameClosed:
             how = describe(self._runner.wait(1.0))
             raise self.noted(PlatformFault("runner_died", how=how)) from None
         except FrameError:
             raise self.noted(PlatformFault("runner_protocol")) from None
 
-    def _raise_error(self, message: dict[str, Any]) -> None:
+    def _raise_error(self, message: RunnerMessage) -> None:
         if "error" not in message:
             return
         try:
@@ -344,7 +346,7 @@ class SandboxedRun:
 
 
 def _outcome(
-    result: dict[str, Any], blobs: list[bytes], retired: dict[int, UserFault], onnxruntime: str, **measured: Any
+    result: ResultDocument, blobs: list[bytes], retired: dict[int, UserFault], onnxruntime: str, **measured: Any
 ) -> EvaluationOutcome:
     """The outcome in the runner's last message. Raises KeyError, TypeError, ValueError or IndexError if malformed."""
     layout, *traces = blobs

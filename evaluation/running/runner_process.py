@@ -37,6 +37,7 @@ from paddock.simulator.world import make_ready, new_world
 from ..sandbox.frames import FrameError, read_message, write_message
 from ..sandbox.observation_memory import map_for_writing
 from ..sandbox.policy_client import PolicyClient
+from .messages import CarDocument, ResultDocument
 
 _PROGRESS_S = 0.25
 _REHEARSAL_MS = 2000  # simulated
@@ -175,16 +176,16 @@ def _reporting(policy: Policy, number: int, frames_out: int) -> Policy:
     return ask
 
 
-def _outcome(result: RaceResult, cars: Sequence[RaceResult | CompetitorRun]) -> dict[str, Any]:
+def _outcome(result: RaceResult, cars: Sequence[RaceResult | CompetitorRun]) -> ResultDocument:
     return {
         "cars": [
-            {
-                "laps": [lap.to_dict() for lap in car.laps],
-                "end_reason": car.end_reason,
-                "retired": car.retired,
-                "trace_sha256": car.trace.sha256,
-                "metrics": metrics_json(car),
-            }
+            CarDocument(
+                laps=[lap.to_dict() for lap in car.laps],
+                end_reason=car.end_reason,
+                retired=car.retired,
+                trace_sha256=car.trace.sha256,
+                metrics=metrics_json(car),
+            )
             for car in cars
         ],
         "order": result.order,

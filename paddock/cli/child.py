@@ -1,10 +1,7 @@
 """The process that drives at home: it reads a job and writes lines of JSON."""
 
-# ``python -m paddock.cli.child JOB FOLDER``, started with the pins of :mod:`paddock.exact`. JOB is a file with
-# ``{"track", "look", "rules"}``, track and rules as their ``to_dict`` writes them (or the track's slug in the
-# catalogue), and either ``"cars"``, each ``{"files", "checkpoint"}`` (the latter of a training's folder), or
-# ``"traces"``: files of sim-traces (CSV) with commands to drive again without a network. The process writes
-# ``{"progress": {...}}`` at times, and at the end ``{"result": ...}``, see :func:`_driven`, or
+# ``python -m paddock.cli.child JOB FOLDER``, started with the pins of :mod:`paddock.exact`. JOB is a file with a
+# :class:`HomeJob`. The process writes ``{"progress": {...}}`` at times, and at the end ``{"result": HomeResult}`` or
 # ``{"error": {"code", "fault", "params"}}``. The trace of car N is written to ``FOLDER/N.csv``.
 
 from __future__ import annotations
@@ -16,7 +13,7 @@ import os
 import sys
 from collections.abc import Mapping
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, TextIO
+from typing import TYPE_CHECKING, Any, TextIO, TypedDict
 
 from paddock.errors import PaddockError, UserFault
 from paddock.exact import is_pinned
@@ -25,8 +22,57 @@ from paddock.short_lived import leave
 from .files import UNREADABLE, file_faults
 
 if TYPE_CHECKING:
+    from paddock.geometry.track import TrackDocument
     from paddock.packages.own import OwnCar
-    from paddock.simulator.results import CompetitorRun
+    from paddock.simulator.results import CompetitorRun, LapDocument
+
+
+class JobCar(TypedDict):
+    """A car by its files; ``checkpoint``: of a training's folder."""
+
+    files: list[str]
+    checkpoint: str
+
+
+class HomeJob(TypedDict, total=False):
+    """A run: its track as its ``to_dict`` writes it or its slug in the catalogue, its rules as their ``to_dict`` writes
+    them, and either its ``cars`` or ``traces``, which are files of sim-traces (CSV) with commands to drive again
+    without a network."""
+
+    track: TrackDocument | str
+    look: str
+    rules: Mapping[str, Any]
+    cars: list[JobCar]
+    traces: list[str]
+
+
+class HomeCar(TypedDict):
+    """The result of one car. ``sha256``: of its model, empty for a trace."""
+
+    sha256: str
+    laps: list[LapDocument]
+    end_reason: str
+    retired: Mapping[str, Any] | None
+    simulated_ms: int
+    trace_sha256: str
+    metrics: Any
+
+
+class DrivenTrack(TypedDict):
+    name: str
+    length_m: float
+    direction: str
+
+
+class HomeResult(TypedDict):
+    """The result of a run at home. ``exact``: the process was started with the pins."""
+
+    track: DrivenTrack
+    engine: str
+    versions: dict[str, str]
+    exact: bool
+    order: list[int]
+    cars: list[HomeCar]
 
 
 def main(job: str, folder: str) -> int:
@@ -46,9 +92,7 @@ def _write_line(out: TextIO, message: Mapping[str, object]) -> None:
     print(json.dumps(message), file=out, flush=True)
 
 
-def _driven(job: Mapping[str, Any], folder: Path, out: TextIO) -> dict[str, Any]:
-    """The result of a run at home. ``exact``: the process was started with the pins; ``sha256`` of a car: its model's,
-    empty for a trace."""
+def _driven(job: HomeJob, folder: Path, out: TextIO) -> HomeResult:
     import cv2
 
     from paddock.geometry.catalogue import by_slug
@@ -103,7 +147,7 @@ def _driven(job: Mapping[str, Any], folder: Path, out: TextIO) -> dict[str, Any]
     }
 
 
-def _read(car: Mapping[str, Any]) -> OwnCar:
+def _read(car: JobCar) -> OwnCar:
     from paddock.packages.own import read_car
 
     with file_faults(UNREADABLE):

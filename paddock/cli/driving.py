@@ -8,7 +8,7 @@ import os
 import subprocess
 import sys
 import tempfile
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -19,6 +19,7 @@ from paddock.geometry.catalogue import CATALOGUE, CatalogueTrack
 from paddock.geometry.catalogue.names import find, nearest
 from paddock.rules.race import LIVE_LAPS, RUN_RULES, RaceRules
 
+from .child import HomeJob, HomeResult, JobCar
 from .files import UNREADABLE, file_faults
 from .showing import Speaker, lap_time, table
 from .site import Served, Site
@@ -96,22 +97,22 @@ def track_here(name: str) -> TrackGeometry:
 
 @contextlib.contextmanager
 def driven(
-    where: Where, speaker: Speaker, *, cars: list[dict[str, Any]] | None = None, traces: list[str] | None = None
-) -> Iterator[tuple[dict[str, Any], Path]]:
+    where: Where, speaker: Speaker, *, cars: list[JobCar] | None = None, traces: list[str] | None = None
+) -> Iterator[tuple[HomeResult, Path]]:
     """Drive in a separate process with the site's arithmetic; gives the result and a temporary folder with the traces
-    (``0.csv`` and so on). For ``cars``, ``traces`` and the result see :mod:`.child`.
+    (``0.csv`` and so on). For ``cars`` and ``traces`` see :class:`.child.HomeJob`.
 
     Raises the faults of reading and driving, and PlatformFault("drive_failed")."""
     with tempfile.TemporaryDirectory(prefix="paddock-") as place:
         folder = Path(place)
         track = where.track.slug if isinstance(where.track, CatalogueTrack) else where.track.to_dict()
-        what = {"cars": cars or []} if traces is None else {"traces": traces}
-        job = {"track": track, "look": where.look, "rules": where.rules.to_dict(), **what}
+        job: HomeJob = {"track": track, "look": where.look, "rules": where.rules.to_dict()}
+        job |= {"cars": cars or []} if traces is None else {"traces": traces}
         (folder / "job.json").write_text(json.dumps(job), encoding="utf-8")
         yield _listen(folder, speaker), folder
 
 
-def _listen(folder: Path, speaker: Speaker) -> dict[str, Any]:
+def _listen(folder: Path, speaker: Speaker) -> HomeResult:
     # It finds packages where this process does, without Python's module ``site``, which takes longer to start than the
     # rest of an interpreter.
     command = [sys.executable, "-S", "-m", CHILD, str(folder / "job.json"), str(folder)]
@@ -147,11 +148,11 @@ def _listen(folder: Path, speaker: Speaker) -> dict[str, Any]:
             stderr.seek(0)
             words = stderr.read().decode("utf-8", "replace").strip().split("\n")[-1]
             raise PlatformFault("drive_failed", problem=words[:_KEPT_CHARACTERS] or f"exit status {process.returncode}")
-    result: dict[str, Any] = message["result"]
+    result: HomeResult = message["result"]
     return result
 
 
-def is_exact(result: Mapping[str, Any]) -> bool:
+def is_exact(result: HomeResult) -> bool:
     """Whether the arithmetic here is the site's to the bit: x86-64 and glibc, started with the pins."""
     import platform
 

@@ -19,6 +19,7 @@ from paddock.simulator.results import LapDocument
 from paddock.simulator.trace import Row, Trace, column
 
 from .asking import Call
+from .child import HomeResult, JobCar
 from .driving import Where, driven, is_exact, laps_table, where_of
 from .settings import split_page
 from .showing import one_line
@@ -121,7 +122,7 @@ def _from_traces(asked: Call, where: Where, spec: Served, result: Served, folder
 
 
 def _from_networks(asked: Call, site: Site, where: Where, spec: Served, result: Served, folder: Path) -> list[Check]:
-    cars: list[dict[str, Any]] = []
+    cars: list[JobCar] = []
     checks = []
     for place, car in enumerate(spec["cars"]):
         asked.speaker.progress(f"fetching the network of car {car['number']}")
@@ -141,7 +142,7 @@ def _from_networks(asked: Call, site: Site, where: Where, spec: Served, result: 
         return checks
 
 
-def _note_libraries(asked: Call, result: Served, came: dict[str, Any]) -> None:
+def _note_libraries(asked: Call, result: Served, came: HomeResult) -> None:
     """Show libraries that differ from the site's, the first suspects where equal engines differ."""
     theirs, ours = result["versions"], came["versions"]
     names = [name for name in ("pybullet", "numpy", "opencv", "libc") if theirs.get(name, ours[name]) != ours[name]]
@@ -149,7 +150,7 @@ def _note_libraries(asked: Call, result: Served, came: dict[str, Any]) -> None:
         asked.speaker.note(f"{name}: {theirs[name]} on the site, {ours[name]} here")
 
 
-def _compared(spec: Served, result: Served, came: dict[str, Any], how: str) -> list[Check]:
+def _compared(spec: Served, result: Served, came: HomeResult, how: str) -> list[Check]:
     results: list[Served] = [result, *sorted(result["rivals"], key=lambda rival: rival["number"])]
     checks = []
     for car, theirs, drove in zip(spec["cars"], results, came["cars"], strict=True):

@@ -13,6 +13,7 @@ from paddock.simulator.camera.theme import OFFICIAL
 from paddock.simulator.engine import ENGINE_ID
 
 from .asking import Call, race_of
+from .child import HomeResult, JobCar
 from .driving import Where, driven, figures, is_exact, laps_table, track_here, where_of
 from .files import UNWRITABLE, file_faults, parts_of
 from .showing import lap_time
@@ -34,7 +35,7 @@ def evaluate(asked: Call, options: argparse.Namespace) -> int:
         track = named.track if named else track_here(options.track).in_direction(rules.direction)
         where = Where(track, options.look or OFFICIAL.name, rules)
     own = [str(path) for path in parts_of(options.model).values()]
-    cars: list[dict[str, Any]] = [{"files": own, "checkpoint": options.checkpoint}]
+    cars: list[JobCar] = [{"files": own, "checkpoint": options.checkpoint}]
     cars += [{"files": [rival], "checkpoint": ""} for rival in options.rival]
     with driven(where, asked.speaker, cars=cars) as (came, folder):
         if options.trace:
@@ -75,7 +76,7 @@ def _rules(given: list[str]) -> RaceRules:
         raise UserFault("rule_senseless", problem=" ".join(str(error).split())) from error
 
 
-def _summary(came: dict[str, Any]) -> tuple[list[str], dict[str, Any]]:
+def _summary(came: HomeResult) -> tuple[list[str], dict[str, Any]]:
     lines = ["{name}, {length_m:.2f} m, {direction}".format_map(came["track"])]
     for number, car in enumerate(came["cars"]):
         if len(came["cars"]) > 1:
@@ -91,7 +92,7 @@ def _summary(came: dict[str, Any]) -> tuple[list[str], dict[str, Any]]:
     return lines, {**cars[0], "rivals": cars[1:], **about}
 
 
-def _of_the_site(site: Site, slug: str, came: dict[str, Any]) -> dict[str, Any] | None:
+def _of_the_site(site: Site, slug: str, came: HomeResult) -> dict[str, Any] | None:
     """The finished run of the same car in the race, of the token's racer: its id, engine, hash and the times of its
     laps; None without one."""
     try:
@@ -112,7 +113,7 @@ def _of_the_site(site: Site, slug: str, came: dict[str, Any]) -> dict[str, Any] 
     return None
 
 
-def _compared(site: Site, where: Where, came: dict[str, Any], run: dict[str, Any] | None) -> tuple[str, bool | None]:
+def _compared(site: Site, where: Where, came: HomeResult, run: dict[str, Any] | None) -> tuple[str, bool | None]:
     """The line about the site's run, and whether the hashes are equal (None without two hashes)."""
     if where.engine != ENGINE_ID:
         return (
