@@ -153,7 +153,7 @@ def _serve_until_signal(application: Any, listening: socket.socket, threads: int
 
     for signum in (signal.SIGTERM, signal.SIGINT):
         signal.signal(signum, stop)
-    turn = Turn(server)
+    turn = AcceptTurn(server)
     while not stopping:
         wasyncore.poll2(turn.wait_s(), connections)
     wasyncore.dispatcher.close(server)  # another server may listen there while this one finishes its requests
@@ -164,7 +164,7 @@ def _serve_until_signal(application: Any, listening: socket.socket, threads: int
         wasyncore.poll2(0.1, connections)
 
 
-class Turn:
+class AcceptTurn:
     """When a process takes a new connection: one with fewer connections takes it first. Processes that race for each
     often have one and three quarters of them, and the readers of the second wait."""
 

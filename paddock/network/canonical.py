@@ -103,6 +103,8 @@ class _Plain:
         for node in model.nodes:
             if any(name and name not in defined for name in node.inputs):
                 raise UserFault("onnx_graph", problem=f"a {node.op} reads a value that nobody made before it")
+            if not node.outputs:
+                raise UserFault("onnx_graph", problem=f"a {node.op} without a result")
             for name in filter(None, node.outputs):
                 if name in defined:
                     raise UserFault("onnx_graph", problem="two values of one name")

@@ -6,7 +6,7 @@ from types import SimpleNamespace
 
 import pytest
 
-from config.serving.web import LONGEST_TURN_S, TURN_S, Turn
+from config.serving.web import LONGEST_TURN_S, TURN_S, AcceptTurn
 
 
 class Process:
@@ -17,7 +17,7 @@ class Process:
         self.server = SimpleNamespace(
             active_channels=dict.fromkeys(range(connections)), accepting=True, handle_accept=self._take
         )
-        self.turn = Turn(self.server, lambda: self.now)
+        self.turn = AcceptTurn(self.server, lambda: self.now)
 
     def _take(self) -> None:
         self.taken += 1

@@ -14,6 +14,7 @@ from typing import Any
 import pytest
 
 from evaluation.sandbox.frames import FrameError, write_frame, write_message
+from evaluation.sandbox.process import SandboxedProcess
 from paddock.errors import PaddockError, PlatformFault, UserFault
 from paddock.simulator.trace import COLUMNS
 from tests.training.jobs import GOOD
@@ -35,6 +36,9 @@ class FakeProcess:
         self.cpu, self.wants = 0.0, False
         self.inner_pid: int | None = None
         self._speaker: threading.Thread | None = None
+
+    widen_pipes = SandboxedProcess.widen_pipes
+    wait_for_lock = SandboxedProcess.wait_for_lock
 
     def __enter__(self) -> FakeProcess:
         return self

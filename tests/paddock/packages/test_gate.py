@@ -269,6 +269,15 @@ def test_any_damage_gives_a_reason_or_a_sound_network(damage: list[tuple[int, in
     assert check_onnx(canonical.onnx, META) == canonical
 
 
+@pytest.mark.parametrize("op", ["Constant", "Identity", "Dropout", "Relu"])
+def test_an_operator_without_a_result_is_refused(op: str) -> None:
+    model = planar_network()
+    model.graph.node.append(helper.make_node(op, [] if op == "Constant" else ["i"], []))
+    with pytest.raises(UserFault) as fault:
+        gate(model)
+    assert fault.value.code == "onnx_graph" and f"a {op} without a result" in str(fault.value)
+
+
 @settings(max_examples=examples(200), deadline=None)
 @given(st.integers(0, len(GOOD) - 1))
 def test_a_truncated_network_is_refused(length: int) -> None:
