@@ -28,7 +28,8 @@ APPLICATION = "config.wsgi:application"
 PROCESSES, THREADS = 2, 4
 BACKLOG = 2048
 CONNECTIONS = 8192  # of one process; beyond them new ones wait in the backlog
-TURN_S, LONGEST_TURN_S = 0.00005, 0.002  # a process waits so long for each connection that it has before it takes one
+# A process waits so long for each connection that it has before it takes new ones
+TURN_S, LONGEST_TURN_S, TAKEN_AT_ONCE = 0.00005, 0.002, 4
 IDLE_S = 60  # a connection without traffic is closed
 GRACE_S = 5.0
 RECEIVED_BYTES = 128 * 1024
@@ -153,9 +154,9 @@ def _serve_until_signal(application: Any, listening: socket.socket, threads: int
 
     for signum in (signal.SIGTERM, signal.SIGINT):
         signal.signal(signum, stop)
-    turn = AcceptTurn(server)
+    take_turns(server)
     while not stopping:
-        wasyncore.poll2(turn.wait_s(), connections)
+        wasyncore.poll2(1.0, connections)
     wasyncore.dispatcher.close(server)  # another server may listen there while this one finishes its requests
     until = time.monotonic() + GRACE_S
     while time.monotonic() < until and any(
@@ -164,32 +165,17 @@ def _serve_until_signal(application: Any, listening: socket.socket, threads: int
         wasyncore.poll2(0.1, connections)
 
 
-class AcceptTurn:
-    """When a process takes a new connection: one with fewer connections takes it first. Processes that race for each
-    often have one and three quarters of them, and the readers of the second wait."""
+def take_turns(server: Any, sleep: Callable[[float], None] = time.sleep) -> None:
+    """Let the process with the fewest connections take new ones first. Processes that race for each often have one and
+    three quarters of them, and the readers of the second wait."""
+    take = server.handle_accept
 
-    def __init__(self, server: Any, clock: Callable[[], float] = time.monotonic) -> None:
-        self._server, self._clock, self._take = server, clock, server.handle_accept
-        self._since: float | None = None  # when the connection at hand was seen
-        server.handle_accept = self._see
+    def wait_and_take() -> None:
+        sleep(min(TURN_S * len(server.active_channels), LONGEST_TURN_S))
+        for _ in range(TAKEN_AT_ONCE):
+            take()  # nothing where another process was quicker
 
-    def _see(self) -> None:
-        if self._since is None and self._server.active_channels:
-            self._since = self._clock()
-        else:
-            self._since = None
-            self._take()
-
-    def wait_s(self) -> float:
-        """How long to wait for something to do; without a new connection until it is this process's turn."""
-        left = 0.0
-        if self._since is not None:
-            passed = self._clock() - self._since
-            left = min(TURN_S * len(self._server.active_channels), LONGEST_TURN_S) - passed
-            if passed > 2 * LONGEST_TURN_S:
-                self._since = None  # another process took it
-        self._server.accepting = left <= 0
-        return left if left > 0 else 1.0
+    server.handle_accept = wait_and_take
 
 
 def many_files() -> None:

@@ -18,6 +18,7 @@ from typing import Any, TypeVar
 
 from django.conf import settings
 from django.template.loader import render_to_string
+from django.urls import get_script_prefix
 from django.utils import timezone
 from django.utils.safestring import SafeString, mark_safe
 from django.utils.translation import get_language
@@ -122,7 +123,7 @@ def lasting_value(key: Hashable, make: Callable[[], T]) -> T:
 def lasting_piece(template: str, values: dict[str, Any], *, key: Hashable) -> SafeString:
     """HTML that the values in ``key`` determine, with the language and time zone: drawn without a request, and kept for
     as long as others are not asked for more recently."""
-    whole_key = (template, key, get_language(), timezone.get_current_timezone_name())
+    whole_key = (template, key, get_language(), timezone.get_current_timezone_name(), get_script_prefix())
     return _lasting_pieces.get(whole_key, lambda: render_to_string(template, values))
 
 

@@ -4,11 +4,13 @@ from typing import Any
 
 from django import template
 from django.template.defaulttags import querystring as querystring_of
+from django.template.loader import render_to_string
 from django.utils.safestring import SafeString
 
 from core.streams.shared_pieces import lasting_piece
 
 register = template.Library()
+MOST_KEPT = 200  # characters of a query whose links are kept
 
 
 @register.simple_tag(takes_context=True)
@@ -25,5 +27,7 @@ def pager(context: template.Context, number: int, pages: int) -> SafeString | st
     if pages < 2:
         return ""
     others = querystring(context, page=None)
+    if len(others) > MOST_KEPT:
+        return render_to_string("parts/pages.html", {"number": number, "pages": pages, "others": f"{others}&"})
     values = {"number": number, "pages": pages, "others": f"{others}&" if len(others) > 1 else "?"}
     return lasting_piece("parts/pages.html", values, key=tuple(values.values()))

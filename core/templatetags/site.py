@@ -17,7 +17,7 @@ from django.utils.translation import gettext as _
 from core import mail
 from core.pages import registry as pages
 from core.streams.reading import last_numbered
-from core.streams.shared_pieces import lasting_value, marked, shown_position
+from core.streams.shared_pieces import lasting_piece, marked, shown_position
 
 register = template.Library()
 register.simple_tag(mail.mail_is_sent)
@@ -51,8 +51,7 @@ def admin_navigation(context: Context) -> SafeString:
     may = request.user.is_superuser or frozenset(request.user.get_all_permissions())
     here = request.path.removeprefix(get_script_prefix()).split("/")[:3]  # of the model whose line is marked
     values = {"available_apps": context["available_apps"], "request": {"path": request.path}}
-    key = "admin navigation", may, get_script_prefix(), *here
-    return lasting_value(key, lambda: render_to_string("admin/nav_sidebar.html", values))
+    return lasting_piece("admin/nav_sidebar.html", values, key=(may, *here))
 
 
 @lru_cache(maxsize=200)

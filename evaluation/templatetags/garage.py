@@ -4,13 +4,12 @@ import json
 import math
 
 from django import template
-from django.template.loader import render_to_string
 from django.utils.html import format_html, format_html_join
 from django.utils.safestring import SafeString
 from django.utils.translation import gettext as _
 from django.utils.translation import ngettext
 
-from core.streams.shared_pieces import lasting_value
+from core.streams.shared_pieces import lasting_piece
 from evaluation.garage.selectors import algorithm_of
 from evaluation.models import TrainedModel
 from paddock.packages.inputs import SENSORS
@@ -25,8 +24,7 @@ SENSOR_WORDS = {name: sensor.label for name, sensor in SENSORS.items()}
 @register.simple_tag
 def abilities(model: TrainedModel) -> SafeString:
     """What a model can do and see, drawn once for all readers: its metadata never change."""
-    template = "evaluation/garage/abilities.html"
-    return lasting_value(("abilities", model.public_id), lambda: render_to_string(template, {"model": model}))
+    return lasting_piece("evaluation/garage/abilities.html", {"model": model}, key=model.public_id)
 
 
 @register.filter

@@ -57,13 +57,6 @@ class DrawnBoard:
     head: SafeString
     foot: SafeString
     facts: SafeString
-    of_page: tuple
-
-    def row_of(self, reader: Racer, board: Board, cut: Cut | None) -> SafeString:
-        """The row of the reader of ``board`` outside of the lines of its page; ``cut``: of :meth:`cut_for`."""
-        assert board.my_row is not None
-        of_page = self.of_page if cut is self.cut else _values_of_page(board, cut)
-        return _line("races/boards/row.html", board, board.my_row, cut, of_page, user=reader)
 
     def cut_for(self, board: Board) -> Cut | None:
         """The qualifying line for the row of the reader of ``board``; the page's line knows the racers of the page."""
@@ -85,19 +78,23 @@ def drawn_board(slug: str, page: int, group: RacerGroup | None) -> DrawnBoard:
         head = render_to_string(f"{_folder(board)}/head.html", values)
         facts = render_to_string("races/boards/facts.html", values)
         foot = render_to_string("races/boards/foot.html", {**values, "cut": cut})
-        of_page = _values_of_page(board, cut)
-        lines = MarkedPiece.read("".join(_lines(board, cut, of_page)))
-        return DrawnBoard(board, cut, lines, head, foot, facts, of_page)
+        return DrawnBoard(board, cut, MarkedPiece.read("".join(_lines(board, cut))), head, foot, facts)
 
     return shared_value(key, draw)
 
 
-def _lines(board: Board, cut: Cut | None, of_page: tuple) -> Iterator[SafeString]:
+def _lines(board: Board, cut: Cut | None) -> Iterator[SafeString]:
     """The lines of a page. A commit changes few of them, or none: the others are not drawn again."""
-    template = f"{_folder(board)}/line.html"
+    template, of_page = f"{_folder(board)}/line.html", _values_of_page(board, cut)
     for number, row in enumerate(board.rows):
         begins = number > 0 and board.rows[number - 1].group != row.group
         yield _line(template, board, row, cut, (*of_page, begins), begins=begins, is_marked=True)
+
+
+def drawn_row(board: Board, cut: Cut | None, reader: Racer) -> SafeString:
+    """The row of the reader of ``board`` outside of the lines of its page; ``cut``: of :meth:`DrawnBoard.cut_for`."""
+    assert board.my_row is not None
+    return _line("races/boards/row.html", board, board.my_row, cut, _values_of_page(board, cut), user=reader)
 
 
 def _values_of_page(board: Board, cut: Cut | None) -> tuple:

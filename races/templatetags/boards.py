@@ -9,6 +9,7 @@ from django.utils.safestring import SafeString
 
 from accounts.models import RacerGroup, Viewer
 from core.streams.shared_pieces import lasting_piece, shared_piece
+from races.boards.drawn_boards import drawn_row
 from races.boards.selectors.shared_boards import shared_race
 from races.entries.selectors.visibility import races_visible_to
 from races.models import Race
@@ -32,7 +33,7 @@ def race_piece(context: Context, template: str, **values: str | int | None) -> S
 @register.simple_tag(takes_context=True)
 def my_line(context: Context) -> SafeString:
     """The reader's row of the board, for another page of it."""
-    return context["drawn"].row_of(context["user"], context["board"], context["my_cut"])
+    return drawn_row(context["board"], context["my_cut"], context["user"])
 
 
 @register.simple_tag(takes_context=True)

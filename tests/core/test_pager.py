@@ -8,6 +8,8 @@ import pytest
 from django.template import Context, Engine
 from django.test import RequestFactory
 
+from core.streams import shared_pieces
+
 
 def links(query: str, number: int, pages: int) -> list[str]:
     template = Engine.get_default().from_string("{% load links %}{% pager number pages %}")
@@ -35,3 +37,12 @@ def test_a_pager_leads_to_the_pages_beside_and_keeps_the_rest_of_the_address(
 
 def test_readers_of_other_addresses_get_other_links() -> None:
     assert links("?group=ours", 1, 2) != links("?group=theirs", 1, 2)
+
+
+def test_links_of_a_long_address_are_not_kept(monkeypatch: pytest.MonkeyPatch) -> None:
+    kept = shared_pieces._Lasting(40)
+    monkeypatch.setattr(shared_pieces, "_lasting_pieces", kept)
+    assert links(f"?q={'x' * 5000}", 1, 2) == [f"?q={'x' * 5000}&amp;page=2"]
+    assert not kept._values
+    links("?q=x", 1, 2)
+    assert len(kept._values) == 1
