@@ -33,7 +33,7 @@ _TYPE_NAMES = {
     14: "complex64", 15: "complex128", 16: "bfloat16", 21: "uint4", 22: "int4", 23: "float4",
 }  # fmt: skip
 _MAX_NAME = 1000
-_MAX_RANK = 8
+MAX_RANK = 8
 
 
 class Rejected:
@@ -307,7 +307,7 @@ class _Reader:
             else:
                 dims = [self._dim(item) for _, _, item in self._fields(value, set(), {1})]
         self._dtype(dtype)
-        if dims is None or len(dims) > _MAX_RANK:
+        if dims is None or len(dims) > MAX_RANK:
             raise UserFault("onnx_dynamic")
         return dtype, dims
 
@@ -354,7 +354,7 @@ class _Reader:
             elif number in (3, 6, 10, 11):
                 raise UserFault("onnx_tensor")
         dtype = self._dtype(number_of_type)
-        if len(dims) > _MAX_RANK or any(size < 0 for size in dims):
+        if len(dims) > MAX_RANK or any(size < 0 for size in dims):
             raise UserFault("onnx_tensor")
         count = math.prod(dims)
         self._cap(count, "weights in one tensor", self._limits.tensor_elements)

@@ -9,8 +9,7 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from evaluation.garage.conversion_process import LOCKED
-from evaluation.sandbox.frames import MAX_NETWORK, read_message, write_message
+from evaluation.sandbox.frames import LOCKED, MAX_NETWORK, read_message, write_message
 from paddock.errors import UserFault
 from paddock.packages.admission import admit_network
 from paddock.packages.kinds import ONNX

@@ -11,7 +11,7 @@ from typing import Any
 from paddock.errors import UserFault
 from paddock.network import wire
 from paddock.network.canonical import IR_VERSION, CanonicalNetwork
-from paddock.network.model import DTYPES, FLOAT, FLOAT16, Node, Port
+from paddock.network.model import DTYPES, FLOAT, FLOAT16, MAX_RANK, Node, Port
 from paddock.network.written import NUMBERS, model_bytes
 from paddock.packages.limits import PackageLimits
 
@@ -42,9 +42,10 @@ def _inference() -> Any:
         package = find_spec("onnx")
         spec = package and PathFinder.find_spec(name, package.submodule_search_locations)
         if spec is None or spec.loader is None:
-            raise ModuleNotFoundError(name)
-        sys.modules[name] = module_from_spec(spec)
-        spec.loader.exec_module(sys.modules[name])
+            raise ModuleNotFoundError(f"No module named {name!r}", name="onnx")
+        module = module_from_spec(spec)
+        spec.loader.exec_module(module)
+        sys.modules[name] = module
     return sys.modules[name].shape_inference
 
 
@@ -101,7 +102,10 @@ def _values(model: memoryview) -> Iterator[tuple[str, tuple[int, Shape]]]:
     for number in _VALUES:
         for info in map(wire.message, _at(wire.message(graph), number)):
             (name,), shapes = _at(info, 1), _at(info, *_TENSOR, 2)
-            sizes = [_at(wire.message(dim), 1) for dim in _at(info, *_TENSOR, 2, 1)]
+            dims = _at(info, *_TENSOR, 2, 1)
+            if len(dims) > MAX_RANK:
+                raise UserFault("onnx_graph", problem=f"a value of more than {MAX_RANK} dimensions")
+            sizes = [_at(wire.message(dim), 1) for dim in dims]
             if not shapes or not all(sizes):
                 raise UserFault("onnx_dynamic")
             dtype = wire.number(next(iter(_at(info, *_TENSOR, 1)), 0))

@@ -278,6 +278,18 @@ def test_an_operator_without_a_result_is_refused(op: str) -> None:
     assert fault.value.code == "onnx_graph" and f"a {op} without a result" in str(fault.value)
 
 
+def test_values_of_many_dimensions_are_refused_before_their_sizes_are_read() -> None:
+    model = planar_network()
+    axes = numpy_helper.from_array(np.arange(12, dtype=np.int64), "axes")
+    model.graph.initializer.append(axes)
+    model.graph.node.insert(-1, helper.make_node("Unsqueeze", ["i", "axes"], ["wide"]))
+    model.graph.node.insert(-1, helper.make_node("Squeeze", ["wide", "axes"], ["narrow"]))
+    model.graph.node[-1].input[0] = "narrow"
+    with pytest.raises(UserFault) as fault:
+        gate(model)
+    assert fault.value.code == "onnx_graph" and "more than 8 dimensions" in str(fault.value)
+
+
 @settings(max_examples=examples(200), deadline=None)
 @given(st.integers(0, len(GOOD) - 1))
 def test_a_truncated_network_is_refused(length: int) -> None:
