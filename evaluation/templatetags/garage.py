@@ -23,8 +23,9 @@ SENSOR_WORDS = {name: sensor.label for name, sensor in SENSORS.items()}
 
 @register.simple_tag
 def abilities(model: TrainedModel) -> SafeString:
-    """What a model can do and see, drawn once for all readers: its metadata never change."""
-    return lasting_piece("evaluation/garage/abilities.html", {"model": model}, key=model.public_id)
+    """What a model can do and see, drawn once for all readers."""
+    key = model.public_id, repr(model.metadata)
+    return lasting_piece("evaluation/garage/abilities.html", {"model": model}, key=key)
 
 
 @register.filter
