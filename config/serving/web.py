@@ -29,7 +29,7 @@ PROCESSES, THREADS = 2, 4
 BACKLOG = 2048
 CONNECTIONS = 8192  # of one process; beyond them new ones wait in the backlog
 # A process waits so long for each connection that it has before it takes new ones
-TURN_S, LONGEST_TURN_S, TAKEN_AT_ONCE = 0.00005, 0.002, 4
+TURN_S, LONGEST_TURN_S, TAKEN_AT_ONCE = 0.00005, 0.002, 2
 IDLE_S = 60  # a connection without traffic is closed
 GRACE_S = 5.0
 RECEIVED_BYTES = 128 * 1024
