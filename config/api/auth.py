@@ -98,7 +98,7 @@ class TokenScheme(KnoxTokenScheme):
     target_class = TokenAuthentication  # type: ignore[assignment]  # a name or a class, as its own words say
     name = ["token", "bearer"]  # type: ignore[assignment]
 
-    def get_security_definition(self, auto_schema: AutoSchema) -> list[dict[str, Any]]:
+    def get_security_definition(self, auto_schema: AutoSchema) -> list[dict[str, object]]:
         return [super().get_security_definition(auto_schema), {"type": "http", "scheme": "bearer"}]
 
     def get_security_requirement(self, auto_schema: AutoSchema) -> list[dict[str, list[Any]]]:

@@ -2,7 +2,6 @@
 
 from dataclasses import dataclass
 from functools import lru_cache
-from typing import Any
 
 from django.http import HttpRequest, HttpResponse
 from django.shortcuts import render
@@ -11,7 +10,7 @@ from django.views.decorators.http import require_safe
 
 from core.addresses import origin_of
 
-from .schema import WRITES
+from .schema import WRITES, BodyPart, OperationPart, ParameterPart, SchemaDocument, SchemaPart
 from .schema_view import schema_in
 
 METHODS = ("get", *WRITES)
@@ -93,7 +92,7 @@ def _operations(language: str) -> tuple[tuple[str, tuple[Operation, ...]], ...]:
     return tuple((subject, tuple(rows)) for subject, rows in subjects.items())
 
 
-def _operation(schema: dict[str, Any], path: str, method: str, operation: dict[str, Any]) -> Operation:
+def _operation(schema: SchemaDocument, path: str, method: str, operation: OperationPart) -> Operation:
     body_type, body = _first(operation.get("requestBody", {}).get("content", {}))
     shown = [parameter for parameter in operation.get("parameters", ()) if parameter["in"] != "header"]
     parameters = sorted(shown, key=lambda parameter: parameter["in"] != "path")
@@ -116,7 +115,7 @@ def _operation(schema: dict[str, Any], path: str, method: str, operation: dict[s
     )
 
 
-def _body_fields(schema: dict[str, Any], body: dict[str, Any]) -> list[DocumentedField]:
+def _body_fields(schema: SchemaDocument, body: SchemaPart) -> list[DocumentedField]:
     body = _resolved(schema, body)
     required = body.get("required", ())
     return [
@@ -126,7 +125,7 @@ def _body_fields(schema: dict[str, Any], body: dict[str, Any]) -> list[Documente
 
 
 def _field(
-    schema: dict[str, Any], name: str, place: str, described: dict[str, Any], outer: dict[str, Any]
+    schema: SchemaDocument, name: str, place: str, described: SchemaPart, outer: ParameterPart
 ) -> DocumentedField:
     return DocumentedField(
         name=name,
@@ -137,7 +136,7 @@ def _field(
     )
 
 
-def _kind(schema: dict[str, Any], described: dict[str, Any]) -> str:
+def _kind(schema: SchemaDocument, described: SchemaPart) -> str:
     """A type in a word: ``integer``, ``date-time``, ``file``, or the values to choose from."""
     described = _resolved(schema, described)
     if "enum" in described:
@@ -149,11 +148,13 @@ def _kind(schema: dict[str, Any], described: dict[str, Any]) -> str:
     return str(described.get("format") or described.get("type") or "any")
 
 
-def _first(content: dict[str, dict[str, Any]]) -> tuple[str, dict[str, Any]]:
-    return next(iter(content.items()), ("", {}))
+def _first(content: dict[str, ParameterPart]) -> tuple[str, ParameterPart]:
+    for media, part in content.items():
+        return media, part
+    return "", {}
 
 
-def _answer(response: dict[str, Any]) -> str:
+def _answer(response: BodyPart) -> str:
     """The name of a schema, a media type, or a description."""
     media, content = _first(response.get("content", {}))
     answer = content.get("schema", {})
@@ -162,7 +163,7 @@ def _answer(response: dict[str, Any]) -> str:
     return media or response.get("description", "")
 
 
-def _resolved(schema: dict[str, Any], part: dict[str, Any]) -> dict[str, Any]:
+def _resolved(schema: SchemaDocument, part: SchemaPart) -> SchemaPart:
     """``part`` itself, or what its reference points to (through the ``allOf`` that descriptions make)."""
     while True:
         if "$ref" in part:

@@ -1,7 +1,7 @@
 """What drf-spectacular cannot know by itself: the one form of an error, and where which of them may come."""
 
 from datetime import timedelta
-from typing import Any
+from typing import Any, TypedDict
 
 from drf_spectacular.openapi import AutoSchema
 
@@ -21,7 +21,73 @@ SUBJECTS = {
 }
 WRITES = ("post", "put", "patch", "delete")
 
-ERROR = {
+# The parts of an OpenAPI document that are read or written here and in the reference
+SchemaPart = TypedDict(
+    "SchemaPart",
+    {
+        "$ref": str,
+        "allOf": "list[SchemaPart]",
+        "type": str,
+        "format": str,
+        "enum": list[str],
+        "items": "SchemaPart",
+        "properties": "dict[str, SchemaPart]",
+        "additionalProperties": "SchemaPart",
+        "required": list[str],
+        "nullable": bool,
+        "minLength": int,
+        "maxLength": int,
+        "pattern": str,
+        "description": str,
+        "x-reason-codes": dict[str, list[str]],
+    },
+    total=False,
+)
+ParameterPart = TypedDict(
+    "ParameterPart",
+    {"name": str, "in": str, "schema": SchemaPart, "description": str, "required": bool},
+    total=False,
+)
+
+
+class BodyPart(TypedDict, total=False):
+    """What a request or a response has; ``content``: by media type."""
+
+    description: str
+    content: dict[str, ParameterPart]
+    headers: dict[str, dict[str, str]]
+    required: bool
+
+
+OperationPart = TypedDict(
+    "OperationPart",
+    {
+        "operationId": str,
+        "tags": list[str],
+        "summary": str,
+        "description": str,
+        "security": list[dict[str, list[str]]],
+        "parameters": list[ParameterPart],
+        "requestBody": BodyPart,
+        "responses": dict[str, BodyPart],
+        "x-token-scopes": list[str],
+    },
+    total=False,
+)
+Operations = dict[str, OperationPart]  # by method
+
+
+class ComponentsPart(TypedDict, total=False):
+    schemas: dict[str, SchemaPart]
+    headers: dict[str, ParameterPart]
+
+
+SchemaDocument = TypedDict(
+    "SchemaDocument",
+    {"paths": dict[str, Operations], "components": ComponentsPart, "x-webhooks": dict[str, Operations]},
+)
+
+ERROR: SchemaPart = {
     "type": "object",
     "description": "Every failure has this form.",
     "required": ["code", "message", "fault", "params"],
@@ -67,14 +133,14 @@ SIGNED_BY = {
     "webhook-signature": "v1 and the HMAC-SHA256 of id, timestamp and body, as Standard Webhooks has it.",
 }
 
-IF_MATCH = {
+IF_MATCH: ParameterPart = {
     "name": "If-Match",
     "in": "header",
     "schema": {"type": "string"},
     "description": "The `ETag` of a GET of this address, or of the nearest one above it that has a GET: written only "
     "while that is unchanged. `*`: while it exists.",
 }
-IDEMPOTENCY_KEY = {
+IDEMPOTENCY_KEY: ParameterPart = {
     "name": HEADER,
     "in": "header",
     "schema": {"type": "string", "minLength": 1, "maxLength": LONGEST, "pattern": f"^{PATTERN}$"},
@@ -110,7 +176,7 @@ class Schema(AutoSchema):
         handler = getattr(self.view, self.method.lower(), None)
         return Pages() if getattr(handler, "paged", False) else None
 
-    def get_operation(self, *args: Any, **kwargs: Any) -> dict[str, Any] | None:
+    def get_operation(self, *args: Any, **kwargs: Any) -> dict[str, object] | None:
         """The operation, and which scopes a token needs for it (none for an operation that any token may use)."""
         operation = super().get_operation(*args, **kwargs)
         if operation and operation.get("security", [{}]) != [{}]:
@@ -118,7 +184,7 @@ class Schema(AutoSchema):
         return operation
 
 
-def add_errors(result: dict[str, Any], generator: Any, request: Any, public: bool) -> dict[str, Any]:
+def add_errors(result: SchemaDocument, generator: object, request: object, public: bool) -> SchemaDocument:
     """A drf-spectacular postprocessing hook: describe the error responses of every operation."""
     components = result.setdefault("components", {})
     by_status: dict[str, list[str]] = {}
@@ -139,7 +205,7 @@ def add_errors(result: dict[str, Any], generator: Any, request: Any, public: boo
     return result
 
 
-def _has_etag(paths: dict[str, Any], path: str) -> bool:
+def _has_etag(paths: dict[str, Operations], path: str) -> bool:
     """Whether this address, or one above it, is read with GET (:func:`core.api.views._readable`)."""
     while path.strip("/"):
         if "get" in paths.get(path, {}):
@@ -148,15 +214,15 @@ def _has_etag(paths: dict[str, Any], path: str) -> bool:
     return False
 
 
-def _webhooks() -> dict[str, Any]:
+def _webhooks() -> dict[str, Operations]:
     """The requests that Paddock sends to webhooks, by event (Standard Webhooks)."""
     from league.webhooks.payloads import EVENTS, LABELS, TEST
 
     return {event: {"post": _delivery(event, str(LABELS.get(event, "a test")))} for event in (*EVENTS, TEST)}
 
 
-def _delivery(event: str, label: str) -> dict[str, Any]:
-    body = {
+def _delivery(event: str, label: str) -> OperationPart:
+    body: SchemaPart = {
         "type": "object",
         "required": ["type", "timestamp", "race", "data"],
         "properties": {
@@ -177,7 +243,7 @@ def _delivery(event: str, label: str) -> dict[str, Any]:
     }
 
 
-def _describe(operation: dict[str, Any], path: str, method: str) -> None:
+def _describe(operation: OperationPart, path: str, method: str) -> None:
     writes = method in WRITES
     possible = {"default"}
     if writes or any(parameter["in"] == "query" for parameter in operation.get("parameters", ())):
@@ -210,7 +276,7 @@ def _describe(operation: dict[str, Any], path: str, method: str) -> None:
             response.setdefault("headers", {}).update(headers)
 
 
-def _headers(method: str, code: str) -> dict[str, Any]:
+def _headers(method: str, code: str) -> dict[str, dict[str, str]]:
     """The headers that :mod:`config.middleware.http_caching` and the throttle add to an answer."""
     names: tuple[str, ...] = ()
     if method == "get" and code in ("200", "304"):

@@ -2,7 +2,6 @@
 
 from functools import lru_cache
 from threading import Lock
-from typing import Any
 
 from django.conf import settings
 from django.http import HttpResponse
@@ -20,6 +19,8 @@ from rest_framework.permissions import AllowAny
 from rest_framework.request import Request
 
 from core.api.views import APIView
+
+from .schema import SchemaDocument
 
 _generating = Lock()
 
@@ -44,14 +45,14 @@ class SchemaView(APIView):
         return HttpResponse(body, content_type=f"{media_type}; charset=utf-8", headers={"Vary": "Accept"})
 
 
-def schema_in(language: str) -> dict[str, Any]:
+def schema_in(language: str) -> SchemaDocument:
     """The schema with its descriptions in ``language``. Callers must not change it."""
     with _generating:  # simultaneous first requests generate it once
         return _generate(language)
 
 
 @lru_cache
-def _generate(language: str) -> dict[str, Any]:
+def _generate(language: str) -> SchemaDocument:
     with translation.override(language):
         return SchemaGenerator().get_schema(request=None, public=True)
 

@@ -1,6 +1,6 @@
 """Tokens, the racer behind one, and the answer for addresses that do not exist."""
 
-from typing import Any
+from typing import Any, NotRequired, TypedDict
 
 from allauth.account import app_settings as account_settings
 from allauth.account.adapter import get_adapter
@@ -61,6 +61,16 @@ class LoginSerializer(Body):
     days = serializers.IntegerField(
         required=False, min_value=1, max_value=LONGEST_DAYS, help_text="How long it holds; the site has a usual time."
     )
+
+
+class LoginDocument(TypedDict):
+    """What :class:`LoginSerializer` reads."""
+
+    login: str
+    password: str
+    code: NotRequired[str]
+    scopes: NotRequired[list[str]]
+    days: NotRequired[int]
 
 
 class TokenSerializer(serializers.Serializer):
@@ -150,13 +160,13 @@ class TokenView(APIView):
     @operation(
         "create_token", "Get a token for a password", body=LoginSerializer, answer=TokenSerializer, status=201, auth=[]
     )
-    def post(self, request: Request, sent: dict[str, Any]) -> Response:
+    def post(self, request: Request, sent: LoginDocument) -> Response:
         racer = _authenticate(request, sent["login"], sent["password"])
         _show_second_factor(racer, sent.get("code", ""))
-        wanted = {name: sent[name] for name in ("scopes", "days") if name in sent}
+        scopes, days = sent.get("scopes", SCOPES), sent.get("days")
 
         def make() -> Response:
-            token, text = create_token(racer=racer, now=timezone.now(), **wanted)
+            token, text = create_token(racer=racer, now=timezone.now(), scopes=scopes, days=days)
             user_logged_in.send(sender=Racer, request=request._request, user=racer)
             made = {"token": text, "alias": racer.alias, "scopes": token.grant.scopes, "expires_at": token.expiry}
             return Response(TokenSerializer(made).data, status=status.HTTP_201_CREATED)
@@ -194,7 +204,7 @@ class AliasView(PrivateView):
     token_scope = EVERY
 
     @operation("change_alias", "Change my alias, once in some days", body=AliasBody, answer=RacerSerializer)
-    def post(self, request: Request, sent: dict[str, Any]) -> Racer:
+    def post(self, request: Request, sent: dict[str, str]) -> Racer:
         return change_alias(racer=racer_of(request), alias=sent["alias"], now=timezone.now())
 
 
@@ -231,7 +241,7 @@ class DeletionView(APIView):
         body=DeletionBody,
         answer="Results stay without the name; all else is gone, this token as well.",
     )
-    def post(self, request: Request, sent: dict[str, Any]) -> None:
+    def post(self, request: Request, sent: dict[str, str]) -> None:
         racer = racer_of(request)
         check_own_deletion(racer=racer, now=timezone.now())
         if sent["alias"] != racer.alias:
