@@ -1,7 +1,6 @@
 """The Celery app. Messages only wake workers: the queue is the table of jobs."""
 
 import os
-from typing import Any
 
 from celery import Celery, Task
 from celery.schedules import crontab
@@ -37,7 +36,7 @@ def leave_logging_to_django(**kwargs: object) -> None:
 
 
 @before_task_publish.connect
-def send_request_id(headers: dict[str, Any], **kwargs: object) -> None:
+def send_request_id(headers: dict[str, object], **kwargs: object) -> None:
     """A task that a request wakes logs under the id of that request."""
     if request_id.get() != NONE:
         headers["request_id"] = request_id.get()

@@ -1,6 +1,6 @@
 """What templates of every room ask about accounts."""
 
-from typing import Any
+from collections.abc import Mapping
 
 from django import template
 from django.conf import settings
@@ -32,7 +32,7 @@ def sign_up_mode() -> str:
 
 
 @register.simple_tag
-def single_sign_on() -> dict[str, Any]:
+def single_sign_on() -> Mapping[str, object]:
     """The provider that log-in pages offer: its ``label`` and the ``id`` of its address; empty where there is none."""
     return settings.OIDC
 

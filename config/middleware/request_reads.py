@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from typing import Any
 
 from django.http import HttpRequest, QueryDict
@@ -18,7 +18,7 @@ Note = Callable[[str], None]
 class _Recorded(dict):
     """A dict that reports each name that is read."""
 
-    def __init__(self, content: dict[str, Any], note: Note) -> None:
+    def __init__(self, content: Mapping[str, object], note: Note) -> None:
         super().__init__(content)
         self._note = note
 
@@ -54,7 +54,7 @@ for _name in ("__iter__", "keys", "values", "items", "copy"):
 class _RecordedHeaders(HttpHeaders):
     """Headers that report each name that is read, as it stands in META."""
 
-    def __init__(self, environ: dict[str, Any], note: Note) -> None:
+    def __init__(self, environ: Mapping[str, object], note: Note) -> None:
         super().__init__(environ)
         self._note = note
 

@@ -15,13 +15,13 @@ LONGEST = 1000
 class _WakeUps:
     """The behaviour of both transports' channels."""
 
-    def _put(self, queue: str, message: dict[str, Any], **options: Any) -> None:
+    def _put(self, queue: str, message: dict[str, object], **options: Any) -> None:
         super()._put(queue, message, **options)  # type: ignore[misc]
         key = self._q_for_pri(queue, self._get_message_priority(message, reverse=False))  # type: ignore[attr-defined]
         with self.conn_or_acquire() as client:  # type: ignore[attr-defined]
             client.ltrim(key, 0, LONGEST - 1)
 
-    def _connparams(self, asynchronous: bool = False) -> dict[str, Any]:
+    def _connparams(self, asynchronous: bool = False) -> dict[str, object]:
         if getattr(self.connection, "client", None) is None:  # type: ignore[attr-defined]
             raise Disconnected("The connection of this channel has ended.")
         return super()._connparams(asynchronous=asynchronous)  # type: ignore[misc]

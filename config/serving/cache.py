@@ -52,7 +52,7 @@ _known = threading.Lock()
 class SteadyCache(BaseCache):
     """A cache that works without the server at ``LOCATION``."""
 
-    def __init__(self, server: str | list[str], params: dict[str, Any]) -> None:
+    def __init__(self, server: str | list[str], params: dict[str, object]) -> None:
         super().__init__(params)
         self._server = RedisCache(server, params)
         self._own = LocMemCache(f"{__name__} {server}", params)

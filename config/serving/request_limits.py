@@ -4,6 +4,7 @@ Waitress receives requests whole: only uploads of models may be large, and only 
 announced body is not read, and the site's own limits refuse it.
 """
 
+from collections.abc import Mapping
 from functools import partial
 from typing import Any
 
@@ -139,7 +140,7 @@ class Channel(HTTPChannel):
 def without_body(application: Any) -> Any:
     """The application, whose answers to HEAD are headers only: Waitress sends what it is given."""
 
-    def answer(environ: dict[str, Any], start_response: Any) -> Any:
+    def answer(environ: Mapping[str, object], start_response: Any) -> Any:
         made = application(environ, start_response)
         if environ["REQUEST_METHOD"] != "HEAD":
             return made

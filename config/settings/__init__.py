@@ -6,7 +6,7 @@ all state below one folder (PADDOCK_DATA).
 
 from importlib.util import find_spec
 from pathlib import Path
-from typing import Any
+from typing import TypedDict
 from urllib.parse import unquote, urlsplit
 
 from csp.constants import NONE, SELF
@@ -24,6 +24,13 @@ from .people import *  # noqa: F403
 from .people import ALLAUTH_TRUSTED_PROXY_COUNT
 from .site import *  # noqa: F403
 from .site import BASE_DIR, DATA_DIR, DEBUG
+
+
+class BeatEntry(TypedDict):
+    task: str
+    schedule: float | dict[str, int | str]
+    options: dict[str, int]
+
 
 # --- database: SQLite in WAL mode that takes its write lock at BEGIN, or what DATABASE_URL names -------------------
 DATABASES = {"default": env_database("DATABASE_URL", f"sqlite:///{DATA_DIR / 'paddock.sqlite3'}")}
@@ -93,7 +100,7 @@ for _room, _task in (("training", "train"), ("videos", "draw")):
         f"{_room}.tasks.sweep": {"queue": "messages"},
     }
 # a dict as schedule: the arguments of crontab (config.celery)
-CELERY_BEAT_SCHEDULE: dict[str, dict[str, Any]] = {
+CELERY_BEAT_SCHEDULE: dict[str, BeatEntry] = {
     "sweep": {"task": "evaluation.tasks.sweep", "schedule": 15.0, "options": {"expires": 14}},
     "reports": {"task": "evaluation.tasks.sweep_reports", "schedule": 15.0, "options": {"expires": 14}},
     "purge": {"task": "evaluation.tasks.purge", "schedule": 6 * 3600.0, "options": {"expires": 3600}},

@@ -6,7 +6,6 @@ import stat
 import sys
 from email.utils import parseaddr
 from pathlib import Path
-from typing import Any
 from urllib.parse import SplitResult, urlsplit
 from zoneinfo import ZoneInfo
 
@@ -154,7 +153,7 @@ def env_hosts(name: str, default: str) -> list[str]:
     return hosts
 
 
-def env_database(name: str, default: str) -> dict:
+def env_database(name: str, default: str) -> dj_database_url.DBConfig:
     """Django's settings of a database on PostgreSQL or SQLite. Raises ImproperlyConfigured for any other address."""
     schemes = ("postgres", "postgresql", "pgsql", "sqlite")
     example = "postgres://user:password@host:5432/name"
@@ -162,7 +161,7 @@ def env_database(name: str, default: str) -> dict:
     try:
         if urlsplit(value).scheme not in schemes:
             raise ValueError(value)
-        database: dict[str, Any] = dict(dj_database_url.parse(value, conn_max_age=60, conn_health_checks=True))
+        database = dj_database_url.parse(value, conn_max_age=60, conn_health_checks=True)
     except ValueError:  # what dj_database_url raises is one, too
         raise ImproperlyConfigured(f"{name} must be an address such as {example}.") from None
     if database["ENGINE"].endswith("postgresql"):

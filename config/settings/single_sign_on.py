@@ -3,7 +3,7 @@
 import os
 from collections.abc import Collection
 from pathlib import Path
-from typing import Any
+from typing import TypedDict
 from urllib.parse import urlsplit
 
 from django.core.exceptions import ImproperlyConfigured
@@ -11,6 +11,31 @@ from django.core.exceptions import ImproperlyConfigured
 from .env import check_url, env_bool, env_choice, env_list, env_str, env_url
 
 GROUP_TYPES = ("groupOfNames", "groupOfUniqueNames", "posixGroup", "nested")
+
+
+class ProviderSettings(TypedDict, total=False):
+    id: str
+    issuer: str
+    client_id: str
+    secret: str
+    label: str
+    scopes: list[str]
+    groups_claim: str
+
+
+class DirectorySettings(TypedDict, total=False):
+    uri: str
+    label: str
+    bind_dn: str
+    bind_password: str
+    user_dn: str
+    user_base: str
+    user_filter: str
+    start_tls: bool
+    ca_file: str
+    attributes: dict[str, str]
+    group_base: str
+    group_type: str
 
 
 def env_secret(name: str, path: str) -> str:
@@ -28,7 +53,7 @@ def env_secret(name: str, path: str) -> str:
         raise ImproperlyConfigured(f"{name}_FILE must be a file that can be read: {path}: {why}.") from None
 
 
-def openid_connect() -> dict[str, Any]:
+def openid_connect() -> ProviderSettings:
     """The provider; empty where none is set. Raises ImproperlyConfigured for what cannot work."""
     issuer = env_url("PADDOCK_OIDC_ISSUER", "", ("https", "http"), "https://login.example.org/realms/racing")
     client, secret = env_str("PADDOCK_OIDC_CLIENT_ID", ""), _client_secret()
@@ -56,7 +81,7 @@ def _client_secret() -> str:
     return env_secret("PADDOCK_OIDC_CLIENT_SECRET", env_str("PADDOCK_OIDC_CLIENT_SECRET_FILE", ""))
 
 
-def ldap() -> dict[str, Any]:
+def ldap() -> DirectorySettings:
     """The directory; empty where none is set. Raises ImproperlyConfigured for what cannot work."""
     uri = env_str("PADDOCK_LDAP_URI", "")
     if not uri:

@@ -31,7 +31,7 @@ class SiteMap(Sitemap):
     def get_domain(self, site: Any = None) -> str:
         return settings.SITE_URL.partition("://")[2]
 
-    def part(self, number: int) -> list[dict[str, Any]] | None:
+    def part(self, number: int) -> list[dict[str, object]] | None:
         """The addresses of a part, from 1; None where there is no such part."""
         try:
             return self.get_urls(number)

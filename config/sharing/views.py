@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from typing import Any
 from urllib.parse import urlsplit
 
 from csp.decorators import csp_replace
@@ -94,7 +93,7 @@ def oembed(request: HttpRequest) -> HttpResponse:
     height = _within(request.GET.get("maxheight", ""), LEAST_HEIGHT, part.height)
     language = translation.get_language()
     framed = _absolute(reverse("embed", args=[kind.name, key])) + query
-    found: dict[str, Any] = {
+    found = {
         **{"version": "1.0", "type": "rich", "provider_name": "Paddock", "provider_url": f"{settings.SITE_URL}/"},
         **{"title": shown.title, "width": width, "height": height, "cache_age": CARD_S},
         "html": format_html(FRAME, framed, shown.title, width, height),
@@ -115,7 +114,7 @@ def sitemaps(request: HttpRequest) -> HttpResponse:
     """The site maps by kind of page, each in parts of bounded size."""
     from .sitemaps import site_maps  # loads a library
 
-    def parts() -> dict[str, Any]:
+    def parts() -> dict[str, object]:
         maps = site_maps().items()
         return {"parts": [(name, number) for name, one in maps for number in one.paginator.page_range]}
 
@@ -136,7 +135,7 @@ def sitemap(request: HttpRequest, section: str) -> HttpResponse:
     return _map(request, "pages", {"pages": pages})
 
 
-def _map(request: HttpRequest, name: str, context: dict[str, Any]) -> HttpResponse:
+def _map(request: HttpRequest, name: str, context: dict[str, object]) -> HttpResponse:
     context = {**context, "site": settings.SITE_URL}
     response = render(request, f"config/sharing/sitemap_{name}.xml", context, content_type="application/xml")
     response["Cache-Control"] = f"public, max-age={CARD_S}"

@@ -2,7 +2,7 @@
 
 from argparse import ArgumentParser
 from json import dumps
-from typing import Any
+from typing import Any, TypedDict
 
 from config.operations.workers import WorkerNow, workers_at
 from core.database.clock import database_now
@@ -34,11 +34,10 @@ class Command(JsonCommand):
         if json:
             self.stdout.write(dumps({"workers": rows}, indent=2))
             return
-        widths = [max((len(str(row[name])) for row in rows), default=0) for name in ("name", "machine", "state")]
-        for row in rows:
-            name, machine, state = (
-                str(row[key]).ljust(width) for key, width in zip(("name", "machine", "state"), widths, strict=True)
-            )
+        shown = [(row["name"], row["machine"], row["state"]) for row in rows]
+        widths = [max(map(len, column)) for column in zip(*shown, strict=True)]
+        for row, texts in zip(rows, shown, strict=True):
+            name, machine, state = (text.ljust(width) for text, width in zip(texts, widths, strict=True))
             runs = ", ".join(row["runs"]) or "idle"
             self.stdout.write(
                 f"{name}  {machine}  {state}  {', '.join(row['queues'])}  up since {row['since']}  {runs}"
@@ -47,7 +46,17 @@ class Command(JsonCommand):
             self.stdout.write("No worker was heard of within two days.")
 
 
-def _row(one: WorkerNow) -> dict[str, Any]:
+class WorkerDocument(TypedDict):
+    name: str
+    machine: str
+    state: str
+    queues: list[str]
+    since: str | None
+    held_since: str | None
+    runs: list[str]
+
+
+def _row(one: WorkerNow) -> WorkerDocument:
     since, held = one.node.started_at, one.hold
     return {
         "name": one.node.name,

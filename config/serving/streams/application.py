@@ -11,7 +11,7 @@ import time
 from collections import Counter
 from collections.abc import Awaitable, Callable, Mapping
 from http.cookies import CookieError, SimpleCookie
-from typing import Any, TypeAlias
+from typing import TYPE_CHECKING, Any, TypeAlias
 from urllib.parse import parse_qsl
 
 from django.conf import settings
@@ -30,6 +30,9 @@ from .hub import Hub
 from .reader import Reader
 from .viewers import followed, name_of, token_name_of, viewers_of
 
+if TYPE_CHECKING:
+    from asgiref.typing import HTTPScope
+
 TOPICS = 32
 LONGEST_QUERY = 4096
 SESSION_KEY_LENGTH = 64
@@ -42,7 +45,7 @@ _STREAM = [
     (b"x-content-type-options", b"nosniff"),
     (b"connection", b"close"),  # what comes next on a connection that was handed over is not for us
 ]
-Scope: TypeAlias = dict[str, Any]
+Scope: TypeAlias = "HTTPScope"
 Receive: TypeAlias = Callable[[], Awaitable[Any]]
 Send: TypeAlias = Callable[[Any], Awaitable[None]]
 
