@@ -1,7 +1,9 @@
 """The API of a racer's models. Evaluations are in races.runs.api: their visibility depends on the race."""
 
-from typing import Any
+from collections.abc import Mapping
+from typing import Any, TypedDict
 
+from django.core.files.uploadedfile import UploadedFile
 from django.db import transaction
 from django.db.models import QuerySet
 from django.http import Http404, HttpResponseBase
@@ -137,6 +139,14 @@ class GarageFilter(serializers.Serializer):
     sort = serializers.ChoiceField(GarageSort.choices, default=GarageSort.NEWEST)
 
 
+class GarageQuery(TypedDict):
+    """What :class:`GarageFilter` reads."""
+
+    shared: bool | None
+    search: str
+    sort: str
+
+
 class SharedFilter(serializers.Serializer):
     """Which shared models to list."""
 
@@ -173,6 +183,18 @@ class UploadSerializer(Body):
     description = serializers.CharField(
         required=False, allow_blank=True, validators=[visible_line], help_text="At most 255 characters."
     )
+
+
+class SentUpload(TypedDict, total=False):
+    """What :class:`UploadSerializer` reads."""
+
+    package: UploadedFile
+    model: UploadedFile
+    metadata: UploadedFile
+    weights: UploadedFile
+    checkpoint: str
+    name: str
+    description: str
 
 
 class DescriptionSerializer(Body):
@@ -219,9 +241,9 @@ class ModelsView(PrivateView):
         return response
 
     @operation("list_models", "My models", query=GarageFilter, answer=GarageModelSerializer, paged=True)
-    def get(self, request: Request, asked: dict[str, Any]) -> QuerySet[TrainedModel]:
-        shared = asked.pop("shared")
-        models = garage_of(request.user, **asked)
+    def get(self, request: Request, asked: GarageQuery) -> QuerySet[TrainedModel]:
+        shared = asked["shared"]
+        models = garage_of(request.user, search=asked["search"], sort=asked["sort"])
         return models if shared is None else models.filter(shared_at__isnull=not shared)
 
     @operation(
@@ -232,13 +254,23 @@ class ModelsView(PrivateView):
         description="Reads, converts and checks it before it answers: 201 with the new model, 200 with the one that "
         "is in your garage already when the network is the same, or the reason why it is refused.",
     )
-    def post(self, request: Request, sent: dict[str, Any]) -> Response:
-        upload: dict[str, Any] = {"owner": racer_of(request), "files": _parts(sent)}
-        upload |= {name: sent[name] for name in ("name", "description") if name in sent}
-        admitted = services.admit_upload(**upload, checkpoint=sent.get("checkpoint", ""))
+    def post(self, request: Request, sent: SentUpload) -> Response:
+        owner, files = racer_of(request), _parts(sent)
+        name, description = sent.get("name"), sent.get("description", "")
+        admitted = services.admit_upload(
+            owner=owner, files=files, name=name, description=description, checkpoint=sent.get("checkpoint", "")
+        )
 
         def make() -> Response:
-            uploaded = services.upload_model(**upload, admitted=admitted, keep_upload=True, now=timezone.now())
+            uploaded = services.upload_model(
+                owner=owner,
+                files=files,
+                name=name,
+                description=description,
+                admitted=admitted,
+                keep_upload=True,
+                now=timezone.now(),
+            )
             made = status.HTTP_201_CREATED if uploaded.created else status.HTTP_200_OK
             return Response(UploadedSerializer(uploaded).data, status=made)
 
@@ -340,7 +372,7 @@ class ModelView(PrivateView):
         services.delete_model(model=model, now=timezone.now())
 
 
-def _parts(sent: dict) -> list[UploadPart]:
+def _parts(sent: Mapping[str, Any]) -> list[UploadPart]:
     """The uploaded files. Raises UserFault("upload_parts") for a package with a network beside it."""
     if "package" in sent and ("model" in sent or "weights" in sent):
         raise UserFault("upload_parts")

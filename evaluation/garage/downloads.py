@@ -4,7 +4,6 @@ import io
 import json
 import zipfile
 from collections.abc import Iterator
-from typing import Any
 
 from django.contrib.auth.models import AnonymousUser
 from django.http import FileResponse, HttpResponse, HttpResponseBase, StreamingHttpResponse
@@ -13,6 +12,7 @@ from accounts.models import Racer
 from core.files.zip_stream import ZipPart, part_of, zipped
 from paddock.errors import UserFault
 from paddock.packages.kinds import CAR
+from paddock.packages.metadata import MetadataDocument
 
 from ..models import CompetitorResult, Evaluation, TrainedModel
 from ..running.results import read_trace
@@ -70,7 +70,7 @@ def logs_of(evaluation: Evaluation, racer: Racer | AnonymousUser) -> HttpRespons
 
 
 def _log_parts(
-    evaluation: Evaluation, cars: list[tuple[CompetitorResult, str, bytes]], metadata: dict[str, Any] | None
+    evaluation: Evaluation, cars: list[tuple[CompetitorResult, str, bytes]], metadata: MetadataDocument | None
 ) -> Iterator[ZipPart]:
     stamp = f"{evaluation.ended_at:%Y%m%d%H%M%S}-{evaluation.public_id}"
     for car, suffix, trace in cars:

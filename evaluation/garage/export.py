@@ -1,7 +1,7 @@
 """Exports a model in another format, in a sandboxed process because a stranger made its network."""
 
+from collections.abc import Mapping
 from dataclasses import asdict
-from typing import Any
 
 from evaluation.sandbox.frames import FrameError, read_message, write_message
 from evaluation.sandbox.launch import launch
@@ -57,9 +57,9 @@ def export_in_sandbox(onnx: bytes, metadata: bytes, form: str, limits: PackageLi
 
 def _refusal(error: object) -> UserFault | PlatformFault:
     """The fault that the process reports; its parameters are a stranger's text."""
-    report: dict[str, Any] = error if isinstance(error, dict) else {}
-    given = report.get("params")
-    if report.get("code") not in _USERS or not isinstance(given, dict):
+    report: Mapping[str, object] = error if isinstance(error, dict) else {}
+    code, given = report.get("code"), report.get("params")
+    if not isinstance(code, str) or code not in _USERS or not isinstance(given, dict):
         return PlatformFault("export_failed")
     params = {name: printable(value, 120) for name, value in given.items() if isinstance(value, str)}
-    return UserFault(report["code"], **params)
+    return UserFault(code, **params)

@@ -1,6 +1,6 @@
 """Reports through the API: ask for one, list them, read, stop, repeat, delete."""
 
-from typing import Any
+from typing import Required, TypedDict
 
 from django.db.models import QuerySet
 from django.shortcuts import get_object_or_404
@@ -109,7 +109,7 @@ class ReportDetailSerializer(ReportSerializer):
     laps = ReportLapSerializer(many=True, source="driven_laps")
 
     @extend_schema_field(RobustnessSerializer(allow_null=True))
-    def get_robustness(self, report: CarReport) -> dict[str, Any] | None:
+    def get_robustness(self, report: CarReport) -> dict[str, object] | None:
         if report.state != State.FINISHED:
             return None
         found = figures_of(report).robustness
@@ -136,6 +136,17 @@ class NewReportSerializer(Body):
         max_length=3, required=False, help_text="Of the varied laps: ccw or cw; the file's own unless given."
     )
     seed = serializers.IntegerField(min_value=0, max_value=MOST_SEED, required=False)
+
+
+class SentReport(TypedDict, total=False):
+    """What :class:`NewReportSerializer` reads."""
+
+    model: Required[str]
+    track_set: str
+    tracks: list[str]
+    variations_on: str | None
+    direction: str
+    seed: int
 
 
 class ReportFilterSerializer(serializers.Serializer):
@@ -185,13 +196,18 @@ class ReportsView(PrivateView):
         answer=ReportDetailSerializer,
         status=201,
     )
-    def post(self, request: Request, values: dict[str, Any]) -> CarReport:
-        racer = racer_of(request)
-        values["model"] = reportable_model(racer, values["model"])
-        values["tracks"] = [_track(slug) for slug in values.get("tracks", ())]
-        if values.get("variations_on") is not None:
-            values["variations_on"] = _track(values["variations_on"])
-        made = services.request_report(owner=racer, now=timezone.now(), **values)
+    def post(self, request: Request, sent: SentReport) -> CarReport:
+        racer, varied = racer_of(request), sent.get("variations_on")
+        made = services.request_report(
+            owner=racer,
+            model=reportable_model(racer, sent["model"]),
+            track_set=sent.get("track_set", TrackSet.LEAGUE),
+            tracks=[_track(slug) for slug in sent.get("tracks", ())],
+            variations_on=None if varied is None else _track(varied),
+            direction=sent.get("direction", ""),
+            seed=sent.get("seed", 0),
+            now=timezone.now(),
+        )
         return _with_laps(request, made.public_id)
 
 

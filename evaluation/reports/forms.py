@@ -63,7 +63,7 @@ class ReportForm(forms.Form):
         help_text=_("Another number, other variations; the same number, the same for every car."),
     )
 
-    def __init__(self, data: Any = None, *, racer: Racer | None, initial: dict[str, Any] | None = None) -> None:
+    def __init__(self, data: Any = None, *, racer: Racer | None, initial: dict[str, object] | None = None) -> None:
         usual = {"track_set": TrackSet.LEAGUE.value, "variations_on": USUAL_TRACK, "seed": 0}
         super().__init__(data, initial=usual | (initial or {}))
         self.fields["model"].widget.choices = [

@@ -1,7 +1,5 @@
 """Reports on pages: the list, the form, one of them, two side by side."""
 
-from typing import Any
-
 from django.contrib import messages
 from django.contrib.auth.decorators import login_required
 from django.http import Http404, HttpRequest, HttpResponse
@@ -136,8 +134,8 @@ def _mine(request: HttpRequest, public_id: str) -> CarReport:
     return shown
 
 
-def _context(request: HttpRequest, shown: CarReport) -> dict[str, Any]:
-    context: dict[str, Any] = {
+def _context(request: HttpRequest, shown: CarReport) -> dict[str, object]:
+    context: dict[str, object] = {
         "report": shown,
         "is_mine": is_report_of(request.user, shown),
         "can_stop": can_stop_report(request.user, shown),
@@ -162,8 +160,8 @@ def _context(request: HttpRequest, shown: CarReport) -> dict[str, Any]:
     return context
 
 
-def _drawn(shown: CarReport, figures: ReportFigures) -> dict[str, Any]:
-    context = {"report": shown, "figures": figures, "grades": GRADES}
+def _drawn(shown: CarReport, figures: ReportFigures) -> dict[str, object]:
+    context: dict[str, object] = {"report": shown, "figures": figures, "grades": GRADES}
     if figures.varied and shown.variations_on is not None:
         context["picture"] = variation_picture(figures.varied)
         context["crosses"] = crosses(shown.variations_on, figures.varied)

@@ -350,24 +350,26 @@ def _outcome(
 ) -> EvaluationOutcome:
     """The outcome in the runner's last message. Raises KeyError, TypeError, ValueError or IndexError if malformed."""
     layout, *traces = blobs
-    cars: list[dict[str, Any]] = [
-        {
-            "laps": car["laps"],
-            "end_reason": car["end_reason"],
-            "retired": _why(car["retired"], retired.get(number)),
-            "trace_csv": trace,
-            "trace_sha256": car["trace_sha256"],
-            "metrics": car["metrics"],
-        }
+    cars = [
+        CompetitorOutcome(
+            laps=car["laps"],
+            end_reason=car["end_reason"],
+            retired=_why(car["retired"], retired.get(number)),
+            trace_csv=trace,
+            trace_sha256=car["trace_sha256"],
+            metrics=car["metrics"],
+        )
         for number, (car, trace) in enumerate(zip(result["cars"], traces, strict=True))
     ]
-    values: dict[str, Any] = {name: value for name, value in result.items() if name != "cars"}
-    values["versions"] = {**result["versions"], "onnxruntime": onnxruntime}
     return EvaluationOutcome(
-        **cars[0],
-        **values,
+        **vars(cars[0]),
+        order=result["order"],
+        simulated_ms=result["simulated_ms"],
+        steps=result["steps"],
+        engine=result["engine"],
+        versions={**result["versions"], "onnxruntime": onnxruntime},
         layout=json.loads(layout),
-        rivals=[CompetitorOutcome(**car) for car in cars[1:]],
+        rivals=cars[1:],
         **measured,
     )
 

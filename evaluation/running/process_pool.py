@@ -11,7 +11,6 @@ import logging
 import threading
 import time
 from collections.abc import Sequence
-from typing import Any
 
 from paddock.errors import PlatformFault
 
@@ -76,7 +75,7 @@ class ProcessPool:
             self._venues = []
             before.close()
 
-    def described(self, venue: Venue) -> dict[str, Any]:
+    def described(self, venue: Venue) -> dict[str, object]:
         """The venue in a job's message: the index of one that the runner has prepared, or all its data."""
         return {"prepared": self._venues.index(venue)} if venue in self._venues else {"venue": venue.to_dict()}
 

@@ -28,7 +28,7 @@ class Proof:
     def exact(self) -> bool:
         return self.equal == self.runs
 
-    def to_dict(self) -> dict[str, Any]:
+    def to_dict(self) -> dict[str, object]:
         """Plain JSON values, ``exact`` among them."""
         return {**asdict(self), "differ": list(self.differ), "exact": self.exact}
 

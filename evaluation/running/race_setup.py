@@ -1,11 +1,17 @@
 """The setup of a race: its venue, and the check of its number of cars."""
 
 from dataclasses import dataclass
-from typing import Any
+from typing import TypedDict
 
 from paddock.errors import UserFault
-from paddock.geometry.track import TrackGeometry
+from paddock.geometry.track import TrackDocument, TrackGeometry
 from paddock.rules.race import HEAD_TO_HEAD, MAX_CARS, RaceRules
+
+
+class VenueDocument(TypedDict):
+    track: TrackDocument
+    direction: str
+    look: str
 
 
 @dataclass(frozen=True)
@@ -17,7 +23,7 @@ class Venue:
     direction: str
     look: str
 
-    def to_dict(self) -> dict[str, Any]:
+    def to_dict(self) -> VenueDocument:
         """For a process of ours."""
         return {"track": self.track.to_dict(), "direction": self.direction, "look": self.look}
 

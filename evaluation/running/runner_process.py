@@ -16,7 +16,6 @@ import sys
 import time
 import traceback
 from collections.abc import Callable, Sequence
-from typing import Any
 
 import cv2
 import numpy as np
@@ -38,6 +37,7 @@ from ..sandbox.frames import FrameError, read_message, write_message
 from ..sandbox.observation_memory import map_for_writing
 from ..sandbox.policy_client import PolicyClient
 from .messages import CarDocument, ResultDocument
+from .race_setup import VenueDocument
 
 _PROGRESS_S = 0.25
 _REHEARSAL_MS = 2000  # simulated
@@ -122,7 +122,7 @@ def policy_of(client: PolicyClient, space: ActionSpace) -> Policy:
     return client.choose if space.kind == DISCRETE else client.ask
 
 
-def ground_of(venue: dict[str, Any]) -> PreparedTrack:
+def ground_of(venue: VenueDocument) -> PreparedTrack:
     track = TrackGeometry.from_trusted_dict(venue["track"])  # the worker sent it
     return PreparedTrack(track, venue["direction"], THEMES[venue["look"]])
 

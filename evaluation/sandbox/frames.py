@@ -94,7 +94,7 @@ def parse_header(data: bytes) -> dict[str, Any]:
     return header
 
 
-def blob_sizes(header: dict[str, Any], limit: int = MAX_BLOB) -> list[int]:
+def blob_sizes(header: dict[str, object], limit: int = MAX_BLOB) -> list[int]:
     """Take ``"blobs"`` out of ``header``. Raises FrameMalformed, FrameTooLarge."""
     sizes = header.pop("blobs", [])
     if not isinstance(sizes, list) or len(sizes) > 16 or not all(type(size) is int and size >= 0 for size in sizes):

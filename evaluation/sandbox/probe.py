@@ -7,7 +7,6 @@ Level 2 ("lock") is the minimum: no_new_privs, Landlock, seccomp, rlimits and, u
 import functools
 import os
 from dataclasses import asdict, dataclass, replace
-from typing import Any
 
 from . import bubblewrap, landlock, seccomp, uids
 from .frames import FrameError, read_message
@@ -52,7 +51,7 @@ class SandboxReport:
     def sufficient(self) -> bool:
         return self.level >= self.minimum
 
-    def to_dict(self) -> dict[str, Any]:
+    def to_dict(self) -> dict[str, object]:
         return {**asdict(self), "name": self.name, "sufficient": self.sufficient}
 
     def table(self) -> str:
