@@ -3,7 +3,6 @@
 import re
 from collections.abc import Iterable, Mapping
 from datetime import datetime
-from typing import Any
 
 from django import forms
 from django.contrib import messages
@@ -27,7 +26,7 @@ LABEL = "label"
 
 def explain(fault: PaddockError) -> str:
     """The fault's sentence in the reader's language, details filled in. The detail ``label`` is a field's label."""
-    params: dict[str, Any] = {
+    params: dict[str, object] = {
         key: gettext(str(value)) if key == LABEL or value in WORDS else for_the_reader(value)
         for key, value in fault.params.items()
     }

@@ -21,7 +21,7 @@ NOT_FIELDS = frozenset({"csrfmiddlewaretoken"})
 class Body(serializers.Serializer):
     """A serializer that refuses fields it does not have, together with whatever else is wrong; nested ones as well."""
 
-    def to_internal_value(self, data: Any) -> dict[str, Any]:
+    def to_internal_value(self, data: Any) -> dict[str, object]:
         """As REST framework reads it. Raises ValidationError with the code ``unknown_field`` for each unknown field."""
         known = {name: field for name, field in self.fields.items() if not field.read_only}
         unknown = {
@@ -45,12 +45,12 @@ class BodyExtension(OpenApiSerializerExtension):
     target_class = Body
     match_subclasses = True
 
-    def map_serializer(self, auto_schema: Any, direction: str) -> dict[str, Any]:
+    def map_serializer(self, auto_schema: Any, direction: str) -> dict[str, object]:
         schema = auto_schema._map_serializer(self.target, direction, bypass_extensions=True)
         return {**schema, "additionalProperties": False} if direction == "request" else schema
 
 
-def read_as(kind: type[serializers.Serializer], sent: Any, **options: Any) -> dict[str, Any]:
+def read_as(kind: type[serializers.Serializer], sent: Any, **options: Any) -> dict[str, object]:
     """What was sent as ``kind`` reads it; ``options`` are the serializer's. Raises ValidationError."""
     serializer = kind(data=sent, **options)
     serializer.is_valid(raise_exception=True)

@@ -86,7 +86,7 @@ class InternalError(exceptions.APIException):
     default_detail = gettext_lazy("Internal error. It is not your fault, and it is recorded in the operator's log.")
 
 
-def handle(exc: Exception, context: dict[str, Any]) -> Response:
+def handle(exc: Exception, context: dict[str, object]) -> Response:
     """The response for ``exc`` (REST framework's EXCEPTION_HANDLER). Never gives up: the last answer is a 500."""
     response = _response(exc, context.get("request"))
     # Django writes no second line for what is logged here

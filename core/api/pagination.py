@@ -1,7 +1,5 @@
 """Pagination of lists: ``?page=2&page_size=100``."""
 
-from typing import Any
-
 from rest_framework import serializers
 from rest_framework.pagination import PageNumberPagination
 from rest_framework.request import Request
@@ -38,7 +36,7 @@ class Pages(PageNumberPagination):
             }
         )
 
-    def get_paginated_response_schema(self, schema: dict[str, Any]) -> dict[str, Any]:
+    def get_paginated_response_schema(self, schema: dict[str, object]) -> dict[str, object]:
         whole = {"type": "integer", "minimum": 0}
         address = {"type": "string", "format": "uri", "nullable": True}
         return {

@@ -143,7 +143,7 @@ class FileView(APIView):
         return super().handle_exception(exc)
 
 
-def _repeat_after_access(handler: Callable[..., Response], request: Request, named: dict[str, Any]) -> Repeat | None:
+def _repeat_after_access(handler: Callable[..., Response], request: Request, named: dict[str, object]) -> Repeat | None:
     """As :func:`repeat_of`. What is wrong with key and body is for racers who may use the operation."""
     try:
         return repeat_of(request, request.user)

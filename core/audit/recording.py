@@ -74,7 +74,7 @@ def record(act: AuditAct, target: Model, *, by: Any = None, changes: Changes | N
         write(act, doer, target, changes=changes)
 
 
-def differences(before: dict[str, Any] | None, after: dict[str, Any] | None, kind: str) -> Changes:
+def differences(before: dict[str, object] | None, after: dict[str, object] | None, kind: str) -> Changes:
     """The changed columns of a row; values of persons and of secrets are left out."""
     if before is None or after is None:
         return {}
@@ -82,7 +82,7 @@ def differences(before: dict[str, Any] | None, after: dict[str, Any] | None, kin
     return {name: None if _is_hidden(kind, name, pair) else [*map(_plain, pair)] for name, pair in changed.items()}
 
 
-def columns_of(row: Model) -> dict[str, Any]:
+def columns_of(row: Model) -> dict[str, object]:
     """The row's loaded columns by name."""
     return {field.attname: getattr(row, field.attname) for field in row._meta.concrete_fields}
 
@@ -96,7 +96,7 @@ def write(
     act: AuditAct,
     doer: Acting,
     row: Model,
-    before: dict[str, Any] | None = None,
+    before: dict[str, object] | None = None,
     *,
     race: Any = None,
     racer: Any = None,
@@ -125,7 +125,7 @@ def write(
         request.__dict__.setdefault("audited", set()).add((kind, number))
 
 
-def _key(row: Model, before: dict[str, Any] | None = None) -> tuple[str, str]:
+def _key(row: Model, before: dict[str, object] | None = None) -> tuple[str, str]:
     number = row.pk if row.pk is not None else (before or {}).get("id", "")  # deleted: Django forgets the key
     return row._meta.label_lower, str(number)
 
@@ -152,7 +152,7 @@ def _is_plain(value: Any) -> bool:
     return hasattr(value, "__dataclass_fields__")
 
 
-def stored(row: Any) -> dict[str, Any] | None:
+def stored(row: Any) -> dict[str, object] | None:
     """What the database holds of a row; None for none."""
     if not isinstance(row, Model) or row.pk is None:
         return None

@@ -77,7 +77,7 @@ class EmbeddedPart:
     """What an embedded page shows: its template with the context, which has nothing of a reader."""
 
     template: str
-    context: dict[str, Any]
+    context: dict[str, object]
     height: int  # of the frame, in px
 
 

@@ -2,7 +2,7 @@
 
 import logging
 import uuid
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from datetime import datetime, timedelta
 from typing import Any, Generic, TypeVar
@@ -54,7 +54,7 @@ class JobKind(Generic[J]):
     since: str
     awaited = Q()
     related: Sequence[str] = ()
-    blank: dict[str, Any] = {}
+    blank: dict[str, object] = {}
     wakes = 1
     needs: Sequence[str] = (STORAGE,)
     beat_s = 1.0
@@ -103,7 +103,7 @@ class JobKind(Generic[J]):
     def began(self, job: J, now: datetime) -> None:
         """In the transaction in which a job is claimed."""
 
-    def released(self, job: J, now: datetime) -> dict[str, Any]:
+    def released(self, job: J, now: datetime) -> Mapping[str, object]:
         """More columns of a job that is handed back."""
         return {}
 
@@ -157,7 +157,7 @@ class JobKind(Generic[J]):
         columns = {} if progress is None else self.progress_columns(progress)
         return bool(self.held(pk, lease).update(leased_until=now + self.lease, **columns))
 
-    def progress_columns(self, progress: Any) -> dict[str, Any]:
+    def progress_columns(self, progress: Any) -> dict[str, object]:
         """The columns that tell of a progress."""
         return {"progress": progress}
 
@@ -196,7 +196,7 @@ class JobKind(Generic[J]):
         job = mine.first()
         if job is None:
             return False
-        return self.put_back(mine, now=now, attempt=F("attempt") - 1, **self.released(job, now))
+        return self.put_back(mine, now=now, pause=None, attempt=F("attempt") - 1, **self.released(job, now))
 
     # --- sweep and wake-up
 

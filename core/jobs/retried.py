@@ -48,7 +48,7 @@ class Verdict:
 
     fault: PaddockError | None = None
     pause: timedelta | None = None
-    columns: dict[str, Any] = field(default_factory=dict)
+    columns: dict[str, object] = field(default_factory=dict)
 
 
 class RetriedKind(JobKind[R]):

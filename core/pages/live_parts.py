@@ -1,14 +1,13 @@
 """Parts of a page that an open page reloads while a job runs."""
 
 from collections.abc import Callable
-from typing import Any
 
 from django.http import HttpRequest, HttpResponse
 from django.shortcuts import render
 
 
 def live_part(
-    request: HttpRequest, mark: str, template: str, context: Callable[[], dict[str, Any]], whole: str = ""
+    request: HttpRequest, mark: str, template: str, context: Callable[[], dict[str, object]], whole: str = ""
 ) -> HttpResponse:
     """A part of a page, or 204 while ``?seen=`` is ``mark``. ``whole``: the element that ``template`` replaces at the
     end."""

@@ -1,7 +1,7 @@
 """The status of the stream process, kept in the cache, for the health page, ``doctor`` and live events."""
 
 from datetime import datetime
-from typing import Any
+from typing import TypedDict
 
 from django.core.cache import cache
 
@@ -14,14 +14,29 @@ FRESH_S = 4.0  # a sign of a process that lives now is no older
 _process: dict[str, float] = {}
 
 
-def report(figures: dict[str, Any]) -> None:
-    """Store the figures of :meth:`config.serving.streams.hub.Hub.figures` as the latest status."""
+class StreamFigures(TypedDict):
+    """Of a stream process, as :meth:`config.serving.streams.hub.Hub.figures` reports them."""
+
+    streams: int  # that are open
+    position: int | None
+    bell: bool  # connected
+    memory_mb: int  # at its peak
+    processor_s: float
+
+
+class StreamStatus(StreamFigures):
+    began: float  # Unix seconds of the database's clock
+    at: float
+
+
+def report(figures: StreamFigures) -> None:
+    """Store the figures as the latest status."""
     now = database_now().timestamp()
     began = _process.setdefault("began", now)
-    cache.set(KEY, figures | {"began": began, "at": now}, LIVES_S)
+    cache.set(KEY, StreamStatus(**figures, began=began, at=now), LIVES_S)
 
 
-def last_report() -> dict[str, Any] | None:
+def last_report() -> StreamStatus | None:
     """The latest status, or None without a running stream process."""
     return cache.get(KEY)
 

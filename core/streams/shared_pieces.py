@@ -120,14 +120,14 @@ def lasting_value(key: Hashable, make: Callable[[], T]) -> T:
     return _lasting.get((key, get_language()), make)
 
 
-def lasting_piece(template: str, values: dict[str, Any], *, key: Hashable) -> SafeString:
+def lasting_piece(template: str, values: Mapping[str, object], *, key: Hashable) -> SafeString:
     """HTML that the values in ``key`` determine, with the language and time zone: drawn without a request, and kept for
     as long as others are not asked for more recently."""
     whole_key = (template, key, get_language(), timezone.get_current_timezone_name(), get_script_prefix())
     return _lasting_pieces.get(whole_key, lambda: render_to_string(template, values))
 
 
-def shared_piece(template: str, values: Callable[[], dict[str, Any]], *, key: Hashable) -> SafeString:
+def shared_piece(template: str, values: Callable[[], Mapping[str, object]], *, key: Hashable) -> SafeString:
     """HTML that is the same for every reader of a language and time zone.
 
     ``template`` is rendered without a request, so it has no user, session, messages or CSRF token. ``values`` returns
@@ -187,7 +187,7 @@ def marked(racer: int, html: str) -> str:
 
 
 def marked_piece(
-    template: str, values: Callable[[], dict[str, Any]], *, key: Hashable, reader: int | None
+    template: str, values: Callable[[], Mapping[str, object]], *, key: Hashable, reader: int | None
 ) -> SafeString:
     """:func:`shared_piece` with what ``{% mine racer %}`` (:mod:`core.templatetags.site`) holds for ``reader``: the
     piece is drawn once for all readers, also for those who are named in it."""

@@ -49,7 +49,7 @@ def poke_after_commit(topics: Iterable[str]) -> None:
     after_commit(poke, tuple(topics))
 
 
-def push(topic: str, data: dict[str, Any]) -> bool:
+def push(topic: str, data: dict[str, object]) -> bool:
     """Send a message to all followers of a topic. Returns whether the server took it. Raises ValueError above
     :data:`MOST_BYTES`."""
     message = json.dumps({"to": topic, "data": data}, separators=(",", ":")).encode()

@@ -282,9 +282,8 @@ class Hub:
                         sent[reader.position] = message(spread, event="beat", position=reader.position)
                     reader.tell(sent[reader.position])
 
-    def figures(self) -> dict[str, int | float | None]:
-        """The status of this process: open streams, last position, connection to the bell, peak memory in MB and
-        processor seconds."""
+    def figures(self) -> life.StreamFigures:
+        """The status of this process."""
         used = resource.getrusage(resource.RUSAGE_SELF)
         return {
             "streams": len(self.readers),

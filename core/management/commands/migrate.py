@@ -34,9 +34,8 @@ def nothing_to_migrate(database: str) -> bool:
     a restored backup left out, with the models as they are: to build them from all migrations takes longer."""
     if not applied_are_all(MigrationRecorder(connections[database])):
         return False
-    given: dict[str, Any] = {"verbosity": 0, "interactive": False, "db": database, "apps": apps, "plan": []}
-    emit_pre_migrate_signal(**given)
-    emit_post_migrate_signal(**given)
+    for emit in (emit_pre_migrate_signal, emit_post_migrate_signal):
+        emit(verbosity=0, interactive=False, db=database, apps=apps, plan=[])
     return True
 
 
