@@ -77,7 +77,7 @@ class TrackChoiceField(forms.ModelChoiceField):
 class TrackSelect(forms.Select):
     """Tracks; the option of an open track has the direction from its start to its end in ``data-open``."""
 
-    def create_option(self, name: str, value: Any, *args: Any, **kwargs: Any) -> dict[str, Any]:
+    def create_option(self, name: str, value: Any, *args: Any, **kwargs: Any) -> dict[str, object]:
         option = super().create_option(name, value, *args, **kwargs)
         track = getattr(value, "instance", None)
         if track is not None and track.is_open:
@@ -92,7 +92,7 @@ class DirectionSelect(forms.Select):
         super().__init__(*args, **kwargs)
         self.attrs |= {"data-forth": _("from start to end"), "data-back": _("from end to start")}
 
-    def create_option(self, name: str, value: Any, *args: Any, **kwargs: Any) -> dict[str, Any]:
+    def create_option(self, name: str, value: Any, *args: Any, **kwargs: Any) -> dict[str, object]:
         option = super().create_option(name, value, *args, **kwargs)
         option["attrs"]["data-usual"] = str(Direction(value).label)
         return option

@@ -3,7 +3,6 @@
 import threading
 from collections.abc import Callable
 from functools import lru_cache
-from typing import Any
 
 from django.utils.translation import gettext as _
 
@@ -49,7 +48,7 @@ def _written(geometry: TrackGeometry, look: str, form: str) -> bytes:
     return write_tiles(drawing, form) if form in PAPERS else _WHOLE[form][1](drawing)
 
 
-def print_facts(track: Track) -> dict[str, Any]:
+def print_facts(track: Track) -> dict[str, object]:
     """What the page shows: size in metres, bill of tape, files with what they are, papers with how many pages."""
     drawing = drawing_of(track.geometry, THEMES[track.look])
     names = {

@@ -10,7 +10,7 @@ import sys
 import uuid
 from collections.abc import Callable
 from datetime import datetime
-from typing import Any
+from typing import TYPE_CHECKING
 
 from django.conf import settings
 
@@ -24,6 +24,9 @@ from paddock.simulator.engine import ENGINE_ID
 
 from ..models import ReferenceLap, ReferenceState, Track
 from .selectors import demanded
+
+if TYPE_CHECKING:
+    from .process import DrivenReference
 
 _LOOK_S = 0.5  # how long a car that was submitted meanwhile waits at most
 _MODULE = "tracks.reference.process"
@@ -88,7 +91,7 @@ def run_next_reference(*, worker: str, interrupted: StopCheck = never) -> bool:
     return run_next(REFERENCES, run, worker=worker, interrupted=lambda: made_way or interrupted())
 
 
-def finish_reference(*, job: ReferenceLap, found: dict[str, Any], now: datetime) -> bool:
+def finish_reference(*, job: ReferenceLap, found: DrivenReference, now: datetime) -> bool:
     """Write the lap, once. False: the lease is gone."""
     assert isinstance(job.lease, uuid.UUID), "it was claimed"
     return REFERENCES.end(
@@ -104,7 +107,7 @@ def finish_reference(*, job: ReferenceLap, found: dict[str, Any], now: datetime)
     )
 
 
-def drive(track: Track, direction: str, should_stop: Callable[[], bool]) -> dict[str, Any]:
+def drive(track: Track, direction: str, should_stop: Callable[[], bool]) -> DrivenReference:
     """The answer of :data:`_MODULE`, a process that loads the simulator in place of this one. Raises UserFault
     "reference_undrivable", PlatformFault "reference_failed" also where it was stopped."""
     process = subprocess.Popen(
@@ -134,7 +137,7 @@ def drive(track: Track, direction: str, should_stop: Callable[[], bool]) -> dict
         fault = PlatformFault("reference_failed")
         fault.add_note(f"Exit status {process.returncode}. {notes[-2000:]}")
         raise fault
-    found: dict[str, Any] | None = json.loads(answer)
+    found: DrivenReference | None = json.loads(answer)
     if found is None:
         raise UserFault("reference_undrivable")
     return found
