@@ -7,7 +7,7 @@ from collections.abc import Callable, Iterable, Sequence
 from datetime import UTC, datetime
 from itertools import groupby
 from operator import itemgetter
-from typing import Any
+from typing import TypedDict
 
 from races.boards.selectors.board import ORDER
 from races.models import Entry
@@ -17,18 +17,38 @@ from ..models import ChampionshipPlace, FinalePlace, Membership, Round, Season, 
 Pairs = tuple[int, int]
 
 
-SeasonProof = dict[str, Any]  # see :func:`proof_of`
-Differing = dict[str, str]  # the slug of a race, and the alias of a racer at another place than in the record
+class Differing(TypedDict):
+    """The slug of a race, and the alias of a racer at another place than in the record."""
+
+    race: str
+    racer: str
+
+
+class SeasonTotals(TypedDict):
+    """Counts of what was compared, and of what agrees."""
+
+    races: int
+    results: int
+    racers: int
+    order: dict[str, int]  # pairs of results with different recorded scores, and those in the recorded order
+    scores: dict[str, int]  # results with a time, and those whose recorded score is the time ranked by
+    promotion: dict[str, int]  # recorded racers of pro races, and those our rule promoted before
+    finale: dict[str, int]  # recorded finalists, and those in the field by our rule
+    championship: int
+    notes: list[str]  # contradictions and gaps of the record
+
+
+class SeasonProof(SeasonTotals):
+    season: str
+    differences: dict[str, list[Differing]]
+
+
+class TotalProof(SeasonTotals):
+    seasons: list[SeasonProof]
 
 
 def proof_of(season: Season) -> SeasonProof:
-    """The agreement of an imported season with our rules, as plain data.
-
-    ``order``: pairs of results with different recorded scores, and those in the recorded order on our board.
-    ``scores``: results with a time, and those whose recorded score is the time ranked by. ``promotion``: recorded
-    racers of pro races, and those our rule promoted before. ``finale``: recorded finalists, and those in the field by
-    our rule. ``differences``: racers who disagree, by race. ``notes``: contradictions and gaps of the record.
-    """
+    """The agreement of an imported season with our rules, as plain data."""
     recorded = season.rounds.filter(race__record__isnull=False).select_related("race")
     rounds = list(recorded.order_by("race__record__position"))
     entries = Entry.objects.filter(race__round__in=rounds)
@@ -55,7 +75,7 @@ def proof_of(season: Season) -> SeasonProof:
     }
 
 
-def total_proof(proofs: Sequence[SeasonProof]) -> SeasonProof:
+def total_proof(proofs: Sequence[SeasonProof]) -> TotalProof:
     """The sums of several agreements, and each under ``seasons``. A racer in two seasons counts twice."""
     return {
         "races": sum(proof["races"] for proof in proofs),

@@ -54,7 +54,7 @@ def import_folder(*, folder: Path, now: datetime, season: str | None = None, **s
             return [_import_season(one, now, settings) for one in read]
 
 
-def _import_season(read: ReadSeason, now: datetime, settings: dict[str, Any]) -> Season:
+def _import_season(read: ReadSeason, now: datetime, settings: dict[str, object]) -> Season:
     known = RecordedSeason.objects.select_related("season").filter(label=read.label).first()
     if known is not None:
         if known.digest != read.digest:
@@ -80,7 +80,7 @@ def _import_season(read: ReadSeason, now: datetime, settings: dict[str, Any]) ->
     return season
 
 
-def _make_season(read: ReadSeason, settings: dict[str, Any]) -> Season:
+def _make_season(read: ReadSeason, settings: dict[str, object]) -> Season:
     slug = slugify(read.label)[:50] or "season"
     if season_at(slug) is not None:
         raise UserFault("import_season_exists", season=slug)
@@ -202,10 +202,10 @@ _OF_RESULT = {
 _RECORD = ("alias", "rank", "score", "measured", "collisions", "average_resets", "status", "division", "blank")
 
 
-def _standing(result: ResultRow) -> dict[str, Any]:
+def _standing(result: ResultRow) -> dict[str, object]:
     """What a recorded result is worth: its score, or how far the car drove."""
     classified, duel = result.score_ms is not None, result.duel
-    worth: dict[str, Any] = {"classified": classified, "own_lap_ms": result.best_lap_ms if classified else None}
+    worth: dict[str, object] = {"classified": classified, "own_lap_ms": result.best_lap_ms if classified else None}
     if duel is not None and duel.seed is not None:
         score, lap = drawn_rank(duel.points, duel.lap_ms, duel.seed)
         worth |= {"seed": duel.seed, "points": duel.points, "duels": duel.duels, "duel_lap_ms": duel.lap_ms}

@@ -9,7 +9,7 @@ from typing import Any
 from django.utils import timezone
 
 from core.management.base import JsonCommand
-from league.history.proof import SeasonProof, proof_of, total_proof
+from league.history.proof import SeasonTotals, proof_of, total_proof
 from league.history.season_import import import_folder
 
 # options of the command by the setting of a season that each is
@@ -53,7 +53,7 @@ def _points(text: str) -> list[int | str]:
     return [int(one) if one.strip().isdecimal() else one for one in text.split(",")]
 
 
-def _lines(proof: SeasonProof) -> list[str]:
+def _lines(proof: SeasonTotals) -> list[str]:
     found = (
         ("order", proof["order"], "pairs"),
         ("scores", proof["scores"], "checked"),
