@@ -3,7 +3,7 @@
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from datetime import datetime, timedelta
-from typing import Any, cast
+from typing import Any, TypedDict, cast
 
 from django.db.models import Exists, OuterRef, Q, QuerySet
 
@@ -27,8 +27,16 @@ PROMOTIONS = 20
 SHOWN = 40
 
 
+class FollowedData(TypedDict, total=False):
+    """The data of an event of a followed racer: a run or session that was timed, or the round of a promotion."""
+
+    submission: int
+    session: str
+    round: int
+
+
 # Kind, time, racer, race, subject and data of an event
-EventRow = tuple[str, datetime, int, int | None, str, dict[str, Any]]
+EventRow = tuple[str, datetime, int, int | None, str, FollowedData]
 
 
 @dataclass(frozen=True)

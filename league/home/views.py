@@ -1,8 +1,8 @@
 """The first page: the leading lap, what the reader can do next, recent results, races to enter."""
 
-from collections.abc import Callable, Hashable
+from collections.abc import Callable, Hashable, Mapping
 from datetime import datetime
-from typing import Any
+from typing import TypedDict
 
 from django.http import HttpRequest, HttpResponse
 from django.shortcuts import render
@@ -24,15 +24,23 @@ from league.home.selectors import (
     newest_models,
     recent_results,
 )
-from races.boards.selectors.board import podiums, to_beat
+from races.boards.selectors.board import BoardRow, podiums, to_beat
 from races.entries.selectors.lists import races_in, racing_now, sees_only_public
-from races.models import Race, RaceKind
+from races.models import Entry, Race, RaceKind
 from races.replays.setup import ViewedRun, document_address, scene_address, viewer_setup
 from races.rules.layout import box_marks
 from races.spoilers.selectors import spoilers_of
 
 UPCOMING = 5
 NO_LAP = hole("no_lap")  # in the leading part that has no lap to play
+
+
+class Boards(TypedDict):
+    """The races of the cards, their podiums, and the house cars to beat where nobody is on one."""
+
+    races: list[Race]
+    podiums: dict[int, list[BoardRow]]
+    to_beat: dict[int, list[Entry]]
 
 
 @require_safe
@@ -44,7 +52,7 @@ def home(request: HttpRequest) -> HttpResponse:
     now, reader, spoilers = timezone.now(), request.user, spoilers_of(request)
     shares = not spoilers.on and sees_only_public(reader, ("open", "upcoming"), now)
 
-    def part(name: str, values: Callable[[], dict[str, Any]], *key: Hashable) -> SafeString:
+    def part(name: str, values: Callable[[], Mapping[str, object]], *key: Hashable) -> SafeString:
         template = f"league/home/parts/{name}.html"
         return shared_piece(template, values, key=key) if shares else render_to_string(template, values(), request)
 
@@ -59,10 +67,8 @@ def home(request: HttpRequest) -> HttpResponse:
         """The open races, newer than what was chosen from, perhaps."""
         return {race.pk: race for race in (read() if shares else races)}
 
-    def boards() -> dict[str, Any]:
-        """The races of the cards, their podiums, and the house cars to beat where nobody is on one."""
-
-        def read_boards() -> dict[str, Any]:
+    def boards() -> Boards:
+        def read_boards() -> Boards:
             shown = [race for pk, race in newest().items() if pk in chosen[0]]
             shown.sort(key=lambda race: chosen[0].index(race.pk))
             leading = podiums(shown)
@@ -72,12 +78,12 @@ def home(request: HttpRequest) -> HttpResponse:
 
     drawn = boards() if not shares else None
 
-    def open_races() -> dict[str, Any]:
+    def open_races() -> dict[str, object]:
         known = newest()
         others = [(known[pk], why_not) for pk, why_not in chosen[1] if pk in known]
-        return {"folded": others, "is_racer": reader.is_authenticated} | (drawn or boards())
+        return {"folded": others, "is_racer": reader.is_authenticated, **(drawn or boards())}
 
-    def leading() -> dict[str, Any]:
+    def leading() -> dict[str, object]:
         found = drawn or boards()
         led = [race for race in found["races"] if not spoilers.hides(race)]
         lap = leading_lap(led, found["podiums"], found["to_beat"])
@@ -87,7 +93,7 @@ def home(request: HttpRequest) -> HttpResponse:
         viewer = viewer_setup(scene_address(lap.run), viewed, quiet=True)
         return {"leading": lap, "boxes": box_marks(lap.race), "viewer": viewer}
 
-    def results() -> dict[str, Any]:
+    def results() -> dict[str, object]:
         return {"results": recent_results([race for race in newest().values() if not spoilers.hides(race)])}
 
     coming = {} if shares else {"racer": reader}
@@ -95,7 +101,7 @@ def home(request: HttpRequest) -> HttpResponse:
     if NO_LAP in stage:
         own = render_to_string("league/home/parts/own_stage.html", {}, request)
         stage = own if own.strip() else filled(stage, no_lap=SafeString())
-    context: dict[str, Any] = {
+    context: dict[str, object] = {
         "leading": stage,
         "results": part("results", results),
         "open_races": part("open_races", open_races, reader.is_authenticated, chosen),
@@ -120,6 +126,6 @@ def _open_races(now: datetime, reader: Viewer = None) -> list[Race]:
     return list(racing_now(now, reader).select_related("track", "organiser", "group")[:LOOKED_AT])
 
 
-def _cup(now: datetime) -> dict[str, Any]:
+def _cup(now: datetime) -> dict[str, object]:
     cup = cup_now(now)
     return {} if cup is None else {"cup": cup, "stage": stage_of(cup, now)}

@@ -1,7 +1,5 @@
 """API operation of a racer's public profile."""
 
-from typing import Any
-
 from django.http import Http404, HttpRequest
 from django.utils import timezone
 from rest_framework import serializers
@@ -72,6 +70,6 @@ def shown_racer(request: HttpRequest | Request, alias: str) -> Racer:
 
 class RacerView(APIView):
     @operation("read_racer", "The public profile of a racer", find=shown_racer, answer=ProfileSerializer)
-    def get(self, request: Request, racer: Racer) -> dict[str, Any]:
+    def get(self, request: Request, racer: Racer) -> dict[str, object]:
         profile = profile_of(racer, request.user, timezone.now())
         return {**vars(profile), **profile.fields}

@@ -5,7 +5,7 @@ from __future__ import annotations
 import itertools
 from dataclasses import dataclass
 from datetime import datetime
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated, TypedDict
 
 from django.db.models import Exists, Min, OuterRef, Q, QuerySet
 from django.utils.translation import gettext as _
@@ -122,13 +122,22 @@ register(
 )
 
 
+class RacesInProfile(TypedDict):
+    """What a racer did in some races. It must not be changed."""
+
+    honours: Honours
+    history: list[HistoryRow]
+    trophies: list[CupPlace]
+    organised: list[Race]
+
+
 @dataclass(frozen=True)
 class Profile:
     """What a viewer sees of a racer. ``fields``: values by the names of :mod:`accounts.profile.fields`; ``private``:
     the ids of the racer's races that are in it and not public."""
 
     racer: Racer
-    fields: dict[str, Any]
+    fields: dict[str, object]
     honours: Honours
     history: list[HistoryRow]
     trophies: list[CupPlace]
@@ -150,10 +159,10 @@ def profile_of(racer: Racer, viewer: Racer | AnonymousUser, now: datetime) -> Pr
     return Profile(racer, fields, shared=shared, private=private, **seen)
 
 
-def races_in_profile(racer: Racer, private: frozenset[int], now: datetime) -> dict[str, Any]:
-    """What a racer did in public races and in those with the ids ``private``. It must not be changed."""
+def races_in_profile(racer: Racer, private: frozenset[int], now: datetime) -> RacesInProfile:
+    """What a racer did in public races and in those with the ids ``private``."""
 
-    def read() -> dict[str, Any]:
+    def read() -> RacesInProfile:
         seen = Race.objects.filter(Q(visibility=Visibility.PUBLIC) | Q(pk__in=private))
         return {
             "honours": honours_of(racer, seen, now),

@@ -1,7 +1,5 @@
 """The public page of a racer."""
 
-from typing import Any
-
 from django.http import Http404, HttpRequest, HttpResponse
 from django.shortcuts import redirect, render
 from django.utils import timezone
@@ -31,7 +29,7 @@ def racer(request: HttpRequest, alias: str) -> HttpResponse:
     profile = profile_of(shown, request.user, now)
 
     def piece(name: str) -> SafeString:
-        def values() -> dict[str, Any]:
+        def values() -> dict[str, object]:
             return {"racer": shown, "profile": races_in_profile(shown, profile.private, timezone.now())}
 
         return shared_piece(f"league/racers/parts/{name}.html", values, key=(shown.pk, profile.private))
