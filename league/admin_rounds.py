@@ -2,7 +2,6 @@
 
 from collections.abc import Callable, Sequence
 from functools import partial
-from typing import Any
 
 from django.contrib import admin, messages
 from django.contrib.admin import helpers
@@ -147,7 +146,7 @@ class RoundAdmin(ReadOnly, admin.ModelAdmin):
                 self._do(request, rows, given, call, title)
                 return redirect(rows[0].race) if _from_the_race(request, rows) else None
             complete = not refused
-        context: dict[str, Any] = self.admin_site.each_context(request) | {
+        context: dict[str, object] = self.admin_site.each_context(request) | {
             "title": title,
             "action": action,
             "consequence": follows,

@@ -1,7 +1,6 @@
 """Pages of the cup of the day."""
 
 from datetime import date
-from typing import Any
 
 from django.conf import settings
 from django.contrib import messages
@@ -30,7 +29,7 @@ def cups(request: HttpRequest) -> HttpResponse:
     """The next cup, the car that starts automatically, the most successful racers, and all past cups."""
     number = page_number(request)
 
-    def values() -> dict[str, Any]:
+    def values() -> dict[str, object]:
         now = timezone.now()
         page = LeanPaginator(selectors.cups_over(), PER_PAGE).get_page(number)
         coming = selectors.cup_now(now)
@@ -59,7 +58,7 @@ def cups(request: HttpRequest) -> HttpResponse:
 def cup(request: HttpRequest, day: str) -> HttpResponse:
     """One day's cup: qualifying, divisions, winners and what there is to tell."""
 
-    def values() -> dict[str, Any]:
+    def values() -> dict[str, object]:
         shown = cup_of(day)
         stage = selectors.stage_of(shown, timezone.now())
         return {

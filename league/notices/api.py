@@ -1,7 +1,5 @@
 """API operations on a racer's notices and notice settings."""
 
-from typing import Any
-
 from django.conf import settings
 from django.db.models import QuerySet
 from django.shortcuts import get_object_or_404
@@ -112,7 +110,7 @@ class NoticeSettingsView(PrivateView):
         return choice_of(racer_of(request))
 
     @operation("choose_notices", "Change your notice settings", body=ChoiceBody, answer=ChoiceSerializer)
-    def patch(self, request: Request, sent: dict[str, Any]) -> NoticeChoice:
+    def patch(self, request: Request, sent: dict[str, object]) -> NoticeChoice:
         before = choice_of(racer_of(request))
         kept = {name: getattr(before, name) for name in ("site_off", "mail_off", "language")}
         return choose_notices(racer=racer_of(request), **(kept | sent))

@@ -2,7 +2,6 @@
 
 from collections.abc import Sequence
 from datetime import datetime
-from typing import Any
 
 from django.core.paginator import Paginator
 from django.http import HttpRequest, HttpResponse, JsonResponse, QueryDict
@@ -52,7 +51,7 @@ def standings(request: HttpRequest, slug: str) -> HttpResponse:
     mine = next((row for row in table.rows if row.racer is not None and row.racer.pk == request.user.pk), None)
     page = Paginator(table.rows, ROWS).get_page(request.GET.get("page"))
 
-    def rows() -> dict[str, Any]:
+    def rows() -> dict[str, object]:
         newest = read()
         shown_rows = Paginator(newest.rows, ROWS).get_page(page.number)
         query = QueryDict(f"division={division}" if len(divisions) > 1 else "")
@@ -98,7 +97,7 @@ def standings_file(request: HttpRequest, slug: str, form: str) -> HttpResponse:
 def fields(request: HttpRequest, slug: str) -> HttpResponse:
     """Finales and championship: whose the fields are, official or as they stand."""
 
-    def values() -> dict[str, Any]:
+    def values() -> dict[str, object]:
         now = timezone.now()
         months, championship = fields_of(shared_season(slug), shared_months(slug), now)
         return {"fields": fields_in_time(months, now), "championship": championship}
@@ -108,7 +107,7 @@ def fields(request: HttpRequest, slug: str) -> HttpResponse:
     return render(request, "league/standings/fields.html", context)
 
 
-def season_context(request: HttpRequest, season: Season, tab: str) -> dict[str, Any]:
+def season_context(request: HttpRequest, season: Season, tab: str) -> dict[str, object]:
     return {
         "season": season,
         "tab": tab,

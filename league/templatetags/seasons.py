@@ -1,7 +1,5 @@
 """The season of a race on the race's pages, and ratings from duels."""
 
-from typing import Any
-
 from django import template
 from django.db.models import Exists, OuterRef
 from django.utils import timezone
@@ -58,7 +56,7 @@ def cut_of_place(place: Place) -> BoardCut | None:
 
 
 @register.inclusion_tag("league/stewarding/parts/decisions.html")
-def decisions_shown(race: Race) -> dict[str, Any]:
+def decisions_shown(race: Race) -> dict[str, object]:
     """Since when results are official, until when they can be corrected, and what stewards decided and why."""
     round_ = round_of(race)
     if round_ is None or (round_.closed_at is None and round_.held_at is None):
@@ -68,7 +66,7 @@ def decisions_shown(race: Race) -> dict[str, Any]:
 
 
 @register.inclusion_tag("league/stewarding/parts/stewards.html", takes_context=True)
-def stewards_do(context: template.Context, race: Race) -> dict[str, Any]:
+def stewards_do(context: template.Context, race: Race) -> dict[str, object]:
     """What an admin may do with the round that a race is, each a click away from its board; nothing for others."""
     user = context.get("user")
     if not (user and user.is_staff and user.has_perm("league.change_round")):
@@ -105,7 +103,7 @@ def drawn(svg: str) -> SafeString:
 
 
 @register.inclusion_tag("league/standings/parts/race_ratings.html", takes_context=True)
-def ratings_of_race(context: template.Context, race: Race) -> dict[str, Any]:
+def ratings_of_race(context: template.Context, race: Race) -> dict[str, object]:
     """A small card with the best ratings of the season that a race is a round of."""
     season = season_of(race) if race.kind == RaceKind.LEAGUE else None
     ratings = season_ratings(season, TOP_RATINGS) if season else []
@@ -113,5 +111,5 @@ def ratings_of_race(context: template.Context, race: Race) -> dict[str, Any]:
 
 
 @register.inclusion_tag("league/standings/parts/racer_ratings.html")
-def ratings_of_racer(racer: Racer) -> dict[str, Any]:
+def ratings_of_racer(racer: Racer) -> dict[str, object]:
     return {"ratings": shared_value(("ratings of", racer.pk), lambda: racer_ratings(racer))}

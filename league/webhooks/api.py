@@ -1,6 +1,6 @@
 """API operations on a racer's webhooks and their deliveries."""
 
-from typing import Any
+from typing import NotRequired, TypedDict
 
 from django.db.models import QuerySet
 from django.shortcuts import get_object_or_404
@@ -77,6 +77,12 @@ class WebhookBody(Body):
     )
 
 
+class SentWebhook(TypedDict):
+    url: str
+    race: NotRequired[str | None]
+    events: NotRequired[list[str]]
+
+
 def _own(request: Request, number: int) -> Webhook:
     return get_object_or_404(webhooks_of(request.user), pk=number)
 
@@ -90,7 +96,7 @@ class WebhooksView(PrivateView):
         return webhooks_of(request.user)
 
     @operation("add_webhook", "Add a webhook", body=WebhookBody, answer=WebhookSerializer, status=201)
-    def post(self, request: Request, sent: dict[str, Any]) -> Response:
+    def post(self, request: Request, sent: SentWebhook) -> Response:
         slug = sent.get("race")
         race = None if slug is None else get_object_or_404(races_for_webhooks(racer_of(request)), slug=slug)
         refuse_undeliverable(sent["url"])

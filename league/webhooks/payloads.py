@@ -5,7 +5,6 @@ import re
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from datetime import datetime
-from typing import Any
 from urllib.parse import urlsplit
 
 from django.conf import settings
@@ -103,7 +102,7 @@ class Happening:
     race: Race | None = None
     data: PayloadData = field(default_factory=dict)
 
-    def body(self) -> dict[str, Any]:
+    def body(self) -> dict[str, object]:
         """The body for a program (Standard Webhooks: type, timestamp, data)."""
         return {
             "type": self.event,

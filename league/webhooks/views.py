@@ -89,7 +89,7 @@ def webhooks(request: HttpRequest) -> HttpResponse:
     return render(request, "league/webhooks/webhooks.html", context, status=422 if form.errors else 200)
 
 
-def _row(hook: Webhook, now: datetime) -> dict[str, Any]:
+def _row(hook: Webhook, now: datetime) -> dict[str, object]:
     return {
         "hook": hook,
         "chat": chat_of(hook.url),

@@ -1,7 +1,7 @@
 """API operations of admins on seasons, the rules of their stages and their rounds."""
 
 from collections.abc import Callable
-from typing import Any
+from typing import Any, TypedDict
 
 from django.contrib.admin.models import ADDITION, CHANGE, DELETION
 from django.db import transaction
@@ -126,6 +126,12 @@ def requires(*permissions: str, find: Callable[..., Any] = lambda: None) -> Call
     return found
 
 
+class SentSeasonCopy(TypedDict, total=False):
+    months: int | None
+    name: str
+    slug: str
+
+
 class SeasonsWrite(APIView):
     """Making seasons; joined to the list of them in :mod:`league.seasons.api.seasons`."""
 
@@ -188,7 +194,7 @@ class SeasonCopyView(APIView):
         description="Settings, rules and races, without entries. The first copy that begins after the season continues "
         "it: its divisions are carried over. Races that would be over are left out.",
     )
-    def post(self, request: Request, season: Season, sent: dict[str, Any]) -> Season:
+    def post(self, request: Request, season: Season, sent: SentSeasonCopy) -> Season:
         copied = copy_season(season=season, now=timezone.now(), **sent)
         log(racer_of(request), copied.season, ADDITION, f"Copied from {season.slug} through the API")
         return season_shown(copied.season.slug)
@@ -220,7 +226,7 @@ class StageRulesView(APIView):
         answer=StageRulesSerializer,
         description="From now on: races that are made already stay as they are.",
     )
-    def patch(self, request: Request, found: tuple[Season, str], sent: dict[str, Any]) -> StageRules:
+    def patch(self, request: Request, found: tuple[Season, str], sent: dict[str, object]) -> StageRules:
         season, stage = found
         rules = seasons.set_stage_rules(season=season, stage=stage, **sent)
         log(racer_of(request), season, CHANGE, f"Rules of {rules.stage} changed through the API")

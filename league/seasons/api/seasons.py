@@ -1,7 +1,5 @@
 """API operations that read seasons: settings, rules, rounds, standings and a racer's season."""
 
-from typing import Any
-
 from django.db.models import QuerySet
 from django.http import Http404
 from django.utils import timezone
@@ -101,7 +99,7 @@ class RacerSeasonView(APIView):
         answer=RacerSeasonSerializer,
         description="Every round that they are in, in the order of closing.",
     )
-    def get(self, request: Request, slug: str, alias: str) -> dict[str, Any]:
+    def get(self, request: Request, slug: str, alias: str) -> dict[str, object]:
         season, racer = shared_season(slug), racer_shown(alias)
         if racer is None:
             raise Http404

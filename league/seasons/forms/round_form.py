@@ -4,7 +4,7 @@ import json
 from collections.abc import Mapping
 from dataclasses import dataclass
 from datetime import datetime
-from typing import Any, TypeGuard
+from typing import TypeGuard
 
 from django.utils.datastructures import MultiValueDict
 
@@ -59,7 +59,7 @@ def write_changes(changes: Mapping[str, RoundChange]) -> str:
     return json.dumps(content) if content else ""
 
 
-def values_of(changes: Mapping[str, RoundChange], now: datetime) -> dict[str, dict[str, Any]]:
+def values_of(changes: Mapping[str, RoundChange], now: datetime) -> dict[str, dict[str, object]]:
     """The fields that single races have instead of their pattern, by key. What the form refuses is left out."""
     values = {}
     for key, one in changes.items():

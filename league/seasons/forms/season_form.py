@@ -39,7 +39,7 @@ LAYOUT = (*DRAWN_BOXES, *BOTS_DRIVING, *DUELS)
 _CAMERA = ["FRONT_FACING_CAMERA"]
 
 
-def _proposed(turns: tuple[str, ...], sensors: list[str], **rules: Any) -> dict[str, Any]:
+def _proposed(turns: tuple[str, ...], sensors: list[str], **rules: Any) -> dict[str, object]:
     usual = {name: RULES[name].default_of_a_stage for name in (*STAGE, *LAYOUT)} | {"max_submissions": None}
     turns_by_name = dict(zip(TURNS, (*turns, "", ""), strict=False))
     return usual | turns_by_name | {"sensors": sensors} | rules
@@ -47,7 +47,7 @@ def _proposed(turns: tuple[str, ...], sensors: list[str], **rules: Any) -> dict[
 
 # As the official league's were in 2021 and 2022: newcomers drive alone with a camera, pros meet boxes and bots by turns
 # with every sensor. A newcomer's car may leave the road; a finale asks for more.
-PROPOSALS: dict[str, dict[str, Any]] = {
+PROPOSALS: dict[str, dict[str, object]] = {
     Stage.OPEN: _proposed((Turn.TIME_TRIAL,), _CAMERA),
     Stage.PRO: _proposed((Turn.BOXES, Turn.BOTS), [*OFFERABLE], laps=5, off_track_penalty_ms=5000),
     Stage.FINALE: _proposed((AS_PRO,), [*OFFERABLE], **all_laps(3), off_track_penalty_ms=5000),
@@ -194,7 +194,7 @@ class SeasonForm(forms.Form):
         for stage in STAGES:
             self.fields |= stage_fields(stage)
 
-    def clean(self) -> dict[str, Any]:
+    def clean(self) -> dict[str, object]:
         """Hold the numbers against the season's and the stages' own rules, each refusal on its field."""
         cleaned = super().clean() or self.cleaned_data
         self._check(Season(), {name: name for name in self.OF_A_SEASON}, cleaned)
@@ -246,7 +246,7 @@ class SeasonForm(forms.Form):
             return None
         data = QueryDict(mutable=True)
         data.update(self.data)
-        usual: dict[str, Any] = {"name": "-", "slug": get_random_string(20), "prizes": ""}
+        usual: dict[str, str] = {"name": "-", "slug": get_random_string(20), "prizes": ""}
         for name in wrong:
             data[name] = usual.get(name, self.fields[name].initial)
         return SeasonForm(data, now=self.now)
@@ -281,7 +281,7 @@ class SeasonForm(forms.Form):
         for place, month in self.months.items():
             yield month, [self[f"open_{place}"], self[f"pro_{place}"], self[f"direction_{place}"]]
 
-    def stage_groups(self) -> Iterator[dict[str, Any]]:
+    def stage_groups(self) -> Iterator[dict[str, object]]:
         """Each stage with its fields: ``turns``, ``boxes``, ``bots``, ``duels``, ``sensors``, ``rules``; ``wrong``: any
         errors."""
         for stage in STAGES:
@@ -311,7 +311,7 @@ class SeasonForm(forms.Form):
             shown = self.fields[f"{kind}_{place}"]
             shown.widget.attrs["aria-label"] = _("%(month)s: %(field)s") % {"month": month, "field": shown.label}
 
-    def _check(self, row: Season | StageRules, names: dict[str, str], cleaned: dict[str, Any]) -> None:
+    def _check(self, row: Season | StageRules, names: dict[str, str], cleaned: dict[str, object]) -> None:
         for name, shown in names.items():
             if cleaned.get(shown) is not None:
                 setattr(row, name, cleaned[shown])

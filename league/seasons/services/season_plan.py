@@ -38,7 +38,7 @@ class Turn(models.TextChoices):
     MODELS = "models", _("head-to-head, car against car")
 
 
-_TURNS: dict[str, tuple[dict[str, Any], tuple[str, ...]]] = {
+_TURNS: dict[str, tuple[dict[str, object], tuple[str, ...]]] = {
     Turn.TIME_TRIAL: ({"race_type": RaceType.TIME_TRIAL}, ()),
     Turn.BOXES: ({"race_type": RaceType.OBJECT_AVOIDANCE}, DRAWN_BOXES),
     Turn.BOTS: ({"race_type": RaceType.HEAD_TO_HEAD, "opponents": Opponents.BOTS}, BOTS_DRIVING),
@@ -46,7 +46,7 @@ _TURNS: dict[str, tuple[dict[str, Any], tuple[str, ...]]] = {
 }
 
 
-def proposed_race(turn: Turn) -> dict[str, Any]:
+def proposed_race(turn: Turn) -> dict[str, object]:
     """The race of a turn as the form of a season proposes it, as fields of a race."""
     fields, numbers = _TURNS[turn]
     return fields | {name: RULES[name].default_of_a_stage for name in numbers}
@@ -82,9 +82,9 @@ class StagePlan:
     sensors: Sequence[str] | None = None
     rules: Mapping[str, Any] = field(default_factory=dict)
 
-    def fields_of(self, place: int) -> dict[str, Any]:
+    def fields_of(self, place: int) -> dict[str, object]:
         """What the race at this place (from 0) of the stage is, as fields of a race."""
-        sensors = {} if self.sensors is None else {"sensors": list(self.sensors)}
+        sensors: dict[str, object] = {} if self.sensors is None else {"sensors": list(self.sensors)}
         if not self.turns:
             return sensors
         fields, numbers = _TURNS[self.turns[place % len(self.turns)]]
@@ -278,7 +278,7 @@ def _schedule(season: Season, one: RoundPlan, now: datetime) -> Race:
     ).race
 
 
-def _on_the_track(pro: RoundPlan) -> dict[str, Any]:
+def _on_the_track(pro: RoundPlan) -> dict[str, object]:
     return {name: pro.race[name] for name in _ON_THE_TRACK if name in pro.race}
 
 

@@ -32,7 +32,7 @@ LEADERS = 5
 
 @require_safe
 def seasons(request: HttpRequest) -> HttpResponse:
-    def values() -> dict[str, Any]:
+    def values() -> dict[str, object]:
         return {"seasons": list(selectors.seasons_listed()), "today": site_day(timezone.now())}
 
     listed = shared_piece("league/seasons/parts/season_rows.html", values, key=())
@@ -60,8 +60,8 @@ def season(request: HttpRequest, slug: str) -> HttpResponse:
     return render(request, "league/seasons/season.html", context)
 
 
-def _overview(slug: str) -> dict[str, Any]:
-    def read() -> dict[str, Any]:
+def _overview(slug: str) -> dict[str, object]:
+    def read() -> dict[str, object]:
         shown, months, now = shared_season(slug), shared_months(slug), timezone.now()
         races = selectors.month_races(months, now)
         return {
@@ -86,7 +86,7 @@ def _overview(slug: str) -> dict[str, Any]:
 def rules(request: HttpRequest, slug: str) -> HttpResponse:
     """The rules of a season in plain sentences, made from its settings."""
 
-    def values() -> dict[str, Any]:
+    def values() -> dict[str, object]:
         shown, order = shared_season(slug), list(Stage)
         stages = sorted(shown.stage_rules.all(), key=lambda one: order.index(Stage(one.stage)))
         return {
@@ -110,7 +110,7 @@ def calendar(request: HttpRequest, slug: str) -> HttpResponse:
     name = name if name in known else timezone.get_current_timezone_name()
     name = name if name in known else "UTC"  # such as "Etc/GMT-9", which is no place
 
-    def values() -> dict[str, Any]:
+    def values() -> dict[str, object]:
         rounds = [one for month in shared_months(slug) for one in month]
         rounds.sort(key=lambda one: (one.race.opens_at, one.race.closes_at, one.pk))
         now = timezone.now()
@@ -152,7 +152,7 @@ def season_racer(request: HttpRequest, slug: str, alias: str) -> HttpResponse:
     return render(request, "league/seasons/racer.html", context)
 
 
-def _rounds_of(slug: str, pk: int) -> dict[str, Any]:
+def _rounds_of(slug: str, pk: int) -> dict[str, object]:
     shown, racer = shared_season(slug), Racer.objects.get(pk=pk)
     rows = selectors.racer_season(shown, racer)
     points = [
@@ -184,7 +184,7 @@ def _rounds_of(slug: str, pk: int) -> dict[str, Any]:
 
 @require_safe
 def hall(request: HttpRequest) -> HttpResponse:
-    def values() -> dict[str, Any]:
+    def values() -> dict[str, object]:
         return {"halls": selectors.hall_of_fame(), "today": site_day(timezone.now())}
 
     winners = shared_piece("league/seasons/parts/winners.html", values, key=())
