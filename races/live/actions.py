@@ -3,7 +3,6 @@
 from collections.abc import Callable
 from datetime import datetime
 from functools import partial
-from typing import Any
 
 from accounts.models import Racer
 from paddock.errors import UserFault
@@ -55,11 +54,11 @@ def act(
 ) -> None:
     """Do one of :data:`ACTS`. ``racer``: an alias. Raises KeyError, UserFault as the services, ``live_slot_unknown``
     where no slot is named, ``live_not_in``."""
-    context: dict[str, Any] = {"event": event, "by": by, "seen": seen, "now": now}
+    context: dict[str, object] = {"event": event, "by": by, "seen": seen, "now": now}
     if action == "launch":
-        live.launch(slot=slot, **context)
+        live.launch(event=event, slot=slot, by=by, seen=seen, now=now)
     elif action == "message":
-        live.set_message(message=message, **context)
+        live.set_message(event=event, message=message, by=by, seen=seen, now=now)
     elif action in _OF_AN_ENTRY:
         entry = Entry.objects.filter(race=event.race_id, racer__alias__iexact=racer).first()
         if entry is None:

@@ -209,7 +209,7 @@ def _outcome(run: DrivenRun, known: _Known) -> Iterator[Sentence]:
         yield Sentence(at, "leader", _("%(racer)s leads.") % {"racer": run.alias})
 
 
-def _in(alias: str, ms: int, gap_ms: int, **more: Any) -> dict[str, Any]:
+def _in(alias: str, ms: int, gap_ms: int, **more: Any) -> dict[str, object]:
     return {"racer": alias, "time": seconds(ms), "gap": f"{gap_ms / 1000:.3f} s", **more}
 
 

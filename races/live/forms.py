@@ -101,7 +101,7 @@ class LiveForm(forms.Form):
         add_fault(self, fault, _FIELD_OF.get(fault.code))
 
 
-def _initial(event: LiveEvent | None, now: datetime) -> dict[str, Any]:
+def _initial(event: LiveEvent | None, now: datetime) -> dict[str, object]:
     if event is None:
         zone = timezone.get_current_timezone_name()
         start = (now + timedelta(days=1)).astimezone(timezone.get_current_timezone())
@@ -120,7 +120,7 @@ _LABELS = {
 }
 
 
-def modes() -> list[dict[str, Any]]:
+def modes() -> list[dict[str, object]]:
     """Each mode with its label and the range of its value, for the page's slider."""
     return [{"name": name, "label": label, "range": VALUES[name]} for name, label in _LABELS.items()]
 

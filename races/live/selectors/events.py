@@ -308,7 +308,7 @@ def played(slot: LiveSlot, now: datetime, *, after: int = -1) -> tuple[list[Chun
     return some, slot.state == SlotState.DONE and first + len(some) >= len(chunks)
 
 
-def shown_line(slot: LiveSlot, now: datetime, lap: int | None) -> dict[str, Any] | None:
+def shown_line(slot: LiveSlot, now: datetime, lap: int | None) -> dict[str, list[Any]] | None:
     """The columns of a fully shown run or of one of its laps, for a ghost; None for other runs and incomplete laps. See
     :func:`races.live.streaming.pose_chunks.line_of`."""
     if slot.state != SlotState.DONE:

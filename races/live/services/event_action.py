@@ -29,7 +29,7 @@ class Act:
     """An act in progress. ``details``: more data for its log entry; ``final``: it cannot be undone."""
 
     event: LiveEvent
-    details: dict[str, Any] = field(default_factory=dict)
+    details: dict[str, object] = field(default_factory=dict)
     final: bool = False
 
     def slot(self, slot: LiveSlot | int) -> LiveSlot:
@@ -100,8 +100,15 @@ _SLOT = ("state", "position", "starts_at", "ends_at", "reason_code")
 class EventSnapshot(TypedDict):
     """The values of an event and of its slots by id that an undo may have to bring back, as plain JSON."""
 
-    event: dict[str, Any]
-    slots: dict[str, Any]
+    event: dict[str, object]
+    slots: dict[str, dict[str, object]]
+
+
+class EventUndo(TypedDict):
+    """An act's changes: each value of the event and each row of a slot before (None: a new row) and after."""
+
+    event: dict[str, tuple[object, object]]
+    slots: dict[str, tuple[dict[str, object] | None, dict[str, object]]]
 
 
 def snapshot(event: LiveEvent) -> EventSnapshot:
@@ -111,12 +118,11 @@ def snapshot(event: LiveEvent) -> EventSnapshot:
     return {"event": {name: _plain(getattr(event, name)) for name in _EVENT}, "slots": slots}
 
 
-def before_and_after(before: EventSnapshot, after: EventSnapshot) -> EventSnapshot:
-    """An act's changes: each changed row before (None: new) and after."""
+def before_and_after(before: EventSnapshot, after: EventSnapshot) -> EventUndo:
     slots = {
-        key: [before["slots"].get(key), row] for key, row in after["slots"].items() if before["slots"].get(key) != row
+        key: (before["slots"].get(key), row) for key, row in after["slots"].items() if before["slots"].get(key) != row
     }
-    event = {name: [before["event"][name], value] for name, value in after["event"].items()}
+    event = {name: (before["event"][name], value) for name, value in after["event"].items()}
     return {"event": {name: pair for name, pair in event.items() if pair[0] != pair[1]}, "slots": slots}
 
 
@@ -137,7 +143,7 @@ def undo_last(*, event: LiveEvent, by: Racer, seen: int | None, now: datetime) -
     return last
 
 
-def _stands(event: LiveEvent, undo: EventSnapshot, now: datetime) -> bool:
+def _stands(event: LiveEvent, undo: EventUndo, now: datetime) -> bool:
     """Whether the event is still as the act left it, and no spectator has seen a car move because of it."""
     present = snapshot(event)
     if any(present["event"][name] != after for name, (_before, after) in undo["event"].items()):
@@ -145,13 +151,12 @@ def _stands(event: LiveEvent, undo: EventSnapshot, now: datetime) -> bool:
     for key, (_before, after) in undo["slots"].items():
         if present["slots"].get(key) != after:
             return False
-        starts = after["starts_at"]
-        if after["state"] == SlotState.RUNNING and now >= (parse_datetime(starts) or now):
+        if after["state"] == SlotState.RUNNING and now >= (parse_datetime(str(after["starts_at"])) or now):
             return False
     return True
 
 
-def _bring_back(event: LiveEvent, undo: EventSnapshot) -> None:
+def _bring_back(event: LiveEvent, undo: EventUndo) -> None:
     for name, (before, _after) in undo["event"].items():
         setattr(event, name, before)  # Django reads times as they are written here
     for key, (before, _after) in undo["slots"].items():

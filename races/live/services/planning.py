@@ -156,7 +156,7 @@ def check_plan(plan: Mapping[str, Any], now: datetime) -> None:
         raise UserFault("live_order", known=", ".join(LiveOrder.values))
 
 
-def _start_of(race: Race, plan: Mapping[str, Any]) -> dict[str, Any]:
+def _start_of(race: Race, plan: Mapping[str, Any]) -> dict[str, object]:
     """Where the event's laps begin, and its seed: as planned, or drawn. Raises UserFault."""
     start, seed = plan.get("start_m"), plan.get("seed")
     check_start(race, start, seed)

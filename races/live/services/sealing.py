@@ -141,7 +141,7 @@ def seal_heat(event: LiveEvent, slot: LiveSlot, now: datetime) -> bool:
 def queue_sealed(event: LiveEvent, slot: LiveSlot, log: list[StoredCommand] | None, **run: Any) -> bool:
     """Queue the sealed run of a slot, ahead of all other jobs. False when it is refused; then the slot has the reason.
     ``run``: as :func:`queue_evaluation` takes it."""
-    values: dict[str, Any] = {"reason_code": "", "speed_log": log}
+    values: dict[str, object] = {"reason_code": "", "speed_log": log}
     try:
         values["evaluation"] = queue_evaluation(track=event.race.track, priority=URGENT, sealed=True, **run)
     except UserFault as fault:

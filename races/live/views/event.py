@@ -1,7 +1,5 @@
 """Pages of a live event: lobby and show for spectators, console for organisers."""
 
-from typing import Any
-
 from django.contrib import messages
 from django.contrib.auth.decorators import login_required
 from django.http import Http404, HttpRequest, HttpResponse, JsonResponse
@@ -217,7 +215,7 @@ def _run_by(request: HttpRequest, slug: str) -> LiveEvent:
     return event
 
 
-def _shown(request: HttpRequest, event: LiveEvent) -> dict[str, Any]:
+def _shown(request: HttpRequest, event: LiveEvent) -> dict[str, object]:
     race = event.race
     now = timezone.now()
     rows = events.shared_rows(event)

@@ -52,7 +52,7 @@ EMOJI = {"clap": "👏", "fire": "🔥", "wow": "😮", "laugh": "😂", "heart"
 CONNECTED_S = 25  # screens send a heartbeat every ten seconds
 MAX_SENTENCES = 80
 SAME_FOR_S = 0.25  # less than a page waits before it asks for what it has just played (live/commentary.js)
-_COMMENTARIES: Unchanged[dict[str, Any]] = Unchanged(32)
+_COMMENTARIES: Unchanged[dict[str, object]] = Unchanged(32)
 
 
 @require_safe
@@ -91,7 +91,7 @@ def live_panel(request: HttpRequest, slug: str) -> HttpResponse:
     return _fresh(render(request, "races/live/screens/panel.html", panel_context(request, race, event)))
 
 
-def panel_context(request: HttpRequest, race: Race, event: LiveEvent | None) -> dict[str, Any]:
+def panel_context(request: HttpRequest, race: Race, event: LiveEvent | None) -> dict[str, object]:
     """What the console's panel of screens shows."""
     rows = []
     for name, (label, (width, height)) in SCREENS.items():
@@ -148,10 +148,10 @@ def live_commentary(request: HttpRequest, slug: str) -> HttpResponse:
     return _fresh(render(request, "races/live/screens/commentary.html", context))
 
 
-def _commentary(event: LiveEvent) -> dict[str, Any]:
+def _commentary(event: LiveEvent) -> dict[str, object]:
     """The commentary in the active language, cached briefly for all commentators."""
 
-    def made() -> tuple[dict[str, Any], bool]:
+    def made() -> tuple[dict[str, object], bool]:
         sentences = story_of(event, timezone.now())[:MAX_SENTENCES]
         return {
             "sentences": sentences,
@@ -255,7 +255,7 @@ def _with_event(race: Race) -> tuple[Race, LiveEvent | None]:
     return race, event
 
 
-def _context(race: Race, event: LiveEvent | None) -> dict[str, Any]:
+def _context(race: Race, event: LiveEvent | None) -> dict[str, object]:
     return {
         "race": race,
         "event": event,
@@ -265,7 +265,7 @@ def _context(race: Race, event: LiveEvent | None) -> dict[str, Any]:
     }
 
 
-def podium_cards(event: LiveEvent) -> list[dict[str, Any]]:
+def podium_cards(event: LiveEvent) -> list[dict[str, object]]:
     """The podium with what belongs to each racer on it: the score, and the car."""
     standings = events.shared_rows(event).standings
     rows = {row.racer.entry.pk: row for row in standings}
