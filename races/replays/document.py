@@ -4,7 +4,7 @@ scene with the track."""
 import csv
 import io
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from typing import Any, TypedDict
 
 from evaluation.appearance.looks import VehicleLook
@@ -15,6 +15,7 @@ from evaluation.templatetags.looks import shell_from_above
 from paddock.analysis.turns import turns_of
 from paddock.errors import PlatformFault
 from paddock.geometry.checks import Points
+from paddock.simulator.layout import BoxDocument
 from paddock.simulator.results import LapDocument
 from paddock.simulator.solids import box as box_solid
 from paddock.simulator.trace import CRASHED, OFF_TRACK
@@ -51,6 +52,36 @@ class ReplayEvent(TypedDict):
     t: int
     kind: str
     car: int
+
+
+class ReplayLap(TypedDict):
+    number: int
+    start_ms: int
+    time_ms: int
+    complete: bool
+    sector_ms: list[int]
+
+
+class ReplayCar(TypedDict):
+    number: int
+    name: str
+    look: dict[str, str]
+    laps: list[ReplayLap]
+    columns: RunColumns
+    events: list[ReplayEvent]
+
+
+class RunDocument(ReplayCar):
+    """A run: its own car with the address and setting of the run, and its rivals. ``events``: of all cars."""
+
+    run: str
+    href: str
+    engine: str
+    track: str
+    direction: str
+    bots: list[dict[str, list[float]]]
+    boxes: list[dict[str, float]]
+    rivals: list[ReplayCar]
 
 
 def trace_columns(trace_csv: bytes) -> RunColumns:
@@ -96,9 +127,17 @@ def car_events(number: int, columns: RunColumns, laps: Sequence[LapDocument]) ->
     return sorted(found, key=lambda event: event["t"])
 
 
-def lap_documents(laps: Sequence[LapDocument]) -> list[dict[str, Any]]:
-    names = ("number", "start_ms", "time_ms", "complete")
-    return [{name: lap[name] for name in names} | {"sector_ms": lap.get("sector_ms") or []} for lap in laps]  # type: ignore[literal-required]
+def lap_documents(laps: Sequence[LapDocument]) -> list[ReplayLap]:
+    return [
+        {
+            "number": lap["number"],
+            "start_ms": lap["start_ms"],
+            "time_ms": lap["time_ms"],
+            "complete": lap["complete"],
+            "sector_ms": lap.get("sector_ms") or [],
+        }
+        for lap in laps
+    ]
 
 
 def look_document(look: VehicleLook) -> dict[str, str]:
@@ -106,10 +145,7 @@ def look_document(look: VehicleLook) -> dict[str, str]:
     return {"shell": look.shell, "colour": look.colour, "above": shell_from_above(look.shell, look.colour)}
 
 
-def car_document(
-    number: int, name: str, look: VehicleLook, trace_csv: bytes, laps: Sequence[LapDocument]
-) -> dict[str, Any]:
-    """One car: its name, look, laps, columns and events."""
+def car_document(number: int, name: str, look: VehicleLook, trace_csv: bytes, laps: Sequence[LapDocument]) -> ReplayCar:
     columns = trace_columns(trace_csv)
     return {
         "number": number,
@@ -121,7 +157,7 @@ def car_document(
     }
 
 
-def run_document(shown: Evaluation, cars: Sequence[CompetitorRow]) -> dict[str, Any]:
+def run_document(shown: Evaluation, cars: Sequence[CompetitorRow]) -> RunDocument:
     """A finished run with all of its ``cars`` (:func:`evaluation.running.competitors.car_rows`). Raises PlatformFault
     ``storage_failed``, ``file_damaged``."""
     own, *rivals = (
@@ -129,7 +165,8 @@ def run_document(shown: Evaluation, cars: Sequence[CompetitorRow]) -> dict[str, 
         for car in sorted(cars, key=lambda car: car.number)
     )
     layout = read_layout(shown.result)
-    return own | {
+    return {
+        **own,
         "run": shown.public_id,
         "href": shown.get_absolute_url(),
         "engine": shown.result.engine,
@@ -157,7 +194,7 @@ def bot_columns(places: Sequence[Sequence[float]]) -> dict[str, list[float]]:
     }
 
 
-def box_document(box: Mapping[str, Any]) -> dict[str, Any]:
+def box_document(box: BoxDocument) -> dict[str, float]:
     """A box with its middle in metres, its heading in degrees, and its size."""
     solid = box_solid(box["x"], box["y"], box["yaw"])
     return {
@@ -170,7 +207,7 @@ def box_document(box: Mapping[str, Any]) -> dict[str, Any]:
     }
 
 
-def scene_document(track: Track, direction: str) -> dict[str, Any]:
+def scene_document(track: Track, direction: str) -> dict[str, object]:
     """The lines of a track in driving order, an open one's with its road before the start and beyond the finish.
     ``start`` and ``finish``: the middle of their line, its heading and the road's width there."""
     geometry = track.geometry.in_direction(direction)

@@ -15,7 +15,7 @@ from tracks.models import ReferenceLap, Track
 from tracks.reference.selectors import reference_lap
 
 from .comparison import best_lap
-from .document import RUN_FORMAT, car_document
+from .document import RUN_FORMAT, RunDocument, car_document
 from .responses import document_response
 from .setup import ViewedRun, viewer_setup
 
@@ -51,9 +51,10 @@ def track_reference_replay(request: HttpRequest, slug: str) -> HttpResponse:
     found = _found(request, slug)
     key = "reference document", RUN_FORMAT, found.pk, found.trace_sha256, get_language()
 
-    def made() -> dict:
+    def made() -> RunDocument:
         trace = gzip.decompress(bytes(found.trace))
-        return car_document(0, _("Reference lap"), LOOK, trace, found.laps) | {
+        return {
+            **car_document(0, _("Reference lap"), LOOK, trace, found.laps),
             "run": "",
             "href": found.track.get_absolute_url(),
             "engine": found.engine,

@@ -4,7 +4,6 @@ import gzip
 import hashlib
 import json
 from collections.abc import Callable, Hashable, Mapping
-from typing import Any
 
 from django.http import HttpRequest, HttpResponse
 from django.utils.cache import get_conditional_response, patch_vary_headers
@@ -13,7 +12,7 @@ from django.utils.http import quote_etag
 from core.streams.shared_pieces import lasting_value
 from paddock.errors import PlatformFault
 
-Make = Callable[[], dict[str, Any]]
+Make = Callable[[], Mapping[str, object]]
 
 
 def document_response(request: HttpRequest, key: Hashable, make: Make) -> HttpResponse:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any, NotRequired, TypedDict
 
 from django.conf import settings
@@ -27,7 +27,7 @@ class ViewedRun(TypedDict):
     run), and its name and look where they differ from the document's."""
 
     url: NotRequired[str]
-    document: NotRequired[dict[str, Any]]
+    document: NotRequired[Mapping[str, object]]
     lap: int
     name: NotRequired[str]
     look: NotRequired[dict[str, str]]

@@ -342,7 +342,7 @@ def _sentence(compared: LapComparison, name: str, other: str) -> str:
     }
 
 
-def _rows(runs: Sequence[ReplayedRun]) -> list[dict[str, Any]]:
+def _rows(runs: Sequence[ReplayedRun]) -> list[dict[str, object]]:
     """The laps of all runs, lap by lap, with the gap to the same lap of the first."""
     laps: list[dict[int, LapRow]] = [
         {row.lap["number"]: row for row in lap_rows(each.run.result.laps, None)} for each in runs

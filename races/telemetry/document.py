@@ -4,7 +4,7 @@ import gzip
 import json
 from collections.abc import Callable, Hashable, Sequence
 from dataclasses import dataclass, replace
-from typing import Annotated, Any, TypedDict, cast
+from typing import Annotated, Any, TypedDict
 
 import numpy as np
 from django.utils.translation import get_language, gettext_lazy
@@ -193,9 +193,9 @@ def telemetry_document(laps: Sequence[AskedLap]) -> TelemetryDocument:
     return json.loads(gzip.decompress(compressed(*telemetry_part(laps))))
 
 
-def telemetry_part(laps: Sequence[AskedLap]) -> tuple[Hashable, Callable[[], dict[str, Any]]]:
+def telemetry_part(laps: Sequence[AskedLap]) -> tuple[Hashable, Callable[[], TelemetryDocument]]:
     """The key of the document in the language at hand, and what makes it."""
-    return (document_key(laps), get_language()), lambda: cast(dict[str, Any], _document(laps))
+    return (document_key(laps), get_language()), lambda: _document(laps)
 
 
 def document_key(laps: Sequence[AskedLap]) -> tuple[Any, ...]:
@@ -267,7 +267,7 @@ def _turn(turn: TrackTurn, start_m: float, length_m: float) -> LapTurnDocument:
 
 def _run(run: _Laps, first: _Laps, turns: Sequence[TrackTurn], length_m: float) -> RunTelemetryDocument:
     lap, pace = run.lap, run.pace
-    channels: dict[str, Any] = {
+    channels: dict[str, object] = {
         name: None if (values := getattr(lap, name)) is None else _numbers(values, digits)
         for name, digits in DIGITS.items()
     }

@@ -2,7 +2,6 @@
 
 import json
 from collections.abc import Sequence
-from typing import Any
 
 from django import template
 from django.http import QueryDict
@@ -52,7 +51,7 @@ def telemetry_panel(context: Context, runs: Sequence[ReplayedRun]) -> SafeString
         return SafeString()
 
 
-def _panel(laps: Sequence[AskedLap], names: Sequence[str], shown_lap: str, rewarded: bool) -> dict[str, Any]:
+def _panel(laps: Sequence[AskedLap], names: Sequence[str], shown_lap: str, rewarded: bool) -> dict[str, object]:
     document = telemetry_document(laps)
     query = _query(laps)
     first = laps[0].run
@@ -112,7 +111,7 @@ def _row(sectors: Sequence[MiniSectorDocument], number: int) -> list[tuple[MiniS
     return [(sector, sector["times"][number], sector["colours"][number]) for sector in sectors]
 
 
-def _places(document: TelemetryDocument) -> list[dict[str, Any]]:
+def _places(document: TelemetryDocument) -> list[dict[str, object]]:
     """The channels where each mini-sector ends."""
     metres, last = document["metres"], len(document["metres"]) - 1
     rows = []
