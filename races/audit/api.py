@@ -1,6 +1,7 @@
 """The audit log in the API."""
 
-from typing import Any
+from datetime import date
+from typing import Any, TypedDict
 
 from django.core.exceptions import PermissionDenied
 from django.db.models import QuerySet
@@ -52,6 +53,19 @@ class AuditPageSerializer(AuditFilterSerializer):
     page_size = serializers.IntegerField(min_value=1, max_value=MAX_PER_PAGE, default=PER_PAGE)
 
 
+class AuditAsked(TypedDict):
+    actor: str
+    action: str
+    target: str
+    since: date | None
+    until: date | None
+
+
+class AuditPageAsked(AuditAsked):
+    before: int | None
+    page_size: int
+
+
 def _for_admins(request: Request, form: str = "") -> str:
     """The form of an export, if one is asked for. Raises PermissionDenied, Http404."""
     if not reads_all(request.user):
@@ -79,7 +93,7 @@ class AuditView(PrivateView):
         query=AuditPageSerializer,
         answer=AuditListSerializer,
     )
-    def get(self, request: Request, _none: None, asked: dict[str, Any]) -> Response:
+    def get(self, request: Request, _none: None, asked: AuditPageAsked) -> Response:
         return _listed(request, entries_visible_to(request.user), **asked)
 
 
@@ -93,7 +107,7 @@ class RaceAuditView(PrivateView):
         query=AuditPageSerializer,
         answer=AuditListSerializer,
     )
-    def get(self, request: Request, race: Race, asked: dict[str, Any]) -> Response:
+    def get(self, request: Request, race: Race, asked: AuditPageAsked) -> Response:
         return _listed(request, entries_visible_to(request.user).filter(race=race.pk), **asked)
 
 
@@ -111,5 +125,5 @@ class AuditExportView(PrivateView, FileView):
         description="The oldest entry first, as CSV or JSON Lines.",
         parameters=[OpenApiParameter("form", str, OpenApiParameter.PATH, enum=[*FORMS])],
     )
-    def get(self, request: Request, form: str, asked: dict[str, Any]) -> HttpResponseBase:
+    def get(self, request: Request, form: str, asked: AuditAsked) -> HttpResponseBase:
         return exported(request.user, AuditFilter(**asked), form)

@@ -3,7 +3,6 @@
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field, fields
 from datetime import date, datetime, time, timedelta
-from typing import Any
 
 from django.db.models import F, Q, QuerySet
 from django.utils import timezone
@@ -64,7 +63,7 @@ class AuditFilter:
         return entries.filter(found)
 
     @property
-    def asked(self) -> dict[str, Any]:
+    def asked(self) -> dict[str, object]:
         """The filled fields, for addresses."""
         return {one.name: value for one in fields(self) if (value := getattr(self, one.name))}
 

@@ -1,7 +1,5 @@
 """Pages of the audit log."""
 
-from typing import Any
-
 from django.contrib.auth.decorators import login_required
 from django.core.exceptions import PermissionDenied
 from django.db.models import QuerySet
@@ -67,7 +65,7 @@ def _shown(request: HttpRequest, entries: QuerySet[AuditEntry], race: Race | Non
     form = AuditForm(request.GET, acts=acts)
     wanted = form.filter()
     page = page_of(wanted(entries), before=form.cleaned_data.get("before"))
-    context: dict[str, Any] = {"form": form, "race": race, "page": page, "wanted": wanted, "forms": FORMS}
+    context: dict[str, object] = {"form": form, "race": race, "page": page, "wanted": wanted, "forms": FORMS}
     context["rows"] = [(entry, ACTS.get(entry.action), page.races.get(entry.race or 0)) for entry in page.entries]
     context["in_full"] = reads_all(request.user)
     return render(request, "races/audit/log.html", context, status=200 if form.is_valid() else 422)

@@ -2,7 +2,6 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any
 
 from django.http import HttpRequest
 
@@ -98,6 +97,6 @@ def latest_run(entry: Entry | None, *, queue: bool = True, tries: bool = False) 
     return LatestRun(entry, submission, position, wait_s, earlier)
 
 
-def race_page_part(request: HttpRequest, race: Race, entry: Entry | None) -> dict[str, Any]:
+def race_page_part(request: HttpRequest, race: Race, entry: Entry | None) -> dict[str, object]:
     """The last run of the reader in the race, unless its results are hidden."""
     return {"latest": None if spoilers_of(request).hides(race) else latest_run(entry, queue=False, tries=True)}

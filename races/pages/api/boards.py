@@ -1,7 +1,5 @@
 """The board of a race."""
 
-from typing import Any
-
 from rest_framework import serializers
 from rest_framework.request import Request
 from rest_framework.utils.urls import replace_query_param
@@ -36,7 +34,7 @@ class RowSerializer(serializer_of(ExportedRow)):  # type: ignore[misc]
         allow_null=True, help_text="The racer who sent the same car first; such a row has no place. Else null."
     )
 
-    def to_representation(self, row: BoardRow) -> dict[str, Any]:
+    def to_representation(self, row: BoardRow) -> dict[str, object]:
         best = row.entry.best
         return super().to_representation(
             {

@@ -1,6 +1,6 @@
 """Races: list, read, create, change and cancel."""
 
-from typing import Any
+from typing import NotRequired, TypedDict
 
 from django.contrib.admin.models import ADDITION
 from django.db.models import Q, QuerySet
@@ -182,6 +182,13 @@ class FilterSerializer(serializers.Serializer):
     mine = serializers.BooleanField(required=False, default=False, help_text="Only those that you are in or organise.")
 
 
+class RacesWanted(TypedDict):
+    state: NotRequired[str]
+    kind: NotRequired[str]
+    race_type: NotRequired[str]
+    mine: bool
+
+
 class CancelSerializer(Body):
     """Why."""
 
@@ -199,7 +206,7 @@ class RacesView(APIView):
         paged=True,
         description="Public ones, and those by invitation that you are in or organise; the latest first.",
     )
-    def get(self, request: Request, wanted: dict[str, Any]) -> QuerySet[Race]:
+    def get(self, request: Request, wanted: RacesWanted) -> QuerySet[Race]:
         racer = request.user
         races = races_visible_to(racer).select_related("beside").defer("track__npy").order_by("-opens_at", "-pk")
         if "kind" in wanted:

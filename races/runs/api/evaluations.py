@@ -143,7 +143,7 @@ class OwnSerializer(with_rules(serializers.Serializer, RANKED)):  # type: ignore
     )
     submit_reason = ReasonField("submit_reason", help_text="Why it was not submitted.")
 
-    def to_representation(self, own: OwnEvaluation) -> dict[str, Any]:
+    def to_representation(self, own: OwnEvaluation) -> dict[str, object]:
         result = getattr(own.evaluation, "result", None)
         own.worth = None if result is None else own_result(own, result)
         return super().to_representation(own)

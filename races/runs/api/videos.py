@@ -1,7 +1,7 @@
 """Videos of a finished evaluation: ask for one, see how far it is, download it."""
 
 from collections.abc import Callable
-from typing import Any
+from typing import Any, NotRequired, TypedDict
 
 from django.conf import settings
 from django.http.response import HttpResponseBase
@@ -110,6 +110,16 @@ class AskSerializer(Body):
     )
 
 
+class AskedVideo(TypedDict):
+    part: str
+    car: int
+    from_ms: int
+    to_ms: int
+    camera: str
+    format: str
+    language: NotRequired[str]
+
+
 class VideosView(APIView):
     token_scope = RACE
 
@@ -134,10 +144,16 @@ class VideosView(APIView):
             "video (200) and counts nothing; one that failed or is stale is made again."
         ),
     )
-    def post(self, request: Request, evaluation: Evaluation, sent: dict[str, Any]) -> Response:
-        wanted = {"language": page_language()} | sent
-        form = ClipForm(*(wanted.pop(name) for name in ("from_ms", "to_ms", "camera", "format")))
-        asked = request_video(evaluation=evaluation, by=racer_of(request), now=timezone.now(), form=form, **wanted)
+    def post(self, request: Request, evaluation: Evaluation, sent: AskedVideo) -> Response:
+        asked = request_video(
+            evaluation=evaluation,
+            by=racer_of(request),
+            car=sent["car"],
+            part=sent["part"],
+            language=sent.get("language", page_language()),
+            now=timezone.now(),
+            form=ClipForm(sent["from_ms"], sent["to_ms"], sent["camera"], sent["format"]),
+        )
         asked.video.evaluation = evaluation
         answer = VideoSerializer(shown_video(asked.video)).data
         return Response(answer, status=status.HTTP_202_ACCEPTED if asked.queued else status.HTTP_200_OK)
