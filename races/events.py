@@ -1,6 +1,6 @@
 """Events of a race. The league's clock (:mod:`league.seasons.services.clock`) records openings and closings."""
 
-from typing import Any
+from typing import TypedDict
 
 from django.utils import timezone
 
@@ -44,7 +44,12 @@ RESULT_DIFFERS = register(
 )
 
 
-def of_race(race: Race) -> dict[str, Any]:
+class RaceColumns(TypedDict):
+    race: int
+    subject: str
+
+
+def of_race(race: Race) -> RaceColumns:
     """The columns of an event that names a race: its id and its address."""
     return {"race": race.pk, "subject": race.slug}
 

@@ -2,7 +2,6 @@
 
 from dataclasses import dataclass
 from datetime import datetime
-from typing import Any
 
 from django.http import HttpRequest
 from django.shortcuts import get_object_or_404
@@ -161,6 +160,6 @@ def _track(paper: Paper, race: Race) -> None:
         paper.shape(points, colour=(232, 236, 240), width=0.7, closed=not race.track.is_open)
 
 
-def race_page_part(request: HttpRequest, race: Race, entry: Entry | None) -> dict[str, Any]:
+def race_page_part(request: HttpRequest, race: Race, entry: Entry | None) -> dict[str, object]:
     """Whether the race has results to download that are not hidden from the reader."""
     return {"has_results": not spoilers_of(request).hides(race) and is_settled(race, timezone.now())}

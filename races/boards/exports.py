@@ -72,7 +72,7 @@ def row_data(row: BoardRow) -> ExportedRow:
     }
 
 
-def board_data(race: Race, now: datetime) -> dict[str, Any]:
+def board_data(race: Race, now: datetime) -> dict[str, object]:
     return {
         "race": race.slug,
         "name": race.name,

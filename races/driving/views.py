@@ -3,7 +3,7 @@
 import json
 from collections.abc import Collection
 from dataclasses import asdict
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 from django.contrib.auth.models import AnonymousUser
 from django.http import Http404, HttpRequest, HttpResponse
@@ -79,7 +79,7 @@ def drive(request: HttpRequest, slug: str) -> HttpResponse:
     return render(request, "races/driving/drive.html", context)
 
 
-def _setup(request: HttpRequest, track: Track, direction: str) -> dict[str, Any]:
+def _setup(request: HttpRequest, track: Track, direction: str) -> dict[str, object]:
     return {
         "scene": f"{reverse('track_scene', args=[track.slug])}?direction={direction}",
         "physics": asdict(PADDOCK_CAR),

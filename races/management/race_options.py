@@ -77,7 +77,7 @@ def ranking_of(options: dict[str, Any]) -> tuple[str, int]:
     return method, needed
 
 
-def options_given(options: dict[str, Any]) -> list[str]:
+def options_given(options: dict[str, object]) -> list[str]:
     """The given options, by their command line names."""
     names = [*map(_option, _ASKED), *RANKED, "box"]
     return [_flag(name) for name in names if options[name] not in (None, [])]

@@ -110,7 +110,7 @@ class Ruled(models.Model):
 
     def clean_fields(self, exclude: Collection[str] | None = None) -> None:
         """Also cleans the values in ``rules`` like columns. Raises ValidationError by rule."""
-        errors: dict[str, Any] = {}
+        errors: dict[str, list[ValidationError]] = {}
         try:
             super().clean_fields(exclude=exclude)
         except ValidationError as error:

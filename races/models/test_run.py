@@ -1,7 +1,5 @@
 """A racer's own runs: any usable car on any track, private."""
 
-from typing import Any
-
 from django.conf import settings
 from django.db import models
 from django.db.models import Q
@@ -84,7 +82,7 @@ class OwnEvaluation(with_columns({name: RULES[name] for name in RANKED})):  # ty
         return reason_sentence(self.submit_reason_code, self.submit_reason_params)
 
     @property
-    def ranked(self) -> dict[str, Any]:
+    def ranked(self) -> dict[str, object]:
         """Its ranking: the values of :data:`paddock.rules.ranked.RANKED`."""
         return {name: getattr(self, name) for name in RANKED}
 

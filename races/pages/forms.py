@@ -122,7 +122,7 @@ class RaceForm(_RuleFields):  # type: ignore[misc, valid-type]
             if not self.is_bound and moment is not None:
                 self.fields[name].widget.attrs["data-utc"] = moment.astimezone(UTC).isoformat()
 
-    def clean(self) -> dict[str, Any]:
+    def clean(self) -> dict[str, object]:
         """Read the moments in the page's time zone; an untouched moment keeps its seconds, which the page does not
         show."""
         cleaned = super().clean()
@@ -161,7 +161,7 @@ class RaceForm(_RuleFields):  # type: ignore[misc, valid-type]
                 if place is not None and place not in unread and not unsure:
                     self.add_error(place, ValidationError(errors))
 
-    def _clean_unsent(self, cleaned: dict[str, Any]) -> None:
+    def _clean_unsent(self, cleaned: dict[str, object]) -> None:
         """What a page does not send stays as it stood: a time trial has nothing to run into."""
         drop_rules_of_other_types(self, cleaned)
         for name in (*_IN_ROWS, *_ELSEWHERE, *_OF_REAL_CARS):
@@ -174,7 +174,7 @@ class RaceForm(_RuleFields):  # type: ignore[misc, valid-type]
         """The rules that every race has, three to a row."""
         return [[self[name] for name in _IN_ROWS[at : at + 3]] for at in range(0, len(_IN_ROWS), 3)]
 
-    def changes(self) -> dict[str, Any]:
+    def changes(self) -> dict[str, object]:
         """The form's values for the services, without locked fields."""
         return {
             name: value
@@ -224,7 +224,7 @@ class ReasonForm(forms.Form):
     reason = forms.CharField(label=_("Reason"), max_length=255)
 
 
-def _initial(race: Race | None, now: datetime) -> dict[str, Any]:
+def _initial(race: Race | None, now: datetime) -> dict[str, object]:
     evening = timezone.localtime(now + DEFAULT_DURATION).replace(hour=23, minute=59, second=0, microsecond=0)
     source = race or Race(opens_at=now.replace(second=0, microsecond=0), closes_at=evening)
     values = {name: getattr(source, name) for name in RaceForm.base_fields if name not in _NOT_OF_A_RACE}

@@ -98,7 +98,7 @@ class BoxesInput(forms.Widget):
         """None: each row has its own label."""
         return ""
 
-    def get_context(self, name: str, value: Any, attrs: dict[str, Any] | None) -> dict[str, Any]:
+    def get_context(self, name: str, value: Any, attrs: dict[str, object] | None) -> dict[str, object]:
         """As Django's, with ``rows`` of (percent as typed, lane)."""
         context = super().get_context(name, None, attrs)
         typed = [_typed(box) for box in value or ()]

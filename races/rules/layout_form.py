@@ -48,7 +48,7 @@ class LayoutForm(_RuleFields):  # type: ignore[misc, valid-type]
         self.fields["track"].label_from_instance = lambda track: f"{track.name} · {track.length_m:.2f} m"
         label_directions(self)
 
-    def clean(self) -> dict[str, Any]:
+    def clean(self) -> dict[str, object]:
         """Drop values of other race types, bad ones too, and replace empty ones by their defaults."""
         cleaned = super().clean()
         for name in self._foreign(cleaned):
@@ -65,13 +65,13 @@ class LayoutForm(_RuleFields):  # type: ignore[misc, valid-type]
             return BOX_COUNT
         return field if field in self.fields else None
 
-    def _foreign(self, cleaned: dict[str, Any]) -> Iterable[str]:
+    def _foreign(self, cleaned: dict[str, object]) -> Iterable[str]:
         race_type = cleaned.get("race_type")
         if race_type == RaceType.OBJECT_AVOIDANCE:
             other_boxes = ("boxes",) if cleaned.get("box_choice") == DRAWN else DRAWN_BOXES
             return (*other_boxes, "opponents", *_BOTS, *_DUELS)
         if race_type == RaceType.HEAD_TO_HEAD:
-            others: dict[str | None, tuple[str, ...]] = {Opponents.BOTS: _DUELS, Opponents.MODELS: _BOTS}
+            others: dict[object, tuple[str, ...]] = {Opponents.BOTS: _DUELS, Opponents.MODELS: _BOTS}
             return (*BOX_RULES, *others.get(cleaned.get("opponents"), (*_BOTS, *_DUELS)))
         return LAYOUT
 

@@ -14,7 +14,6 @@ from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 from datetime import UTC, datetime, timedelta
 from functools import cached_property
-from typing import Any
 
 from django.conf import settings
 from django.core import signing
@@ -147,6 +146,6 @@ def write_switch(response: HttpResponse, since: datetime | None, watched: Iterab
     response.set_cookie(COOKIE, signed, max_age=_A_YEAR_S, samesite="Lax", httponly=True, secure=secure)
 
 
-def race_page_part(request: HttpRequest, race: Race, entry: Entry | None) -> dict[str, Any]:
+def race_page_part(request: HttpRequest, race: Race, entry: Entry | None) -> dict[str, object]:
     """Whether the race's pages hide its results."""
     return {"hides": spoilers_of(request).hides(race)}

@@ -89,9 +89,9 @@ class OwnForm(CarForm, _RuleFields):  # type: ignore[misc, valid-type]
         self.fields[NEEDED].required = False
         self.fields[NEEDED].widget.attrs["placeholder"] = str(RULES[NEEDED].default)
 
-    def clean(self) -> dict[str, Any]:
+    def clean(self) -> dict[str, object]:
         """Rivals count in head-to-head against cars only; values of other types of race are dropped."""
-        cleaned: dict[str, Any] = super().clean() or {}
+        cleaned: dict[str, object] = super().clean() or {}
         drop_rules_of_other_types(self, cleaned)
         against_cars = cleaned.get("race_type") == RaceType.HEAD_TO_HEAD and cleaned.get("opponents") == MODELS
         cleaned |= {"duel_format": ROUND_ROBIN if against_cars else "", "duel_cars": 2}
@@ -131,14 +131,14 @@ def own_preview(form: OwnForm, *, submitted: bool) -> Preview:
     return shown
 
 
-def values_of(options: Mapping[str, Any]) -> dict[str, Any]:
+def values_of(options: Mapping[str, Any]) -> dict[str, object]:
     """Options of a run as initial values of its form."""
     values = dict(options)
     values["box_choice"] = DRAWN if values.get(BOX_COUNT) or not values.get("boxes") else FIXED
     return values | {name: proposal for name, proposal in PROPOSALS.items() if not values.get(name)}
 
 
-def values_of_race(race: Race) -> dict[str, Any]:
+def values_of_race(race: Race) -> dict[str, object]:
     """A race's track and rules as initial values of a run's form."""
     options = {name: getattr(race, name) for name in OWN_RULES if name in RULES}
     return values_of(options) | {"track": race.track.slug}
@@ -149,7 +149,7 @@ def values_of_rivals(models: list[TrainedModel]) -> dict[str, str]:
     return {name: model.public_id for name, model in zip(RIVALS, models, strict=False)}
 
 
-def _proposed() -> dict[str, Any]:
+def _proposed() -> dict[str, object]:
     usually = {name: usual(name) for name in OWN_RULES if name in RULES and name != NEEDED}
     return values_of(usually | {"start_m": 0.0}) | {"box_choice": FIXED}
 

@@ -26,7 +26,7 @@ class OwnRules:
     """The rules of a run; ``ranked``: how its laps count, the values of :data:`paddock.rules.ranked.RANKED`."""
 
     rules: RaceRules
-    ranked: dict[str, Any]
+    ranked: dict[str, object]
 
 
 def own_rules(track: Track, options: Mapping[str, Any], *, rivals: int = 0) -> OwnRules:
@@ -73,17 +73,17 @@ def race_like(track: Track, options: Mapping[str, Any], *, rivals: int = 0) -> R
     return Race(track=track, **values, **duels)
 
 
-def _ranked(race: Race) -> dict[str, Any]:
+def _ranked(race: Race) -> dict[str, object]:
     return {name: getattr(race, name) for name in RANKED}
 
 
-def _problems(race: Race, start_m: float) -> dict[str, Any]:
+def _problems(race: Race, start_m: float) -> dict[str, ValidationError | list[ValidationError]]:
     others = {field.name for field in Race._meta.fields} - set(_NAMES)
-    problems: dict[str, Any] = {}
+    problems: dict[str, ValidationError | list[ValidationError]] = {}
     try:
         race.clean_fields(exclude=others)
     except ValidationError as error:
-        problems = error.error_dict
+        problems = dict(error.error_dict)
     for name, found in {**lap_problems(race), **problems_of(race)}.items():
         problems.setdefault(name, found)
     length_m = race.track.length_m or 0.0
@@ -95,5 +95,5 @@ def _problems(race: Race, start_m: float) -> dict[str, Any]:
         try:
             check_layout(race)
         except ValidationError as error:
-            problems = error.error_dict
+            problems = dict(error.error_dict)
     return problems

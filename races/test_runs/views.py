@@ -103,7 +103,7 @@ def own_new(request: HttpRequest) -> HttpResponse:
         else:
             assert own.evaluation is not None, "it has just been queued"
             return redirect(own.evaluation)
-    context: dict[str, Any] = {"form": form, "race": race, "quotas": _quotas(racer), "is_own": True}
+    context: dict[str, object] = {"form": form, "race": race, "quotas": _quotas(racer), "is_own": True}
     if isinstance(form, OwnForm):
         context["rule_fields"] = _rule_fields(form)
         context["races"] = open_races(timezone.now(), racer)[:RACES_OFFERED]
@@ -167,7 +167,7 @@ def _rule_fields(form: OwnForm) -> SafeString:
     template = "races/test_runs/rule_fields.html"
     rivals = render_to_string("races/test_runs/rivals.html", {"form": form})
 
-    def context(shown: OwnForm, rivals: SafeString) -> dict[str, Any]:
+    def context(shown: OwnForm, rivals: SafeString) -> dict[str, object]:
         return {"form": shown, "rivals": rivals, "layout": own_preview(shown, submitted=form.is_bound), "is_own": True}
 
     if form.is_bound:
@@ -178,7 +178,7 @@ def _rule_fields(form: OwnForm) -> SafeString:
     return filled(piece, rivals=rivals)
 
 
-def _initial(request: HttpRequest, racer: Racer) -> dict[str, Any]:
+def _initial(request: HttpRequest, racer: Racer) -> dict[str, object]:
     """Initial values: of an own run or a race, then those in the address."""
     asked, initial = request.GET, {}
     wanted = asked.get("run")

@@ -124,6 +124,6 @@ def _models_driven(entries: Sequence[Entry]) -> dict[int, TrainedModel]:
     return {one.entry_id: one.model for one in sessions.exclude(model=None).select_related("model") if one.model}
 
 
-def race_page_part(request: HttpRequest, race: Race, entry: Entry | None) -> dict[str, Any]:
+def race_page_part(request: HttpRequest, race: Race, entry: Entry | None) -> dict[str, object]:
     """Whether the reader may take times in the race."""
     return {"can_keep_time": can_keep_time(request.user, race)}

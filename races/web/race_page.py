@@ -21,7 +21,7 @@ from ..entries.terms import has_accepted
 from ..models import Entry, Race, RaceState, Submission
 from ..models.sensors import not_offered
 
-Part = Callable[[HttpRequest, Race, Entry | None], dict[str, Any]]
+Part = Callable[[HttpRequest, Race, Entry | None], dict[str, object]]
 PARTS: list[Part] = []  # of features above: each adds its values to the context of every page of a race
 NO_ENTRY = 0  # no row has this id
 
@@ -33,7 +33,7 @@ def race_context(request: HttpRequest, shown: Race, entry: Entry | None = None, 
     entry = entry if looked_up else entry_of(shown, request.user)
     limit = shown.max_submissions
     left = None if limit is None else limit - (entry.submission_count if entry else 0)
-    context: dict[str, Any] = {
+    context: dict[str, object] = {
         "race": shown,
         "state": state,
         "entry": entry,
@@ -63,7 +63,7 @@ def race_context(request: HttpRequest, shown: Race, entry: Entry | None = None, 
     return context
 
 
-def _hero(slug: str) -> dict[str, Any]:
+def _hero(slug: str) -> dict[str, object]:
     race = shared_race(slug)
     return {"race": race, "state": race.state_at(timezone.now()), "ranking_rule": rule_for(race).rule(race)}
 

@@ -178,7 +178,7 @@ def car_times(car: EvaluationOutcome | CompetitorOutcome) -> dict[str, int | Non
     }
 
 
-def report(outcome: EvaluationOutcome, cars: list[AdmittedPackage], admission_s: float) -> dict[str, Any]:
+def report(outcome: EvaluationOutcome, cars: list[AdmittedPackage], admission_s: float) -> dict[str, object]:
     """The field's metrics JSON with our figures beside it.
 
     ``wall_seconds``: of the evaluation with its processes; ``admission_seconds``: of reading and checking the models;
@@ -202,7 +202,7 @@ def report(outcome: EvaluationOutcome, cars: list[AdmittedPackage], admission_s:
     }
 
 
-def _car_report(car: EvaluationOutcome | CompetitorOutcome, package: AdmittedPackage) -> dict[str, Any]:
+def _car_report(car: EvaluationOutcome | CompetitorOutcome, package: AdmittedPackage) -> dict[str, object]:
     return {
         **car.metrics,
         **car_times(car),

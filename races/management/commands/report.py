@@ -58,13 +58,13 @@ class Command(JsonCommand):
         parser.add_argument("--seed", type=int, default=0, help=f"of the variations, 0 to {MOST_SEED}")
         parser.add_argument("--json", action="store_true", help="print everything as JSON")
 
-    def handle(self, *, package: Path, metadata: Path | None, **options: Any) -> None:
+    def handle(self, *, package: Path, metadata: Path | None, seed: int, tracks: str, **options: Any) -> None:
         with self.exit_on_fault(as_json=options["json"], verbosity=options["verbosity"]):
-            drives, own = _drives(options)
+            drives, own = _drives(seed, tracks, options["variations_on"], options["direction"])
             car = admit_files([path for path in (package, metadata) if path is not None])
             outcomes, engine = self._driven(car, drives)
         laps = [_lap(drive, outcome, own[drive.number]) for drive, outcome in zip(drives, outcomes, strict=True)]
-        digest = digest_of(network=car.sha256, seed=options["seed"], engine=engine, laps=laps)
+        digest = digest_of(network=car.sha256, seed=seed, engine=engine, laps=laps)
         robustness = robustness_of(laps)
         if options["json"]:
             document = {
@@ -103,13 +103,14 @@ class Command(JsonCommand):
         return outcomes, engine
 
 
-def _drives(options: dict[str, Any]) -> tuple[list[LapDrive], dict[int, TrackGeometry]]:
+def _drives(
+    seed: int, tracks: str, variations_on: str, direction: str | None
+) -> tuple[list[LapDrive], dict[int, TrackGeometry]]:
     """The laps in the order of a report on the site, and their tracks by number. Raises UserFault, Refusal."""
-    seed = options["seed"]
     if not 0 <= seed <= MOST_SEED:
         raise UserFault("report_seed", most=MOST_SEED)
-    named = SETS.get(options["tracks"])
-    names = options["tracks"].split(",") if named is None else named
+    named = SETS.get(tracks)
+    names = tracks.split(",") if named is None else named
     drives: list[LapDrive] = []
     own: dict[int, TrackGeometry] = {}
     for name in names:
@@ -117,11 +118,11 @@ def _drives(options: dict[str, Any]) -> tuple[list[LapDrive], dict[int, TrackGeo
         for way in sorted(DIRECTIONS, key=lambda way: way != found.geometry.direction):
             own[len(drives)] = found.geometry
             drives.append(LapDrive(len(drives), Venue(found.geometry.in_direction(way), way, found.look)))
-    if options["variations_on"] != "none":
-        found = find_track(options["variations_on"])
+    if variations_on != "none":
+        found = find_track(variations_on)
         if found.geometry.is_open:
             raise UserFault("report_no_way_round", track=found.geometry.name)
-        way = options["direction"] or direction_in(options["variations_on"]) or found.geometry.direction
+        way = direction or direction_in(variations_on) or found.geometry.direction
         venue = Venue(found.geometry.in_direction(way), way, found.look)
         for one in variations(seed, venue.track.length):
             check_placed(venue.track, one, THEMES[venue.look])

@@ -1,6 +1,5 @@
 """The list of races and one race: board, rules, my runs."""
 
-from typing import Any
 from urllib.parse import urlencode
 
 from django.contrib.auth.decorators import login_required
@@ -45,7 +44,7 @@ def races(request: HttpRequest) -> HttpResponse:
     number = page_number(request)
     now, is_racer = timezone.now(), request.user.is_authenticated
 
-    def values(viewer: Viewer = None) -> dict[str, Any]:
+    def values(viewer: Viewer = None) -> dict[str, object]:
         found = lists.races_of(racer_of(request)) if show == "mine" else lists.races_in(show, now, viewer)
         if kind:
             found = found.filter(kind=kind)
@@ -101,7 +100,7 @@ def race_rules(request: HttpRequest, slug: str) -> HttpResponse:
     return render(request, "races/pages/rules.html", context)
 
 
-def _rules(slug: str) -> dict[str, Any]:
+def _rules(slug: str) -> dict[str, object]:
     race = shared_race(slug)
     return {
         "race": race,

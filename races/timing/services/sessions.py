@@ -116,8 +116,8 @@ def settle(race: Race, entries: Sequence[Entry], now: datetime) -> None:
 
 def publish_ended(session: TimedSession, now: datetime) -> None:
     """Notify the racer, webhooks and the season of a session's end, once."""
-    where = of_race(session.race) | {"racer": session.entry.racer_id}
-    record(RACE_TIMED, at=now, **where, session=str(session.pk), once=str(session.pk))
+    by, key = session.entry.racer_id, str(session.pk)
+    record(RACE_TIMED, at=now, **of_race(session.race), racer=by, session=key, once=key)
 
 
 def _locked(
