@@ -1,5 +1,6 @@
 """Assignments: list, create, read, change, publish and delete them; extensions and submission groups."""
 
+from functools import partial
 from typing import Any
 
 from django.db.models import Prefetch, QuerySet
@@ -18,6 +19,7 @@ from core.api.operations import operation
 from core.api.views import PrivateView
 from paddock.errors import UserFault
 from tracks.api import TrackField
+from tracks.models import Track
 
 from ..grading.members import groups_taught_by, students_of
 from ..marking.pass_rules import PASS_RULES
@@ -27,7 +29,7 @@ from .parts import MOST_PARTS, MOST_TRACKS
 from .selectors import assignments_visible_to, can_teach
 from .wording import pass_rule_sentence
 
-POINTS: dict[str, Any] = {"max_digits": 6, "decimal_places": 2}
+PointsField = partial(serializers.DecimalField, max_digits=6, decimal_places=2)
 MOST_MEMBERS = 20
 
 
@@ -43,7 +45,7 @@ class PartSerializer(serializers.Serializer):
 
     number = serializers.IntegerField()
     title = serializers.CharField()
-    points = serializers.DecimalField(**POINTS)
+    points = PointsField()
     pass_rule = serializers.ChoiceField([*PASS_RULES])
     pass_params = serializers.DictField()
     sentence = serializers.SerializerMethodField(help_text="The rule for passing in words.")
@@ -73,7 +75,7 @@ class AssignmentSerializer(serializers.Serializer):
     opens_at = serializers.DateTimeField()
     due_at = serializers.DateTimeField(help_text="What is accepted at this very moment is in time.")
     last_at = serializers.DateTimeField(allow_null=True, help_text="Until when late attempts are accepted; null: none.")
-    late_points_a_day = serializers.DecimalField(**POINTS)
+    late_points_a_day = PointsField()
     attempts_a_day = serializers.IntegerField(allow_null=True, help_text="On a calendar day of the time zone.")
     attempts_in_all = serializers.IntegerField(allow_null=True)
     counts = serializers.ChoiceField(Counts.choices)
@@ -102,14 +104,14 @@ class PartBody(Body):
     """A part. Values that are left out of `pass_params` and `rules` have their defaults."""
 
     title = serializers.CharField(max_length=80)
-    points = serializers.DecimalField(min_value=0, **POINTS)
+    points = PointsField(min_value=0)
     pass_rule = serializers.ChoiceField([*PASS_RULES])
     pass_params = serializers.DictField(required=False)
     rules = serializers.DictField(required=False)
     tracks = serializers.ListField(child=PartTrackBody(), min_length=1, max_length=MOST_TRACKS)
     hidden_tracks = serializers.IntegerField(required=False, min_value=0, max_value=5)
 
-    def validate_tracks(self, tracks: list[dict[str, Any]]) -> list[tuple[Any, str]]:
+    def validate_tracks(self, tracks: list[dict[str, Any]]) -> list[tuple[Track, str]]:
         return [(one["track"], one["kind"]) for one in tracks]
 
 
@@ -122,7 +124,7 @@ class AssignmentChangeBody(Body):
     opens_at = ZonedDateTimeField(required=False)
     due_at = ZonedDateTimeField(required=False)
     last_at = ZonedDateTimeField(required=False, allow_null=True)
-    late_points_a_day = serializers.DecimalField(min_value=0, required=False, **POINTS)
+    late_points_a_day = PointsField(min_value=0, required=False)
     attempts_a_day = serializers.IntegerField(min_value=1, max_value=1000, required=False, allow_null=True)
     attempts_in_all = serializers.IntegerField(min_value=1, max_value=1000, required=False, allow_null=True)
     counts = serializers.ChoiceField(Counts.choices, required=False)
@@ -236,7 +238,7 @@ class AssignmentView(PrivateView):
         answer=AssignmentSerializer,
         description="After the first attempt, tracks and race rules stay. Marks that would change wait for a regrade.",
     )
-    def patch(self, request: Request, assignment: Assignment, sent: dict[str, Any]) -> Assignment:
+    def patch(self, request: Request, assignment: Assignment, sent: dict[str, object]) -> Assignment:
         services.change_assignment(assignment=assignment, by=racer_of(request), now=timezone.now(), **sent)
         return _again(request, assignment)
 
@@ -265,9 +267,9 @@ class AssignmentsView(PrivateView):
         status=201,
         description="Students do not see it before it is published.",
     )
-    def post(self, request: Request, sent: dict[str, Any]) -> Assignment:
+    def post(self, request: Request, sent: dict[str, object]) -> Assignment:
         by = racer_of(request)
-        group = groups_taught_by(by).filter(slug=sent.pop("group")).first()
+        group = groups_taught_by(by).filter(slug=str(sent.pop("group"))).first()
         if group is None:  # also one that does not exist: groups are not public
             raise UserFault("assignment_not_yours")
         return _again(request, services.make_assignment(group=group, by=by, now=timezone.now(), **sent))

@@ -26,9 +26,11 @@ from races.test_runs.rules import own_rules
 from tracks.models import Track
 from tracks.selectors import shared_tracks
 
+from ..marking.facts import Threshold
 from ..marking.pass_rules import PASS_RULES, Param, PassRule
 from ..models import Assignment, AssignmentPart, Counts, Shows, TrackKind
 from ..models.assignment import MOST_HIDDEN
+from .parts import PartValues
 from .services import MOMENTS, is_far
 
 TWO_WEEKS = timedelta(days=14)
@@ -59,7 +61,8 @@ class _Moments(forms.Form):
 
     moments: tuple[str, ...] = MOMENTS
 
-    def read_moments(self, cleaned: dict[str, Any], zone: zoneinfo.ZoneInfo, stored: Any) -> None:
+    def read_moments(self, zone: zoneinfo.ZoneInfo, stored: Assignment | None) -> None:
+        cleaned = self.cleaned_data
         for name in self.moments:
             typed = cleaned.get(name)
             if typed is None or typed.tzinfo is not None:
@@ -134,8 +137,8 @@ class AssignmentForm(_Moments):
         for name in ("attempts_a_day", "attempts_in_all"):
             self.fields[name].widget.attrs["placeholder"] = _("unlimited")
 
-    def clean(self) -> dict[str, Any]:
-        cleaned: dict[str, Any] = super().clean() or {}
+    def clean(self) -> dict[str, object]:
+        cleaned = super().clean() or {}
         cleaned["instructions"] = (cleaned.get("instructions") or "").replace("\r\n", "\n")
         cleaned["late_points_a_day"] = cleaned.get("late_points_a_day") or 0
         if cleaned.get("counts") != Counts.FIRST_K:
@@ -143,15 +146,15 @@ class AssignmentForm(_Moments):
         elif not cleaned.get("first_k") and "first_k" not in self.errors:
             self.add_error("first_k", gettext("Say how many of the first attempts count."))
         if "time_zone" in cleaned:
-            self.read_moments(cleaned, zoneinfo.ZoneInfo(cleaned["time_zone"]), self.assignment)
+            self.read_moments(zoneinfo.ZoneInfo(cleaned["time_zone"]), self.assignment)
         return cleaned
 
-    def values(self) -> dict[str, Any]:
+    def values(self) -> dict[str, object]:
         """The columns, as the services take them."""
         return {name: value for name, value in self.cleaned_data.items() if name != "group"}
 
 
-def _initial(assignment: Assignment | None, now: datetime) -> dict[str, Any]:
+def _initial(assignment: Assignment | None, now: datetime) -> dict[str, object]:
     if assignment is None:
         named = timezone.get_current_timezone_name()
         known = named if named in dict(_zones()) else "UTC"
@@ -192,9 +195,9 @@ class ThresholdsField(forms.CharField):
             return "\n".join(f"{one['at_most_ms'] / 1000:g}: {one['points']}" for one in value)
         return value
 
-    def clean(self, value: Any) -> list[dict[str, Any]]:
-        """As :mod:`courses.marking.pass_rules` has them, the fastest first."""
-        found = []
+    def clean(self, value: Any) -> list[Threshold]:
+        """The fastest first."""
+        found: list[Threshold] = []
         for number, line in enumerate(filter(None, map(str.strip, super().clean(value).splitlines())), 1):
             time, _colon, points = line.partition(":")
             try:
@@ -281,9 +284,9 @@ class PartForm(_RuleFields):  # type: ignore[misc, valid-type]
         tracks = list(self.tracks_by_slug.values())
         return [(name, self[name], tracks, list(self[name].value() or ())) for name in ("more_tracks", "candidates")]
 
-    def clean(self) -> dict[str, Any]:
+    def clean(self) -> dict[str, object]:
         """Values of other race types and of other rules for passing are dropped; tracks stand once."""
-        cleaned: dict[str, Any] = super().clean() or {}
+        cleaned = super().clean() or {}
         drop_rules_of_other_types(self, cleaned)
         for name in _IN_ROWS:
             if name not in self.errors and cleaned.get(name) is None:
@@ -299,13 +302,14 @@ class PartForm(_RuleFields):  # type: ignore[misc, valid-type]
                         cleaned[name] = param.default
                     else:
                         self.add_error(name, gettext("Enter a value."))
-        self._clean_tracks(cleaned)
+        self._clean_tracks()
         return cleaned
 
-    def _params(self, rule: PassRule) -> dict[str, Any]:
+    def _params(self, rule: PassRule) -> dict[str, object]:
         return {param.name: self.cleaned_data.get(param_name(rule.code, param)) for param in rule.params}
 
-    def _clean_tracks(self, cleaned: dict[str, Any]) -> None:
+    def _clean_tracks(self) -> None:
+        cleaned = self.cleaned_data
         first = cleaned.get("track")
         slugs = [slug for slug in cleaned.get("more_tracks") or () if first is None or slug != first.slug]
         shown = {first.slug, *slugs} if first else set(slugs)
@@ -328,7 +332,7 @@ class PartForm(_RuleFields):  # type: ignore[misc, valid-type]
                 self._say_of_track(fault, self.tracks_by_slug.get(slug, first))
                 return
 
-    def _options(self, cleaned: Mapping[str, Any]) -> dict[str, Any]:
+    def _options(self, cleaned: Mapping[str, object]) -> dict[str, object]:
         return {
             name: cleaned[name]
             for name in OWN_RULES
@@ -343,7 +347,7 @@ class PartForm(_RuleFields):  # type: ignore[misc, valid-type]
             for name in set(self.errors) - before - {NON_FIELD_ERRORS}:
                 self.add_error(name, where)
 
-    def values(self) -> dict[str, Any]:
+    def values(self) -> PartValues:
         """The part, as the services take it."""
         cleaned = self.cleaned_data
         rule = PASS_RULES[cleaned["pass_rule"]]
@@ -363,7 +367,7 @@ class PartForm(_RuleFields):  # type: ignore[misc, valid-type]
         }
 
 
-def values_of_part(part: AssignmentPart) -> dict[str, Any]:
+def values_of_part(part: AssignmentPart) -> dict[str, object]:
     """A part as initial values of its form."""
     rules: RaceRules = part.race_rules
     values = {name: getattr(rules, name) for name in RUN_RULES if name in RULES and name != "boxes"}
@@ -379,7 +383,7 @@ def values_of_part(part: AssignmentPart) -> dict[str, Any]:
     return values | {param_name(rule.code, one): part.pass_params.get(one.name, one.default) for one in rule.params}
 
 
-def _proposed() -> dict[str, Any]:
+def _proposed() -> dict[str, object]:
     usually = {name: usual(name) for name in OWN_RULES if name in RULES and name in RUN_RULES}
     return {**usually, **PROPOSALS, "laps": 5, "box_choice": DRAWN, "pass_rule": next(iter(PASS_RULES)), "points": 100}
 
@@ -404,9 +408,9 @@ class ExtensionForm(_Moments):
         super().__init__(*args, **kwargs)
         self.fields["racer"].choices = list(students)  # type: ignore[attr-defined]
 
-    def clean(self) -> dict[str, Any]:
-        cleaned: dict[str, Any] = super().clean() or {}
-        self.read_moments(cleaned, self.zone, None)
+    def clean(self) -> dict[str, object]:
+        cleaned = super().clean() or {}
+        self.read_moments(self.zone, None)
         return cleaned
 
 

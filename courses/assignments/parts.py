@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from decimal import Decimal
-from typing import Any
+from typing import Any, NotRequired, TypedDict, cast
 
 from django.core.exceptions import ValidationError
 
@@ -15,10 +15,23 @@ from races.errors import RaceRefused, problem
 from races.test_runs.rules import own_rules
 from tracks.models import Track
 
+from ..marking.facts import PassParams
 from ..marking.pass_rules import PASS_RULES, PassRule
 from ..models import Assignment, AssignmentPart, PartTrack, TrackKind
 
 MOST_PARTS, MOST_TRACKS, MOST_IN_ALL = 20, 20, 40
+
+
+class PartValues(TypedDict):
+    """A part to be checked. ``tracks``: pairs of a track and a kind."""
+
+    title: str
+    points: Decimal
+    pass_rule: str
+    pass_params: NotRequired[Mapping[str, object]]
+    rules: NotRequired[RaceRules | Mapping[str, object]]
+    tracks: NotRequired[Sequence[tuple[Track, str]]]
+    hidden_tracks: NotRequired[int]
 
 
 @dataclass(frozen=True)
@@ -28,8 +41,8 @@ class CheckedPart:
     title: str
     points: Decimal
     pass_rule: str
-    pass_params: dict[str, Any]
-    rules: dict[str, Any]
+    pass_params: PassParams
+    rules: dict[str, object]
     tracks: tuple[tuple[int, str], ...]
     hidden_tracks: int
 
@@ -39,9 +52,8 @@ class CheckedPart:
         return RaceRules.from_dict(self.rules), self.tracks, self.hidden_tracks
 
 
-def checked_parts(parts: Iterable[Mapping[str, Any]]) -> list[CheckedPart]:
-    """Parts as ``{title, points, pass_rule, pass_params, rules, tracks, hidden_tracks}``; ``rules``: RaceRules or their
-    dict, ``tracks``: pairs of a track and a kind. Raises ValidationError and UserFault."""
+def checked_parts(parts: Iterable[PartValues]) -> list[CheckedPart]:
+    """Raises ValidationError and UserFault."""
     parts = list(parts)
     if len(parts) > MOST_PARTS:
         raise problem("assignment_too_many_parts", limit=MOST_PARTS)
@@ -50,9 +62,9 @@ def checked_parts(parts: Iterable[Mapping[str, Any]]) -> list[CheckedPart]:
     return [_checked(number, part) for number, part in enumerate(parts, 1)]
 
 
-def _checked(number: int, part: Mapping[str, Any]) -> CheckedPart:
+def _checked(number: int, part: PartValues) -> CheckedPart:
     rules = _race_rules(part.get("rules", {}))
-    tracks: Sequence[tuple[Track, str]] = list(part.get("tracks", ()))
+    tracks = list(part.get("tracks", ()))
     hidden = part.get("hidden_tracks", 0)
     _check_tracks(number, tracks, hidden)
     for track, _kind in tracks:
@@ -72,7 +84,7 @@ def _checked(number: int, part: Mapping[str, Any]) -> CheckedPart:
     )
 
 
-def _race_rules(given: RaceRules | Mapping[str, Any]) -> RaceRules:
+def _race_rules(given: RaceRules | Mapping[str, object]) -> RaceRules:
     if isinstance(given, RaceRules):
         return given
     try:
@@ -81,7 +93,7 @@ def _race_rules(given: RaceRules | Mapping[str, Any]) -> RaceRules:
         raise problem("assignment_rules", problem=str(error)) from error
 
 
-def _options(rules: RaceRules) -> dict[str, Any]:
+def _options(rules: RaceRules) -> dict[str, object]:
     """Rules as options of a run (:func:`races.test_runs.rules.own_rules`)."""
     values = rules.to_dict()
     options = {name: getattr(rules, name) for name in OWN_RULES if name in RULES and hasattr(rules, name)}
@@ -100,14 +112,15 @@ def _check_tracks(number: int, tracks: Sequence[tuple[Track, str]], hidden: int)
         raise problem("assignment_candidates")
 
 
-def _params(rule: PassRule, given: Mapping[str, Any], points: Decimal, rules: RaceRules) -> dict[str, Any]:
-    params = rule.default_params() | dict(given)
+def _params(rule: PassRule, given: Mapping[str, object], points: Decimal, rules: RaceRules) -> PassParams:
+    values = {**rule.default_params(), **given}
     known = {one.name: one for one in rule.params}
-    for name, value in params.items():
+    for name, value in values.items():
         if name not in known:
             raise problem("assignment_value_name", name=name)
         if code := known[name].problem(value):
             raise problem(code, name=name, least=known[name].least, most=known[name].most)
+    params = cast(PassParams, values)
     if any(Decimal(str(one["points"])) > points for one in params.get("thresholds", ())):
         raise problem("assignment_threshold_points")
     if rule.uses_laps(params) and params["laps"] > rules.laps:

@@ -40,7 +40,7 @@ from ..models import (
     TrackKind,
 )
 from ..quotas import ASSIGNMENTS
-from .parts import CheckedPart, checked_parts, refused_at, stored_parts, write_parts
+from .parts import CheckedPart, PartValues, checked_parts, refused_at, stored_parts, write_parts
 
 MOMENTS = ("opens_at", "due_at", "last_at")
 YEARS = range(2000, 3000)
@@ -61,7 +61,7 @@ def make_assignment(*, group: RacerGroup, by: Racer, now: datetime, **fields: An
     if used_by(by, ASSIGNMENTS.name, now) >= limit:
         raise UserFault("assignments_at_once", limit=limit)
     assignment = Assignment(group=group, created_by=by, created_at=now)
-    _write(assignment, fields)
+    _write(assignment, **fields)
     return assignment
 
 
@@ -74,7 +74,7 @@ def change_assignment(*, assignment: Assignment, by: Racer, now: datetime, **fie
     hold(assignment)
     assignment.refresh_from_db()
     before, due_at = stored_rules(assignment), assignment.due_at
-    _write(assignment, fields)
+    _write(assignment, **fields)
     hides = assignment.parts.filter(hidden_tracks__gt=0).exists()
     if assignment.drawn_at is not None and hides and assignment.due_at > due_at:
         raise UserFault("assignment_drawn")
@@ -265,13 +265,11 @@ def _recompute_all(assignment: Assignment, racers: Iterable[int], now: datetime)
         recompute_marks(assignment=assignment, racers=list(racers), now=now)
 
 
-def _write(assignment: Assignment, fields: dict[str, Any]) -> None:
+def _write(assignment: Assignment, *, parts: Iterable[PartValues] | None = None, **columns: object) -> None:
     """Check and store columns and parts."""
-    fields = dict(fields)
-    parts = fields.pop("parts", None)
-    if unknown := fields.keys() - set(COLUMNS):
+    if unknown := columns.keys() - set(COLUMNS):
         raise TypeError(f"an assignment has no {', '.join(sorted(unknown))}")
-    for name, value in fields.items():
+    for name, value in columns.items():
         setattr(assignment, name, value)
     problems = _problems(assignment)
     if problems:
@@ -308,12 +306,12 @@ def _far() -> ValidationError:
     return ValidationError(DateTimeField.default_error_messages["invalid"], code="invalid")
 
 
-def _problems(assignment: Assignment) -> dict[str, Any]:
-    problems: dict[str, Any] = {}
+def _problems(assignment: Assignment) -> dict[str, ValidationError | list[ValidationError]]:
+    problems: dict[str, ValidationError | list[ValidationError]] = {}
     try:
         assignment.clean_fields()
     except ValidationError as error:
-        problems = error.error_dict
+        problems |= error.error_dict
     problems |= {name: _far() for name in MOMENTS if name not in problems and is_far(getattr(assignment, name))}
     if not problems and assignment.opens_at >= assignment.due_at:
         problems["due_at"] = problem("assignment_closes_before_opening")

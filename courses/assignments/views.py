@@ -34,6 +34,7 @@ from ..grading.members import groups_taught_by
 from ..models import Assignment, AssignmentPart, Attempt, PartTrack, SubmissionGroup
 from . import services
 from .forms import AssignmentForm, PartForm, show_fault
+from .parts import PartValues
 from .selectors import assignments_taught_by
 from .students import names_of, students_named
 
@@ -156,11 +157,17 @@ def assignment_part(request: HttpRequest, public_id: str, number: int | None = N
     return render(request, "courses/assignments/part.html", context, status=422 if form.errors else 200)
 
 
-def values_as_stored(part: AssignmentPart) -> dict[str, Any]:
+def values_as_stored(part: AssignmentPart) -> PartValues:
     """A part as the services take it."""
-    kept = ("title", "points", "pass_rule", "pass_params", "rules", "hidden_tracks")
-    tracks = [(one.track, "shown" if one.kind == "shown" else "candidate") for one in part.tracks.all()]
-    return {name: getattr(part, name) for name in kept} | {"tracks": tracks}
+    return {
+        "title": part.title,
+        "points": part.points,
+        "pass_rule": part.pass_rule,
+        "pass_params": part.pass_params,
+        "rules": part.rules,
+        "hidden_tracks": part.hidden_tracks,
+        "tracks": [(one.track, "shown" if one.kind == "shown" else "candidate") for one in part.tracks.all()],
+    }
 
 
 @login_required
@@ -239,9 +246,9 @@ class CopyAssignmentsForm(forms.Form):
         choices = [("", _("a new class")), *((group.slug, group.name) for group in groups)]
         self.fields["to_group"].choices = choices  # type: ignore[attr-defined]
 
-    def clean(self) -> dict[str, Any]:
+    def clean(self) -> dict[str, object]:
         """A new class needs a name."""
-        cleaned: dict[str, Any] = super().clean() or {}
+        cleaned = super().clean() or {}
         if not cleaned.get("to_group") and not cleaned.get("name"):
             self.add_error("name", _("Enter a name for the new class, or choose where to copy to."))
         return cleaned

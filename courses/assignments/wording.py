@@ -42,7 +42,7 @@ def why(code: str, pass_rule: str, params: Mapping[str, Any]) -> str:
     return _(WHYS[code]) % _shown(pass_rule, params)
 
 
-def _shown(code: str, params: Mapping[str, Any]) -> dict[str, Any]:
+def _shown(code: str, params: Mapping[str, Any]) -> dict[str, object]:
     """Times as m:ss.mmm, thresholds as a list."""
     shown = dict(params)
     for name in ("at_most_ms", "value"):

@@ -129,7 +129,7 @@ class AttemptsView(PrivateView):
         status=201,
         description="It is in time by the moment of this request, however long its runs wait.",
     )
-    def post(self, request: Request, assignment: Assignment, sent: dict[str, Any]) -> Attempt:
+    def post(self, request: Request, assignment: Assignment, sent: dict[str, str]) -> Attempt:
         now = timezone.now()
         model = _model(request, sent["model"])
         made = services.submit_attempt(assignment=assignment, racer=racer_of(request), model=model, now=now)
@@ -152,7 +152,7 @@ class RefundView(PrivateView):
         body=RefundBody,
         answer=AttemptSerializer,
     )
-    def post(self, request: Request, attempt: Attempt, sent: dict[str, Any]) -> Attempt:
+    def post(self, request: Request, attempt: Attempt, sent: dict[str, str]) -> Attempt:
         services.refund_attempt(attempt=attempt, by=racer_of(request), now=timezone.now(), **sent)
         return visible_attempt(request, attempt.public_id)
 
@@ -178,7 +178,7 @@ class ReferencesView(PrivateView):
         answer=ReferenceSerializer,
         status=201,
     )
-    def post(self, request: Request, assignment: Assignment, sent: dict[str, Any]) -> ReferenceRow:
+    def post(self, request: Request, assignment: Assignment, sent: dict[str, str]) -> ReferenceRow:
         model = _model(request, sent["model"])
         return services.add_reference(
             assignment=assignment, by=racer_of(request), label=sent["name"], model=model, now=timezone.now()

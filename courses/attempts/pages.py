@@ -17,7 +17,7 @@ from ..assignments.wording import why
 from ..grading.members import Unit
 from ..grading.rules import facts_of, rules_of
 from ..marking.calculation import mark as mark_of
-from ..marking.facts import AssignmentRules
+from ..marking.facts import AssignmentRules, PartMarkDocument
 from ..marking.pass_rules import PASS_RULES
 from ..models import (
     Assignment,
@@ -128,13 +128,14 @@ def _row(
     return AttemptRow(attempt, rows, before, days, late_points, points, counts, waits)
 
 
-def _marked(part: AssignmentPart, one: dict[str, Any], runs: dict[int, Any]) -> MarkedPart:
-    values = {each["track"]: each for each in one.get("tracks", ())}
+def _marked(part: AssignmentPart, one: PartMarkDocument, runs: dict[int, Any]) -> MarkedPart:
+    marks = {each["track"]: each for each in one.get("tracks", ())}
     driven = []
     for track in shown_tracks(part):
-        value = values.get(track.pk, {})
+        mark = marks.get(track.pk)
         unit = PASS_RULES[part.pass_rule].unit
-        driven.append(TrackOfAttempt(track.track, runs.get(track.pk), value.get("passed"), value.get("value"), unit))
+        passed, value = (mark["passed"], mark["value"]) if mark else (None, None)
+        driven.append(TrackOfAttempt(track.track, runs.get(track.pk), passed, value, unit))
     reason = why(one["why"], part.pass_rule, one.get("why_params", {}))
     return MarkedPart(part, Decimal(one["points"]), one["passed"], reason, driven)
 

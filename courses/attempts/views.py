@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from decimal import Decimal
 from typing import Any
 
 from django.contrib import messages
@@ -76,11 +77,12 @@ def assignment(request: HttpRequest, public_id: str) -> HttpResponse:
     if request.method == "POST" and not is_taught:
         return _hand_in(request, shown, racer)
     parts = parts_of(shown)
-    context: dict[str, Any] = {
+    full = sum((part.points for part in parts), Decimal())
+    context: dict[str, object] = {
         "assignment": shown,
         "is_teacher": is_taught,
         "parts": [(part, pass_rule_sentence(part.pass_rule, part.pass_params), shown_tracks(part)) for part in parts],
-        "full": sum(part.points for part in parts),
+        "full": full,
     }
     unit = None
     if not is_taught:
@@ -93,7 +95,7 @@ def assignment(request: HttpRequest, public_id: str) -> HttpResponse:
         )
         kept = [one.accepted_at for one in attempts if one.refunded_at is None]
         rows = attempt_rows(shown, attempts, mark, due_at)
-        task = task_of(shown, kept, mark, extension, now, context["full"], len(parts))
+        task = task_of(shown, kept, mark, extension, now, full, len(parts))
         latest = {row.attempt.model_id for row in rows[:1] if row.attempt.refunded_at is None}
         context |= {"task": task, "rows": rows, "mark": mark, "unit": unit, "waits": any(row.waits for row in rows)}
         context["fellows"] = Racer.objects.filter(pk__in=unit.racers if unit.group else ()).order_by("alias")

@@ -13,6 +13,7 @@ from rest_framework.request import Request
 from rest_framework.response import Response
 
 from accounts.class_accounts import services
+from accounts.class_accounts.services import Card
 from accounts.models import ClassLearner, Classroom, ClassTeacher, Racer
 from accounts.request_racer import racer_of
 from accounts.scopes import ORGANISE
@@ -73,10 +74,10 @@ class CardSerializer(serializers.Serializer):
     code = serializers.SerializerMethodField()
     link = serializers.SerializerMethodField(help_text="The log-in page with the code filled in.")
 
-    def get_code(self, card: services.Card) -> str:
+    def get_code(self, card: Card) -> str:
         return services.shown_code(card.code)
 
-    def get_link(self, card: services.Card) -> str:
+    def get_link(self, card: Card) -> str:
         return f"{origin_of(self.context['request']._request)}{reverse('class_code', args=[card.code])}"
 
 
@@ -211,7 +212,7 @@ class ClassView(Organised):
         partial=True,
         answer=ClassSerializer,
     )
-    def patch(self, request: Request, classroom: Classroom, sent: dict[str, Any]) -> Classroom:
+    def patch(self, request: Request, classroom: Classroom, sent: dict[str, list[str]]) -> Classroom:
         services.change_plan(classroom=classroom, by=racer_of(request), plan=sent.get("plan", classroom.plan))
         return classroom
 
@@ -256,7 +257,7 @@ class LearnersView(Unstored):
         status=201,
         description="All or none. This answer alone has the codes that log in; no cache keeps it.",
     )
-    def post(self, request: Request, classroom: Classroom, sent: dict[str, Any]) -> dict[str, list[services.Card]]:
+    def post(self, request: Request, classroom: Classroom, sent: dict[str, list[str]]) -> dict[str, list[Card]]:
         names = services.names_in("\n".join(sent["names"]))
         cards = services.add_learners(classroom=classroom, by=racer_of(request), names=names, now=timezone.now())
         return {"cards": cards}
@@ -271,7 +272,7 @@ class LearnerView(Unstored):
         partial=True,
         answer=LearnerSerializer,
     )
-    def patch(self, request: Request, learner: ClassLearner, sent: dict[str, Any]) -> LearnerProgress:
+    def patch(self, request: Request, learner: ClassLearner, sent: dict[str, str]) -> LearnerProgress:
         ids = {learner.pk: sent.get("student_id", learner.student_id)}
         services.set_student_ids(classroom=learner.classroom, by=racer_of(request), ids=ids)
         (progress,) = (one for one in progress_of(learner.classroom) if one.learner == learner)
@@ -293,7 +294,7 @@ class CodesView(Unstored):
         answer=CardsSerializer,
         description="Old codes stop working and sessions end. This answer alone has the new codes; no cache keeps it.",
     )
-    def post(self, request: Request, classroom: Classroom, sent: dict[str, Any]) -> dict[str, list[services.Card]]:
+    def post(self, request: Request, classroom: Classroom, sent: dict[str, list[str]]) -> dict[str, list[Card]]:
         aliases = sent.get("learners")
         learners = None
         if aliases is not None:
@@ -317,7 +318,7 @@ class TeachersView(Organised):
         status=201,
         description="A repeated request changes nothing.",
     )
-    def post(self, request: Request, classroom: Classroom, sent: dict[str, Any]) -> ClassTeacher:
+    def post(self, request: Request, classroom: Classroom, sent: dict[str, str]) -> ClassTeacher:
         return services.add_teacher(classroom=classroom, by=racer_of(request), now=timezone.now(), **sent)
 
 

@@ -206,7 +206,7 @@ def class_log_in(request: HttpRequest, code: str = "") -> HttpResponse:
     mine = None
     if request.user.is_authenticated and not code:
         mine = ClassLearner.objects.filter(racer=request.user).select_related("classroom__group").first()
-    context: dict[str, Any] = {"code": code, "problem": problem, "mine": mine}
+    context: dict[str, object] = {"code": code, "problem": problem, "mine": mine}
     if mine is not None:
         context["plan"] = [(BY_SLUG[slug], slug in mine.lessons) for slug in mine.classroom.plan if slug in BY_SLUG]
         context["races"] = races_visible_to(request.user).filter(group=mine.classroom.group)

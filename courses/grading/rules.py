@@ -1,16 +1,34 @@
 """From rows to what marks are computed from."""
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable
 from datetime import datetime
 from decimal import Decimal
-from typing import Any
+from typing import TypedDict
 
-from ..marking.facts import AssignmentRules, AttemptFacts, PartRules, TrackRun
+from ..marking.facts import AssignmentRules, AttemptFacts, PartRules, PassParams, TrackRun
 from ..models import Assignment, AssignmentPart, Attempt, TrackKind
 
 
-def stored_rules(assignment: Assignment) -> dict[str, Any]:
+class StoredPart(TypedDict):
+    number: int
+    points: str
+    pass_rule: str
+    pass_params: PassParams
+
+
+class StoredRules(TypedDict):
     """The rules of an assignment that marks hang on, as plain JSON values."""
+
+    due_at: str
+    time_zone: str
+    late_points_a_day: str
+    counts: str
+    first_k: int | None
+    parts: list[StoredPart]
+
+
+def stored_rules(assignment: Assignment) -> StoredRules:
+    """The rules as they are."""
     return {
         "due_at": assignment.due_at.isoformat(),
         "time_zone": assignment.time_zone,
@@ -31,7 +49,7 @@ def stored_rules(assignment: Assignment) -> dict[str, Any]:
 
 def rules_of(
     assignment: Assignment,
-    stored: Mapping[str, Any] | None = None,
+    stored: StoredRules | None = None,
     shown: Iterable[AssignmentPart] | None = None,
 ) -> AssignmentRules:
     """``stored`` rules, by default those that marks are computed by, with the tracks as they are. ``shown``: the parts

@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Collection, Iterable, Mapping
 from datetime import datetime
 from decimal import Decimal
-from typing import Any
 
 from django.db import transaction
 from django.db.models import Max, Q
@@ -120,10 +119,21 @@ def write_marks(assignment: Assignment, marks: Mapping[int, MarkFacts], now: dat
     stored = {one.racer_id: one for one in Mark.objects.filter(assignment=assignment, racer__in=marks)}
     changed = []
     for racer, facts in marks.items():
-        values = _columns(facts, assignment.marked_version)
+        new = Mark(
+            assignment=assignment,
+            racer_id=racer,
+            computed_at=now,
+            attempt_id=facts.attempt,
+            points=facts.points,
+            before_late=facts.before_late,
+            late_days=facts.late_days,
+            parts=[part.to_dict() for part in facts.parts],
+            is_complete=facts.is_complete,
+            rules_version=assignment.marked_version,
+        )
         old = stored.get(racer)
-        if old is None or any(getattr(old, name) != value for name, value in values.items()):
-            changed.append(Mark(assignment=assignment, racer_id=racer, computed_at=now, **values))
+        if old is None or any(getattr(old, name) != getattr(new, name) for name in _COLUMNS):
+            changed.append(new)
     Mark.objects.bulk_create(
         changed,
         batch_size=BATCH,
@@ -135,18 +145,6 @@ def write_marks(assignment: Assignment, marks: Mapping[int, MarkFacts], now: dat
 
 
 _COLUMNS = ("attempt_id", "points", "before_late", "late_days", "parts", "is_complete", "rules_version")
-
-
-def _columns(facts: MarkFacts, version: int) -> dict[str, Any]:
-    return {
-        "attempt_id": facts.attempt,
-        "points": facts.points,
-        "before_late": facts.before_late,
-        "late_days": facts.late_days,
-        "parts": [part.to_dict() for part in facts.parts],
-        "is_complete": facts.is_complete,
-        "rules_version": version,
-    }
 
 
 _Owner = tuple[str, int]

@@ -6,11 +6,44 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from datetime import datetime
 from decimal import Decimal
-from typing import Any
+from typing import Any, TypedDict
 
 Lap = Mapping[str, Any]
 WAITING, FINISHED = "waiting", "finished"
 BEST, LAST, FIRST_K = "best", "last", "first_k"
+
+
+class Threshold(TypedDict):
+    at_most_ms: int
+    points: str
+
+
+class PassParams(TypedDict, total=False):
+    """The values of a rule for passing (:class:`courses.marking.pass_rules.Param`)."""
+
+    laps: int
+    clean: bool
+    at_most_ms: int
+    by: str
+    thresholds: list[Threshold]
+    place: int
+
+
+class TrackMarkDocument(TypedDict):
+    track: int
+    passed: bool | None
+    value: int | None
+
+
+class PartMarkDocument(TypedDict):
+    """A :class:`PartMark` in rows of marks; points as text."""
+
+    number: int
+    points: str
+    passed: bool | None
+    why: str
+    why_params: dict[str, int]
+    tracks: list[TrackMarkDocument]
 
 
 @dataclass(frozen=True)
@@ -32,7 +65,7 @@ class PartRules:
     number: int
     points: Decimal
     pass_rule: str
-    pass_params: Mapping[str, Any]
+    pass_params: PassParams
     tracks: tuple[int, ...]
     to_draw: int = 0
 
@@ -89,12 +122,11 @@ class PartMark:
     points: Decimal
     passed: bool | None
     why: str
-    why_params: Mapping[str, Any] = field(default_factory=dict)
+    why_params: Mapping[str, int] = field(default_factory=dict)
     tracks: tuple[TrackMark, ...] = ()
     number: int = 0
 
-    def to_dict(self) -> dict[str, Any]:
-        """Plain JSON values; points as text."""
+    def to_dict(self) -> PartMarkDocument:
         return {
             "number": self.number,
             "points": str(self.points),

@@ -10,7 +10,7 @@ from typing import Any
 
 from paddock.errors.reasons import gettext_noop as _
 
-from .facts import FINISHED, Lap, PartMark, PartResult, TrackMark, TrackRun
+from .facts import FINISHED, Lap, PartMark, PartResult, PassParams, TrackMark, TrackRun
 
 _Tracks = tuple[TrackMark, ...]
 NOTHING = Decimal(0)
@@ -74,18 +74,18 @@ class PassRule(ABC):
     needs_place = False
 
     @abstractmethod
-    def value(self, laps: Sequence[Lap], params: Mapping[str, Any]) -> int | None:
+    def value(self, laps: Sequence[Lap], params: PassParams) -> int | None:
         """The figure of one run that decides; None for none."""
 
     @abstractmethod
-    def passes(self, value: int, params: Mapping[str, Any]) -> bool:
+    def passes(self, value: int, params: PassParams) -> bool:
         """Whether a figure passes."""
 
-    def why_not(self, value: int | None, params: Mapping[str, Any]) -> tuple[str, dict[str, Any]]:
+    def why_not(self, value: int | None, params: PassParams) -> tuple[str, dict[str, int]]:
         """The code and values of why a track does not pass."""
         return ("no_lap", {}) if value is None else ("too_slow", {"value": value, "at_most_ms": params["at_most_ms"]})
 
-    def points(self, result: PartResult, params: Mapping[str, Any], full: Decimal) -> PartMark:
+    def points(self, result: PartResult, params: PassParams, full: Decimal) -> PartMark:
         """All points where every track passes, else none."""
         tracks = self.track_marks(result, params)
         failed = next((one for one in tracks if one.passed is False), None)
@@ -98,11 +98,11 @@ class PassRule(ABC):
             return PartMark(NOTHING, False, "not_driven")
         return self.mark(result, tracks, params, full)
 
-    def mark(self, result: PartResult, tracks: _Tracks, params: Mapping[str, Any], full: Decimal) -> PartMark:
+    def mark(self, result: PartResult, tracks: _Tracks, params: PassParams, full: Decimal) -> PartMark:
         """The mark of a part that was driven to its end and that no track fails."""
         return PartMark(full, True, "passed", {}, tracks)
 
-    def track_marks(self, result: PartResult, params: Mapping[str, Any]) -> _Tracks:
+    def track_marks(self, result: PartResult, params: PassParams) -> _Tracks:
         """Each track by itself."""
         marks = []
         for track, run in zip(result.tracks, result.runs, strict=True):
@@ -111,11 +111,11 @@ class PassRule(ABC):
             marks.append(TrackMark(track, None if run.waits else passed, value))
         return tuple(marks)
 
-    def uses_laps(self, params: Mapping[str, Any]) -> bool:
+    def uses_laps(self, params: Mapping[str, object]) -> bool:
         """Whether the number of laps in a row has an effect."""
         return "laps" in params and params.get("by") != BY_BEST
 
-    def default_params(self) -> dict[str, Any]:
+    def default_params(self) -> dict[str, object]:
         return {one.name: one.default for one in self.params}
 
 
@@ -183,13 +183,13 @@ class LapsInRow(PassRule):
     )
     unit = "laps"
 
-    def value(self, laps: Sequence[Lap], params: Mapping[str, Any]) -> int | None:
+    def value(self, laps: Sequence[Lap], params: PassParams) -> int | None:
         return streak(laps, clean=params.get("clean", True))
 
-    def passes(self, value: int, params: Mapping[str, Any]) -> bool:
+    def passes(self, value: int, params: PassParams) -> bool:
         return value >= params["laps"]
 
-    def why_not(self, value: int | None, params: Mapping[str, Any]) -> tuple[str, dict[str, Any]]:
+    def why_not(self, value: int | None, params: PassParams) -> tuple[str, dict[str, int]]:
         return "too_few_laps", {"value": value or 0, "laps": params["laps"]}
 
 
@@ -202,10 +202,10 @@ class BestLapLimit(PassRule):
     text = _("A best lap of at most %(at_most_ms)s on each track.")
     params: tuple[Param, ...] = (_AT_MOST,)
 
-    def value(self, laps: Sequence[Lap], params: Mapping[str, Any]) -> int | None:
+    def value(self, laps: Sequence[Lap], params: PassParams) -> int | None:
         return best_lap_ms(laps)
 
-    def passes(self, value: int, params: Mapping[str, Any]) -> bool:
+    def passes(self, value: int, params: PassParams) -> bool:
         return value <= params["at_most_ms"]
 
 
@@ -219,17 +219,17 @@ class AverageLapLimit(BestLapLimit):
     text_one = BestLapLimit.text
     params = (_LAPS, _AT_MOST)
 
-    def value(self, laps: Sequence[Lap], params: Mapping[str, Any]) -> int | None:
+    def value(self, laps: Sequence[Lap], params: PassParams) -> int | None:
         return average_lap_ms(laps, params["laps"])
 
 
 class _ByTime(PassRule):
     """By the best or the average lap."""
 
-    def value(self, laps: Sequence[Lap], params: Mapping[str, Any]) -> int | None:
+    def value(self, laps: Sequence[Lap], params: PassParams) -> int | None:
         return best_lap_ms(laps) if params["by"] == BY_BEST else average_lap_ms(laps, params["laps"])
 
-    def passes(self, value: int, params: Mapping[str, Any]) -> bool:
+    def passes(self, value: int, params: PassParams) -> bool:
         return True
 
 
@@ -246,7 +246,7 @@ class Thresholds(_ByTime):
         _LAPS,
     )
 
-    def mark(self, result: PartResult, tracks: _Tracks, params: Mapping[str, Any], full: Decimal) -> PartMark:
+    def mark(self, result: PartResult, tracks: _Tracks, params: PassParams, full: Decimal) -> PartMark:
         slowest = max(one.value for one in tracks if one.value is not None)
         reached = [one for one in params["thresholds"] if slowest <= one["at_most_ms"]]
         points = min(full, max((Decimal(str(one["points"])) for one in reached), default=NOTHING))
@@ -263,12 +263,12 @@ class PlaceReached(_ByTime):
     params = (Param("place", _("Place"), most=MOST_PLACE, default=10), _BY, _LAPS)
     needs_place = True
 
-    def key(self, result: PartResult, params: Mapping[str, Any]) -> int | None:
+    def key(self, result: PartResult, params: PassParams) -> int | None:
         """What the place goes by, smaller is better; None without a time on every track."""
         values = [one.value for one in self.track_marks(result, params)]
         return None if not values or None in values else sum(value for value in values if value is not None)
 
-    def mark(self, result: PartResult, tracks: _Tracks, params: Mapping[str, Any], full: Decimal) -> PartMark:
+    def mark(self, result: PartResult, tracks: _Tracks, params: PassParams, full: Decimal) -> PartMark:
         if result.place is None:
             return PartMark(NOTHING, None, "place_waits", {}, tracks)
         passed = result.place <= params["place"]

@@ -113,7 +113,7 @@ class RegradesView(PrivateView):
         status=201,
         description="Changes no mark.",
     )
-    def post(self, request: Request, assignment: Assignment, sent: dict[str, Any]) -> Regrade:
+    def post(self, request: Request, assignment: Assignment, sent: dict[str, str]) -> Regrade:
         return services.propose_regrade(assignment=assignment, by=racer_of(request), now=timezone.now(), **sent)
 
 

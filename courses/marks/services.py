@@ -1,7 +1,6 @@
 """Regrades: marks by changed rules, first beside those that stand, then in their place."""
 
 from datetime import datetime
-from typing import Any
 
 from django.db import transaction
 from django.utils.translation import gettext_lazy as _
@@ -62,13 +61,13 @@ def apply_regrade(*, assignment: Assignment, regrade: Regrade, by: Racer, now: d
     return regrade
 
 
-def changed_rows(assignment: Assignment) -> list[dict[str, Any]]:
+def changed_rows(assignment: Assignment) -> list[dict[str, int | str]]:
     """``{racer, old, new}`` of each student whose mark differs by the present rules, by the id of the racer."""
     units = units_of(assignment, everybody_of(assignment))
     rules = rules_of(assignment, stored_rules(assignment))
     new = marks_by(assignment, rules, units, with_places=assignment.final_at is not None)
     old = {mark.racer_id: mark for mark in Mark.objects.filter(assignment=assignment)}
-    rows = []
+    rows: list[dict[str, int | str]] = []
     for racer, facts in sorted(new.items()):
         if racer in old and differs(old[racer], facts):
             rows.append({"racer": racer, "old": str(old[racer].points), "new": str(facts.points)})

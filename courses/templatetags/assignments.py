@@ -151,7 +151,7 @@ COLUMNS = {
 
 
 @register.inclusion_tag("courses/marks/column.html", takes_context=True)
-def mark_column(context: template.Context, name: str) -> dict[str, Any]:
+def mark_column(context: template.Context, name: str) -> dict[str, object]:
     """The heading of a column of marks, which sorts by it; again: the other way round."""
     label, kind = COLUMNS[name]
     here, backwards = context["sort"] == name, context["backwards"]
@@ -165,7 +165,7 @@ def mark_column(context: template.Context, name: str) -> dict[str, Any]:
 
 
 @register.simple_tag
-def assignments_of_group(viewer: Any, group: RacerGroup) -> dict[str, Any]:
+def assignments_of_group(viewer: Any, group: RacerGroup) -> dict[str, object]:
     """The assignments of a group that the viewer sees, and whether the viewer teaches it."""
     found = assignments_visible_to(viewer).filter(group=group).order_by("due_at", "pk")
     return {"list": list(found), "teaches": can_teach_group(viewer, group), "is_class": hasattr(group, "classroom")}
