@@ -41,7 +41,7 @@ class PlatformForm(forms.ModelForm):
             raise ValidationError(_("A deployment ID has at most %(limit)s characters.") % {"limit": LONGEST_ID})
         return text
 
-    def clean(self) -> dict[str, Any]:
+    def clean(self) -> dict[str, object]:
         data = super().clean() or self.cleaned_data
         for name in ADDRESSES:
             try:

@@ -1,6 +1,7 @@
 """Deep linking: a teacher chooses an assignment on the platform's page for it, and its column is made there."""
 
-from typing import TYPE_CHECKING, Any
+from collections.abc import Mapping
+from typing import TYPE_CHECKING
 
 from django.db.models import Sum
 from django.http import HttpRequest, HttpResponse
@@ -30,8 +31,7 @@ def choice(request: HttpRequest, launch: Launch, message: "Message") -> HttpResp
     "lti_message")."""
     if not launch.is_teacher:
         raise UserFault("lti_role")
-    claims: dict[str, Any] = dict(message.get_launch_data())
-    asked = claims[DEEP_LINKING]
+    asked: Mapping[str, object] = message.get_launch_data()[DEEP_LINKING]
     back, origin = _return_address(asked)
     context = services.context_of(launch)
     racer = services.account_of(launch, context)
@@ -44,7 +44,7 @@ def choice(request: HttpRequest, launch: Launch, message: "Message") -> HttpResp
     return framed(answer, origin)
 
 
-def _return_address(asked: dict[str, Any]) -> tuple[str, str]:
+def _return_address(asked: Mapping[str, object]) -> tuple[str, str]:
     """Where the choice is sent, and the origin of it. Raises UserFault("lti_message")."""
     back = asked.get("deep_link_return_url")
     try:
@@ -54,7 +54,7 @@ def _return_address(asked: dict[str, Any]) -> tuple[str, str]:
     return str(back), f"{parts.scheme}://{parts.netloc}"
 
 
-def _signed(request: HttpRequest, assignment: Assignment, message: "Message", asked: dict[str, Any]) -> str:
+def _signed(request: HttpRequest, assignment: Assignment, message: "Message", asked: Mapping[str, object]) -> str:
     """The answer that links to this assignment: a token of ten minutes."""
     from pylti1p3.deep_link_resource import DeepLinkResource
     from pylti1p3.lineitem import LineItem
@@ -67,8 +67,8 @@ def _signed(request: HttpRequest, assignment: Assignment, message: "Message", as
         line = LineItem().set_label(assignment.title).set_resource_id(assignment.public_id)
         item.set_lineitem(line.set_tag("paddock").set_score_maximum(float(points)))
     link = message.get_deep_link()
-    answer: dict[str, Any] = link.get_message_jwt([item])
-    answer[_ITEMS] = [{**one, "window": {"targetName": "paddock"}} for one in answer[_ITEMS]]
+    answer = link.get_message_jwt([item])
+    answer[_ITEMS] = [{**item.to_dict(), "window": {"targetName": "paddock"}}]
     if answer[_DATA] is None:
         del answer[_DATA]
     return link.encode_jwt(answer)

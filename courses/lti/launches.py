@@ -1,9 +1,9 @@
 """The claims of a launch that are read here: person, role, course and assignment."""
 
 import re
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from dataclasses import asdict, dataclass
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Final
 
 from core.validators import without_invisible
 from paddock.errors import UserFault
@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     from .library import Message
 
 CLAIM = "https://purl.imsglobal.org/spec/lti/claim"
-DEEP_LINKING = "https://purl.imsglobal.org/spec/lti-dl/claim/deep_linking_settings"
+DEEP_LINKING: Final = "https://purl.imsglobal.org/spec/lti-dl/claim/deep_linking_settings"
 GRADES = "https://purl.imsglobal.org/spec/lti-ags/claim/endpoint"
 # roles in the course alone: somebody may teach elsewhere at the institution
 _MEMBERSHIP = "http://purl.imsglobal.org/vocab/lis/v2/membership"
@@ -41,14 +41,14 @@ class Launch:
     lines: str = ""
     scopes: tuple[str, ...] = ()
 
-    def kept(self) -> dict[str, Any]:
+    def kept(self) -> dict[str, object]:
         """As values that a cache keeps; :func:`Launch` takes them again."""
         return asdict(self)
 
 
 def read_launch(platform: LtiPlatform, message: "Message") -> Launch:
     """Raises UserFault("lti_message" | "lti_no_course" | "lti_role")."""
-    claims: dict[str, Any] = dict(message.get_launch_data())
+    claims: Mapping[str, object] = message.get_launch_data()
     context, grades = _mapping(claims.get(f"{CLAIM}/context")), _mapping(claims.get(GRADES))
     if not context.get("id"):
         raise UserFault("lti_no_course")
@@ -69,7 +69,7 @@ def read_launch(platform: LtiPlatform, message: "Message") -> Launch:
     )
 
 
-def is_teacher(roles: Any) -> bool:
+def is_teacher(roles: object) -> bool:
     """Whether these roles are a teacher's in the course; False: a student's. Raises UserFault("lti_role") for
     neither."""
     named = _items(roles)[:MOST_ROLES]
@@ -80,26 +80,26 @@ def is_teacher(roles: Any) -> bool:
     raise UserFault("lti_role")
 
 
-def _mapping(found: Any) -> dict[str, Any]:
+def _mapping(found: object) -> dict[str, object]:
     return found if isinstance(found, dict) else {}
 
 
-def _items(found: Any) -> list[str]:
+def _items(found: object) -> list[str]:
     return [one for one in found if isinstance(one, str)] if isinstance(found, Iterable) else []
 
 
-def _text(found: Any) -> str:
+def _text(found: object) -> str:
     if not isinstance(found, str) or not 0 < len(found) <= LONGEST_ID or not found.isprintable():
         raise UserFault("lti_message")
     return found
 
 
-def _line(found: Any) -> str:
+def _line(found: object) -> str:
     """A text for people, in one line and cut."""
     if not isinstance(found, str):
         return ""
     return without_invisible(found[: 10 * LONGEST_NAME])[:LONGEST_NAME].strip()
 
 
-def _url(found: Any) -> str:
+def _url(found: object) -> str:
     return found if isinstance(found, str) and len(found) <= LONGEST_URL and found.isprintable() else ""

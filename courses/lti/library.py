@@ -1,6 +1,6 @@
 """The library (PyLTI1p3) with what it leaves open: registered platforms, one use of each log-in, RS256 alone."""
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from hmac import compare_digest
 from time import time
@@ -123,7 +123,7 @@ class Message(DjangoMessageLaunch):
 
     def validate_jwt_signature(self) -> "Message":
         super().validate_jwt_signature()
-        body: dict[str, Any] = self._jwt["body"]  # type: ignore[assignment]
+        body: Mapping[str, object] = self._jwt["body"]
         client = self.get_client_id()
         if body.get("azp", client) != client or (len(_list(body["aud"])) > 1 and "azp" not in body):
             raise LtiException("The token is for another client")

@@ -1,7 +1,5 @@
 """What a platform must know of this site: addresses for people who enter them, and a file for Canvas."""
 
-from typing import Any
-
 from django.http import HttpRequest
 from django.urls import reverse
 from django.utils.translation import gettext as _
@@ -24,7 +22,7 @@ def tool_addresses(request: HttpRequest) -> list[tuple[str, str]]:
     return [(label, f"{origin_of(request)}{reverse(name)}") for label, name in named.items()]
 
 
-def tool_configuration(request: HttpRequest) -> dict[str, Any]:
+def tool_configuration(request: HttpRequest) -> dict[str, object]:
     """The configuration that Canvas imports from an address."""
     origin = origin_of(request)
     launch, choose = f"{origin}{reverse('lti_launch')}", f"{origin}{reverse('lti_choose')}"
