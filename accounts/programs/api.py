@@ -129,7 +129,7 @@ class ProgramsView(PrivateView):
         answer=ProgramSerializer,
         status=201,
     )
-    def post(self, request: Request, _none: None, sent: dict[str, Any]) -> ServiceAccount:
+    def post(self, request: Request, _none: None, sent: dict[str, str]) -> ServiceAccount:
         return services.make_program(by=racer_of(request), now=timezone.now(), **sent)
 
 
@@ -183,7 +183,7 @@ class ProgramTokenView(PrivateView):
         answer=NewProgramTokenSerializer,
         status=201,
     )
-    def post(self, request: Request, found: tuple[ServiceAccount, AuthToken], sent: dict[str, Any]) -> AuthToken:
+    def post(self, request: Request, found: tuple[ServiceAccount, AuthToken], sent: dict[str, int]) -> AuthToken:
         program, token = found
         made = services.replace_program_token(
             program=program, by=racer_of(request), key=token.token_key, now=timezone.now(), **sent

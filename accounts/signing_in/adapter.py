@@ -62,7 +62,7 @@ class AccountAdapter(DefaultAccountAdapter):
         self,
         template_prefix: str,
         email: str | list[str],
-        context: dict[str, Any],
+        context: dict[str, object],
         headers: dict[str, str] | None = None,
     ) -> EmailMessage:
         """Render a mail with the site's host from the settings, not from the request."""
@@ -70,7 +70,7 @@ class AccountAdapter(DefaultAccountAdapter):
         where = SimpleNamespace(domain=host, name=host)
         return super().render_mail(template_prefix, email, context | {"current_site": where}, headers)
 
-    def send_mail(self, template_prefix: str, email: str, context: dict[str, Any]) -> None:
+    def send_mail(self, template_prefix: str, email: str, context: dict[str, object]) -> None:
         """Mails go while a page waits: one that cannot be sent is reported on the next page, and the rest is done."""
         try:
             super().send_mail(template_prefix, email, context)

@@ -32,7 +32,7 @@ class LoginForm(allauth_forms.LoginForm):
         for field in self.fields.values():
             field.widget.attrs.pop("placeholder", None)
 
-    def clean(self) -> dict[str, Any]:
+    def clean(self) -> dict[str, object]:
         """As allauth's; a directory that does not answer is an error of its own."""
         try:
             return super().clean()

@@ -2,7 +2,6 @@
 
 import logging
 import re
-from typing import Any
 
 from allauth.account.models import EmailAddress
 from allauth.core.exceptions import ImmediateHttpResponse
@@ -100,7 +99,7 @@ class SingleSignOnAdapter(DefaultSocialAccountAdapter):
             if address.verified and Racer.objects.filter(taken).exists():
                 raise UserFault("sso_address_taken", email=address.email, provider=str(sociallogin.provider))
 
-    def populate_user(self, request: HttpRequest, sociallogin: SocialLogin, data: dict[str, Any]) -> Racer:
+    def populate_user(self, request: HttpRequest, sociallogin: SocialLogin, data: dict[str, str]) -> Racer:
         """Propose an alias: the person's name at the provider, in the letters of an alias."""
         racer = sociallogin.user
         racer.alias = re.sub(r"[^A-Za-z0-9_-]+", "-", data.get("username", "").partition("@")[0])[:64].strip("-")
@@ -123,7 +122,7 @@ class SingleSignOnAdapter(DefaultSocialAccountAdapter):
         provider: Provider,
         error: str | None = None,
         exception: Exception | None = None,
-        extra_context: dict[str, Any] | None = None,
+        extra_context: dict[str, object] | None = None,
     ) -> None:
         """Show why, as a page of ours."""
         named = {"provider": str(provider)}

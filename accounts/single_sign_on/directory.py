@@ -22,7 +22,7 @@ from ldap.cidict import cidict
 from paddock.errors import PlatformFault
 
 from ..models import Racer
-from .provider import SEVERAL_FACTORS, DirectoryProvider, digest_of
+from .provider import SEVERAL_FACTORS, DirectoryProvider, PersonDocument, digest_of
 from .roles import apply_roles
 
 PATIENCE_S = 5
@@ -65,7 +65,7 @@ def bind() -> None:
     _ = _LDAPUser(Directory(), username="nobody").connection
 
 
-def _data_of(ldap_user: Any) -> dict[str, Any]:
+def _data_of(ldap_user: Any) -> PersonDocument:
     """A person's data from their entry. Raises AuthenticationFailed where it lacks an id."""
     names, found = settings.LDAP["attributes"], cidict(ldap_user.attrs or {})
     first = {ours: next(iter(found.get(theirs) or []), "") for ours, theirs in names.items()}
@@ -82,7 +82,7 @@ def _data_of(ldap_user: Any) -> dict[str, Any]:
     }
 
 
-def _settings_of(directory: dict[str, Any]) -> dict[str, Any]:
+def _settings_of(directory: dict[str, Any]) -> dict[str, object]:
     """django-auth-ldap's settings. It never makes or changes a racer by itself."""
     options = {ldap.OPT_REFERRALS: 0, ldap.OPT_NETWORK_TIMEOUT: PATIENCE_S, ldap.OPT_TIMEOUT: PATIENCE_S}
     if directory["uri"].startswith("ldaps://") or directory["start_tls"]:

@@ -22,7 +22,7 @@ def nonce_of(verifier: str) -> str:
 
 def verified_claims(
     token: str, *, keys: Callable[[], Mapping[str, Any]], issuer: str, client_id: str, nonce: str
-) -> dict[str, Any]:
+) -> dict[str, object]:
     """The claims of an ID token. ``keys``: reads the provider's JSON Web Key Set. Raises OAuth2Error."""
     try:
         header = jwt.get_unverified_header(token)

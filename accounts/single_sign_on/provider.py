@@ -3,7 +3,7 @@
 from collections.abc import Iterator
 from contextlib import contextmanager
 from hashlib import sha256
-from typing import Any
+from typing import Any, Final, NotRequired, TypedDict
 
 from allauth.account.models import EmailAddress
 from allauth.socialaccount.adapter import get_adapter
@@ -19,7 +19,26 @@ from .id_tokens import nonce_of, verified_claims
 
 NAMED_GROUPS = frozenset(group for group, _ in settings.SSO_ROLES)
 # How a person showed more than a password, by RFC 8176
-SEVERAL_FACTORS = "mfa"
+SEVERAL_FACTORS: Final = "mfa"
+
+
+class PersonDocument(TypedDict):
+    """A person by a provider; ``groups``: None where it names none."""
+
+    uid: str
+    name: str
+    email: object
+    email_verified: bool
+    groups: list[str] | None
+    mfa: bool
+
+
+class OpenIDConfiguration(TypedDict):
+    issuer: str
+    authorization_endpoint: str
+    token_endpoint: str
+    jwks_uri: str
+    userinfo_endpoint: NotRequired[str]
 
 
 def digest_of(*parts: str) -> str:
@@ -40,17 +59,17 @@ class PersonProvider(Provider):
 
     account_class = ProviderAccount
 
-    def extract_uid(self, data: dict[str, Any]) -> str:
+    def extract_uid(self, data: PersonDocument) -> str:
         return str(data["uid"])
 
-    def extract_common_fields(self, data: dict[str, Any]) -> dict[str, Any]:
+    def extract_common_fields(self, data: PersonDocument) -> dict[str, object]:
         return {"email": data["email"], "username": data["name"]}
 
-    def extract_email_addresses(self, data: dict[str, Any]) -> list[EmailAddress]:
+    def extract_email_addresses(self, data: PersonDocument) -> list[EmailAddress]:
         email = str(data["email"] or "").lower()
         return [EmailAddress(email=email, verified=data["email_verified"], primary=True)] if email else []
 
-    def extract_extra_data(self, data: dict[str, Any]) -> dict[str, Any]:
+    def extract_extra_data(self, data: PersonDocument) -> dict[str, object]:
         groups = data["groups"]
         if groups is not None:
             groups = [name for name in groups if name.casefold() in NAMED_GROUPS]
@@ -63,7 +82,7 @@ class ProviderAnswers(OpenIDConnectOAuth2Adapter):
     _nonce = ""
 
     @property
-    def openid_config(self) -> dict[str, Any]:
+    def openid_config(self) -> OpenIDConfiguration:
         """The provider's description of itself. Raises OAuth2Error for none, and for that of another provider."""
         with provider_errors():
             found = super().openid_config
@@ -74,7 +93,7 @@ class ProviderAnswers(OpenIDConnectOAuth2Adapter):
 
     def get_access_token_data(
         self, request: HttpRequest, app: SocialApp, client: Any, pkce_code_verifier: str | None = None
-    ) -> dict[str, Any]:
+    ) -> dict[str, object]:
         self._nonce = nonce_of(pkce_code_verifier or "")
         with provider_errors():
             return super().get_access_token_data(request, app, client, pkce_code_verifier=pkce_code_verifier)
@@ -96,7 +115,7 @@ class ProviderAnswers(OpenIDConnectOAuth2Adapter):
                 claims |= more
         return self.get_provider().person(request, claims)
 
-    def keys(self) -> dict[str, Any]:
+    def keys(self) -> dict[str, object]:
         """The provider's JSON Web Key Set. Raises OAuth2Error and RequestException."""
         with provider_errors(), get_adapter().get_requests_session() as session:
             response = session.get(self.openid_config["jwks_uri"])
@@ -124,12 +143,12 @@ class OpenIDConnect(PersonProvider, OpenIDConnectProvider):
         found = super().get_pkce_params()
         return found | {"nonce": nonce_of(found["code_verifier"])}
 
-    def person(self, request: HttpRequest, claims: dict[str, Any]) -> SocialLogin:
+    def person(self, request: HttpRequest, claims: dict[str, object]) -> SocialLogin:
         """A log-in of the person with these claims. An address counts as verified by the word ``true`` alone."""
         used = values_at(claims, "amr")
-        data = {
-            "uid": digest_of(settings.OIDC["issuer"], claims["sub"]),
-            "name": claims.get("preferred_username") or claims.get("nickname") or "",
+        data: PersonDocument = {
+            "uid": digest_of(settings.OIDC["issuer"], str(claims["sub"])),
+            "name": str(claims.get("preferred_username") or claims.get("nickname") or ""),
             "email": claims.get("email"),
             "email_verified": claims.get("email_verified") is True or claims.get("email_verified") == "true",
             "groups": values_at(claims, settings.OIDC["groups_claim"]),

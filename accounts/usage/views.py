@@ -1,7 +1,5 @@
 """Signing up by invitation, and how much of the site a racer has used."""
 
-from typing import Any
-
 from django.contrib.auth.decorators import login_required
 from django.core.exceptions import PermissionDenied
 from django.core.paginator import Paginator
@@ -44,7 +42,7 @@ def usage_of_all(request: HttpRequest) -> HttpResponse:
     page = Paginator(ranked, RACERS_PER_PAGE).get_page(request.GET.get("page"))
     may_change = request.user.has_perm("accounts.change_racer")
 
-    def values() -> dict[str, Any]:
+    def values() -> dict[str, object]:
         racers = Racer.objects.in_bulk(list(page.object_list))
         rows = usage_rows([racers[pk] for pk in page.object_list if pk in racers], now)
         return {"rows": rows, "quotas": quotas, "by": by, "may_change": may_change}
