@@ -3,7 +3,7 @@
 import gzip
 import json
 from collections.abc import Iterator
-from typing import Any, Literal
+from typing import Literal
 
 from django.http import HttpResponse, HttpResponseBase, StreamingHttpResponse
 
@@ -56,7 +56,7 @@ def download(job: TrainingJob, file: Download, reader: Racer) -> HttpResponseBas
     return as_download(StreamingHttpResponse(data(job), content_type=kind), name)
 
 
-def training_metrics(job: TrainingJob) -> dict[str, Any]:
+def training_metrics(job: TrainingJob) -> dict[str, object]:
     """``{"metrics": [...], "version": 2.0, "best_model_metric": ...}``: all episodes and trials as driven, in simulated
     ms.
 
@@ -82,16 +82,16 @@ def metrics_json(job: TrainingJob) -> Iterator[bytes]:
     yield f'], "version": {VERSION}, "best_model_metric": {best}}}\n'.encode()
 
 
-def _entries(job: TrainingJob) -> Iterator[list[dict[str, Any]]]:
+def _entries(job: TrainingJob) -> Iterator[list[dict[str, object]]]:
     """The entries of each iteration; those of a training with several tracks have ``track`` and ``direction``."""
     clock = episode = 0
     slugs = [track.slug for track in job.tracks]
     rows = job.iterations.order_by("number").values_list("episodes", "eval_trials")
     for driven_here in rows.iterator(chunk_size=AT_A_TIME):
-        metrics: list[dict[str, Any]] = []
+        metrics: list[dict[str, object]] = []
         for phase, driven in zip(("training", "evaluation"), driven_here, strict=True):
             for trial, one in enumerate(driven, start=1):
-                entry: dict[str, Any] = {
+                entry: dict[str, object] = {
                     "reward_score": round(one["reward"]),
                     "metric_time": clock + one["time_ms"],
                     "start_time": clock,

@@ -88,7 +88,9 @@ def check_settings(settings: TrainingSettings) -> None:
         try:
             rule.check(getattr(settings, name))
         except ValueError:
-            bounds: dict[str, Any] = dict(zip(("low", "high"), rule.bounds, strict=True)) if name in _RANGES else {}
+            bounds: dict[str, float | str] = (
+                dict(zip(("low", "high"), rule.bounds, strict=True)) if name in _RANGES else {}
+            )
             if name in RANDOMISED:
                 bounds = {"name": name, "label": str(rule.label)}
             raise UserFault(code, **bounds) from None

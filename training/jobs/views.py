@@ -210,7 +210,7 @@ def _window(request: HttpRequest) -> int:
 
 def _figures(
     request: HttpRequest, job: TrainingJob, last: TrainingIteration | None, place: int | None
-) -> dict[str, Any]:
+) -> dict[str, object]:
     """What changes from second to second; it costs the same however long the training is."""
     progress = job.progress or {}
     seconds = max(job.seconds_done, float(progress.get("seconds", 0)))
@@ -229,7 +229,7 @@ def _figures(
     }
 
 
-def _graph(request: HttpRequest, job: TrainingJob, last: TrainingIteration | None) -> dict[str, Any]:
+def _graph(request: HttpRequest, job: TrainingJob, last: TrainingIteration | None) -> dict[str, object]:
     window, drive = _window(request), _drive(job)
 
     def drawn() -> tuple[Any, int]:
@@ -254,7 +254,7 @@ def _drive(job: TrainingJob) -> list[list[float]]:
     return [[*map_point(job.track, x, y), round(-yaw, 3), round(speed, 2)] for x, y, yaw, speed in (job.driving or [])]
 
 
-def _scene(job: TrainingJob, boxes: Sequence[BoxMark]) -> dict[str, Any]:
+def _scene(job: TrainingJob, boxes: Sequence[BoxMark]) -> dict[str, object]:
     """What the viewer needs beside the newest drive: the scene document, the car's look, the boxes."""
     return {
         "scene": f"{reverse('track_scene', args=[job.track.slug])}?direction={job.direction}",

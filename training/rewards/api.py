@@ -1,7 +1,5 @@
 """The API that validates a reward function."""
 
-from typing import Any
-
 from rest_framework import serializers
 from rest_framework.request import Request
 from rest_framework.response import Response
@@ -62,7 +60,7 @@ class RewardValidationView(APIView):
         description="Reads it and calls it in five states of a car on a track, behind the sandbox, as the wizard does "
         "and as beginning a training does. One at a time for each racer.",
     )
-    def post(self, request: Request, sent: dict[str, Any]) -> Response:
+    def post(self, request: Request, sent: dict[str, str]) -> Response:
         report = checked(racer_of(request), sent["reward_code"], sent["race_type"])
         problems, warnings = (
             [{**described(problem), "state": problem.state} for problem in found]

@@ -1,7 +1,5 @@
 """Sweeps: create, list, read, stop, delete. Only the owner and admins have access."""
 
-from typing import Any
-
 from django.db.models import QuerySet
 from django.http import Http404
 from django.shortcuts import get_object_or_404
@@ -19,14 +17,14 @@ from core.api.views import APIView, PrivateView
 from paddock.rules.training import taken_from
 from races.models import RaceType
 
-from ..jobs.api.trainings import CreateSerializer, checked_settings
+from ..jobs.api.trainings import CreateSerializer, SentTraining, checked_settings
 from ..models import Sweep, SweepState
 from ..models.sweep import SETTINGS_LEAST, SETTINGS_MOST
 from ..rewards.check_slots import refusals
 from ..rewards.sandbox.static_checks import MAX_CHARACTERS
 from .halving import plan
 from .selectors import STATES, TrialRow, importances, rows_of, sweeps_of, visible_sweeps
-from .services import create_sweep, delete_sweep, stop_sweep
+from .services import SearchFields, create_sweep, delete_sweep, stop_sweep
 from .space import VARIANTS_MOST
 
 
@@ -103,15 +101,15 @@ class SweepSerializer(SweepSummarySerializer):
         return sweep.stop_asked_at is not None
 
     @extend_schema_field(RungSerializer(many=True))
-    def get_plan(self, sweep: Sweep) -> list[dict[str, Any]]:
+    def get_plan(self, sweep: Sweep) -> list[dict[str, object]]:
         return list(RungSerializer(plan(sweep.settings_count, sweep.budget_s), many=True).data)
 
     @extend_schema_field(TrialSerializer(many=True))
-    def get_trials(self, sweep: Sweep) -> list[dict[str, Any]]:
+    def get_trials(self, sweep: Sweep) -> list[dict[str, object]]:
         return list(TrialSerializer(self._rows(sweep), many=True).data)
 
     @extend_schema_field(ImportanceSerializer(many=True))
-    def get_importances(self, sweep: Sweep) -> list[dict[str, Any]]:
+    def get_importances(self, sweep: Sweep) -> list[dict[str, object]]:
         return list(ImportanceSerializer(importances(sweep, self._rows(sweep)), many=True).data)
 
 
@@ -137,6 +135,12 @@ class SearchBody(Body):
         max_length=VARIANTS_MOST,
         help_text="Beside the base training's.",
     )
+
+
+class SentSweep(SentTraining, total=False):
+    settings: int
+    budget_s: int
+    search: SearchFields
 
 
 class CreateSweepSerializer(CreateSerializer):
@@ -179,7 +183,7 @@ class SweepsView(PrivateView):
         description="Checks every reward function, and begins with the base settings. The budget counts as the time "
         "limit of one training.",
     )
-    def post(self, request: Request, sent: dict[str, Any]) -> Response:
+    def post(self, request: Request, sent: SentSweep) -> Response:
         count, budget_s, search = sent.pop("settings"), sent.pop("budget_s"), sent.pop("search")
         asked, rest = taken_from(checked_settings(request, sent))
         for code in search.get("reward_functions", ()):
@@ -187,8 +191,10 @@ class SweepsView(PrivateView):
                 raise fault
 
         def make() -> Response:
-            limits = {"count": count, "budget_s": budget_s, "search": search}
-            sweep = create_sweep(owner=racer_of(request), settings=asked, now=timezone.now(), **limits, **rest)
+            by, now = racer_of(request), timezone.now()
+            sweep = create_sweep(
+                owner=by, settings=asked, count=count, budget_s=budget_s, search=search, now=now, **rest
+            )
             return Response(SweepSerializer(sweep).data, status=status.HTTP_201_CREATED)
 
         return self.write(make)

@@ -47,6 +47,10 @@ class SearchFields(TypedDict, total=False):
     reward_functions: Sequence[str]
 
 
+class TrialFields(TrainingFields, total=False):
+    more_tracks: Sequence[Track]
+
+
 def create_sweep(
     *,
     owner: Racer,
@@ -65,7 +69,7 @@ def create_sweep(
     """
     if find_spec("optuna") is None:
         raise PlatformFault("training_unavailable")
-    base: dict[str, Any] = {**fields, "more_tracks": more_tracks}
+    base: TrialFields = {**fields, "more_tracks": more_tracks}
     space, asked = _checked(owner, settings, count, budget_s, search, now, base)
     name = fields["name"]
     with transaction.atomic():
@@ -99,7 +103,7 @@ def _checked(
     budget_s: int,
     search: SearchFields,
     now: datetime,
-    base: dict[str, Any],
+    base: TrialFields,
 ) -> tuple[SearchSpace, TrainingSettings]:
     """The search space, and the settings of the first trial's training: it ends by time alone, and its time limit is
     the whole budget for the checks of quotas. Raises UserFault."""
@@ -247,7 +251,7 @@ def _end(
     state: SweepState,
     now: datetime,
     best: SweepTrial | None = None,
-    reason: tuple[str, dict[str, Any]] = ("", {}),
+    reason: tuple[str, dict[str, object]] = ("", {}),
 ) -> None:
     for trial in SweepTrial.objects.filter(sweep=sweep).select_related("job"):
         drop_checkpoints(trial.job)

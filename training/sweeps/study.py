@@ -88,7 +88,7 @@ def _distribution(name: str, values: SearchRange) -> BaseDistribution:
     return FloatDistribution(low, high, log=low > 0 and high / low >= _LOGARITHMIC)
 
 
-def _params(setting: TrialSetting, distributions: dict[str, BaseDistribution]) -> dict[str, Any]:
+def _params(setting: TrialSetting, distributions: dict[str, BaseDistribution]) -> dict[str, float | str]:
     every = {
         **setting["hyperparameters"],
         ACTION_SPACE: setting["action_space"],

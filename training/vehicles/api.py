@@ -1,6 +1,6 @@
 """Vehicles of the garage: list, create, change, delete. Only the owner has access."""
 
-from typing import Any
+from typing import Any, TypedDict
 
 from django.db.models import QuerySet
 from django.shortcuts import get_object_or_404
@@ -51,6 +51,15 @@ class VehicleSerializer(serializers.Serializer):
     created_at = serializers.DateTimeField()
 
 
+class SentVehicle(TypedDict, total=False):
+    name: str
+    sensors: list[str]
+    lidar_config: dict[str, float]
+    neural_network: str
+    shell: str
+    colour: str
+
+
 class VehicleBody(Body):
     """What a vehicle is made of. What is left out is as usual, or as it was."""
 
@@ -82,7 +91,7 @@ class VehiclesView(PrivateView):
         return vehicles_of(request.user)
 
     @operation("add_vehicle", "Add a vehicle", body=VehicleBody, answer=VehicleSerializer, status=201)
-    def post(self, request: Request, sent: dict[str, Any]) -> Vehicle:
+    def post(self, request: Request, sent: SentVehicle) -> Vehicle:
         return save_vehicle(owner=racer_of(request), **_values(sent, Vehicle()))
 
 
@@ -106,7 +115,7 @@ class VehicleView(PrivateView):
         answer=VehicleSerializer,
         description="What was trained with it stays as it is.",
     )
-    def patch(self, request: Request, vehicle: Vehicle, sent: dict[str, Any]) -> Vehicle:
+    def patch(self, request: Request, vehicle: Vehicle, sent: SentVehicle) -> Vehicle:
         return save_vehicle(owner=racer_of(request), vehicle=vehicle, **_values(sent, vehicle))
 
     @operation("delete_vehicle", "Delete a vehicle", find=own_vehicle, answer="Models that were trained with it stay.")
@@ -114,7 +123,7 @@ class VehicleView(PrivateView):
         delete_vehicle(vehicle=vehicle)
 
 
-def _values(sent: dict[str, Any], before: Vehicle) -> VehicleValues:
+def _values(sent: SentVehicle, before: Vehicle) -> VehicleValues:
     """Keyword arguments of ``save_vehicle``: the sent values, completed from the vehicle. Raises UserFault
     ``vehicle_lidar``."""
     sensors = sent.get("sensors", before.sensors)

@@ -72,7 +72,7 @@ class VehicleForm(forms.Form):
         }
 
 
-def _initial(vehicle: Vehicle) -> dict[str, Any]:
+def _initial(vehicle: Vehicle) -> dict[str, object]:
     return {
         "name": vehicle.name,
         "camera": next((name for name in vehicle.sensors if name in CAMERAS), ""),

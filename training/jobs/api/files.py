@@ -1,7 +1,5 @@
 """Downloads of a training: models, logs, the newest sim-trace."""
 
-from typing import Any
-
 from django.http import HttpResponseBase
 from django.utils.translation import gettext as _
 from drf_spectacular.types import OpenApiTypes
@@ -43,7 +41,7 @@ class TrainingPackageView(TrainingFileView):
         answer=ZIP,
         description="A zip of the ONNX and its model_metadata.json.",
     )
-    def get(self, request: Request, public_id: str, asked: dict[str, Any]) -> HttpResponseBase:
+    def get(self, request: Request, public_id: str, asked: dict[str, Download]) -> HttpResponseBase:
         return self.send(public_id, asked["model"], explain(UserFault("training_no_model")))
 
 

@@ -1,6 +1,6 @@
 """Trainings: create, read, stop, delete, evaluate. Only the owner and admins have access."""
 
-from typing import Any
+from typing import Literal, Required, TypedDict
 
 from django.db.models import QuerySet
 from django.http import Http404
@@ -143,9 +143,20 @@ class TrainingSerializer(with_rules(with_rules(TrainingSummarySerializer, DRIVEN
         return job.stop_asked_at is not None
 
     @extend_schema_field(IterationSerializer(many=True))
-    def get_iterations(self, job: TrainingJob) -> list[dict[str, Any]]:
+    def get_iterations(self, job: TrainingJob) -> list[dict[str, object]]:
         rows = job.iterations.order_by("number").defer("episodes", "eval_trials", "simtrace")
         return list(IterationSerializer(rows, many=True).data)
+
+
+class SentTraining(TypedDict, total=False):
+    """What the API looks into of a body; all of it becomes settings and fields of the training."""
+
+    reward_code: Required[str]
+    race_type: str
+    algorithm: str
+    clone_from: str
+    vehicle: str
+    submit_to_race: str
 
 
 class CreateSerializer(
@@ -211,7 +222,7 @@ class TrainingsView(PrivateView):
         answer={201: TrainingSerializer},
         description="Checks the reward function as the wizard does, and puts the training into the queue.",
     )
-    def post(self, request: Request, sent: dict[str, Any]) -> Response:
+    def post(self, request: Request, sent: SentTraining) -> Response:
         asked, rest = taken_from(checked_settings(request, sent))
 
         def make() -> Response:
@@ -281,7 +292,7 @@ class TrainingEvaluationsView(APIView):
         description="Three laps on the track and the layout that it was trained on. The evaluation is seen by you "
         "and by admins, and stands on no board.",
     )
-    def post(self, request: Request, job: TrainingJob, sent: dict[str, Any]) -> Evaluation:
+    def post(self, request: Request, job: TrainingJob, sent: dict[str, Literal["best", "last"]]) -> Evaluation:
         return evaluate_training(job=job, which=sent["model"], by=racer_of(request), now=timezone.now())
 
 
@@ -296,11 +307,11 @@ class TrainingMetricsView(PrivateView):
         return Response(training_metrics(job))
 
 
-def checked_settings(request: Request, sent: dict[str, Any]) -> dict[str, Any]:
+def checked_settings(request: Request, sent: SentTraining) -> dict[str, object]:
     """What :func:`taken_from` takes. Raises Http404, ValidationError, UserFault."""
     kwargs = dict(sent)
-    kwargs["reward_code"] = sent["reward_code"].replace("\r\n", "\n")
-    kwargs["reward_signature"] = RewardSignature.of(kwargs["reward_code"])
+    kwargs["reward_code"] = code = sent["reward_code"].replace("\r\n", "\n")
+    kwargs["reward_signature"] = RewardSignature.of(code)
     if "clone_from" in sent:
         model = kwargs["clone_from"] = visible_models(request.user).filter(public_id=sent["clone_from"]).first()
         if model is None:
@@ -317,6 +328,6 @@ def checked_settings(request: Request, sent: dict[str, Any]) -> dict[str, Any]:
             raise UserFault("vehicle_not_yours")
     if "submit_to_race" in sent:
         kwargs["submit_to_race"] = get_object_or_404(races_visible_to(request.user), slug=sent["submit_to_race"])
-    for fault in refusals(racer_of(request), kwargs["reward_code"], sent.get("race_type", RaceType.TIME_TRIAL)):
+    for fault in refusals(racer_of(request), code, sent.get("race_type", RaceType.TIME_TRIAL)):
         raise fault
     return kwargs

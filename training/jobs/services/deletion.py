@@ -2,7 +2,6 @@
 
 import logging
 from datetime import datetime
-from typing import Any
 
 from django.db import transaction
 from django.db.models import QuerySet
@@ -20,7 +19,7 @@ from ...models import Checkpoint, SweepTrial, TrainingJob
 from ...models.choices import FINAL_STATES
 from ...quotas import bytes_of, files_of
 
-_NOTHING: dict[str, Any] = {
+_NOTHING: dict[str, object] = {
     "name": "deleted",
     "description": "",
     "reward_code": "# deleted\n",

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from datetime import datetime
-from typing import Any
 
 from django.db import transaction
 from django.db.models import F, QuerySet
@@ -52,13 +51,13 @@ class Trainings(RetriedKind[TrainingJob]):
     def next_in_queue(self, now: datetime) -> Sequence[tuple[int, int]]:
         return [(one.pk, one.attempt) for one in waiting_in_order(now)]
 
-    def progress_columns(self, progress: TrainingProgress) -> dict[str, Any]:
+    def progress_columns(self, progress: TrainingProgress) -> dict[str, object]:
         figures = {name: value for name, value in progress.items() if name != "seen"}
         columns = {"progress": figures, "seconds_done": progress["seconds"]}
         return columns | {"seen": progress["seen"]} if "seen" in progress else columns
 
     def after(self, job: TrainingJob, fault: PaddockError, now: datetime) -> Verdict:
-        columns: dict[str, Any] = {"charged_s": charge(job, now, fault)}
+        columns: dict[str, object] = {"charged_s": charge(job, now, fault)}
         final, again = _what_next(job, fault)
         pause = None
         if isinstance(fault, PlatformFault):

@@ -4,7 +4,6 @@ from collections.abc import Sequence
 from dataclasses import replace
 from html import escape
 from operator import itemgetter
-from typing import Any
 
 from django.contrib.auth.decorators import login_required
 from django.http import HttpRequest, JsonResponse, QueryDict
@@ -59,7 +58,7 @@ def reward_audit(request: HttpRequest) -> JsonResponse:
     return JsonResponse(answer | {"problems": audit["problems"], "warnings": audit["warnings"]}, status=status)
 
 
-def audit_of(owner: Racer, form: QueryDict) -> tuple[dict[str, Any], int]:
+def audit_of(owner: Racer, form: QueryDict) -> tuple[dict[str, object], int]:
     """The report on the function of a form, on the form's track and for its race type and discount factor; and the HTTP
     status."""
     from ..laboratory.heat_map import number  # numpy and maps, which no other page of the editor needs

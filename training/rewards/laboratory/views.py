@@ -77,7 +77,7 @@ class LabForm(forms.Form):
 def reward_lab(request: HttpRequest) -> HttpResponse:
     initial = {"track": "oval", "direction": "ccw", "drive": SWAYING, "reward_code": DEFAULT.code}
     form = LabForm(request.POST or None, owner=racer_of(request), initial=initial)
-    context: dict[str, Any] = {"form": form, "examples": EXAMPLES}
+    context: dict[str, object] = {"form": form, "examples": EXAMPLES}
     status = 200
     if request.POST.get("do") == "validate":
         form.errors.clear()
@@ -100,7 +100,7 @@ def reward_lab(request: HttpRequest) -> HttpResponse:
     return render(request, "training/rewards/laboratory.html", context, status=status)
 
 
-def _maps(form: LabForm) -> dict[str, Any]:
+def _maps(form: LabForm) -> dict[str, object]:
     """The heat map of the function, and of its difference to the one before. Raises PaddockError."""
     # the simulator comes along, which no other page needs
     from training.rewards.laboratory.heat_map import difference_map, heat_map

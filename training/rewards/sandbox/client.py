@@ -9,7 +9,7 @@ import re
 import select
 import signal
 import time
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -185,7 +185,7 @@ def _at(code: str, stderr: str, **params: str) -> UserFault:
     return fault
 
 
-def _checked(header: dict[str, Any], states: int) -> Answer:
+def _checked(header: Mapping[str, object], states: int) -> Answer:
     """The answer, if it has the form of one. Raises ValueError."""
     faults, rewards, printed = header.get("faults"), header.get("rewards"), header.get("printed")
     if not (isinstance(faults, list) and isinstance(rewards, list) and isinstance(printed, str)):
@@ -203,7 +203,7 @@ def _checked(header: dict[str, Any], states: int) -> Answer:
     return Answer(found, hints, rewards, readable(printed), [_count(one, states) for one in faults])
 
 
-def _count(sent: dict[str, Any], states: int) -> int:
+def _count(sent: Mapping[str, object], states: int) -> int:
     count = sent.get("count", 1)
     if type(count) is not int or not 1 <= count <= max(states, 1):
         raise ValueError("not a count")
