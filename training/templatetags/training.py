@@ -61,7 +61,7 @@ def origin_of(context: Context, model: TrainedModel) -> Origin | None:
 
 
 @register.inclusion_tag("training/starter_training/parts/ways.html", takes_context=True)
-def ways_to_a_car(context: Context, race: Race | None = None, *, but: str = "") -> dict[str, Any]:
+def ways_to_a_car(context: Context, race: Race | None = None, *, but: str = "") -> dict[str, object]:
     """The ways to a car: upload, train, clone a house car. ``race``: that needs one. ``but``: the page's own way
     (``upload``, ``train``). A racer without a car gets one button that trains the first, or a link to that training."""
     request, user = context["request"], context["user"]
@@ -83,7 +83,7 @@ def ways_to_a_car(context: Context, race: Race | None = None, *, but: str = "") 
 def layout_query(race: Race | None) -> str:
     if race is None:
         return ""
-    asked: dict[str, Any] = {"track": race.track.slug, "direction": race.direction, "submit_to_race": race.slug}
+    asked: dict[str, str | int] = {"track": race.track.slug, "direction": race.direction, "submit_to_race": race.slug}
     if race.race_type == RaceType.OBJECT_AVOIDANCE:
         asked |= {"race_type": race.race_type, BOX_COUNT: race.random_boxes or len(race.boxes)}
     elif race.bots:
@@ -153,7 +153,7 @@ def running_training(context: Context) -> RunningTraining | None:
     return RunningTraining(job, viewer_setup(scene, [{"document": _drive_document(job), "lap": 0}], quiet=True))
 
 
-def _drive_document(job: TrainingJob) -> dict[str, Any]:
+def _drive_document(job: TrainingJob) -> dict[str, object]:
     """The newest evaluation as a run document."""
     x, y, yaw, speed = map(list, zip(*job.driving, strict=True))
     steps = len(x)

@@ -37,7 +37,7 @@ class ActionsInput(forms.Widget):
     def id_for_label(self, id_: str) -> str:
         return ""
 
-    def get_context(self, name: str, value: Any, attrs: dict[str, Any] | None) -> dict[str, Any]:
+    def get_context(self, name: str, value: Any, attrs: dict[str, object] | None) -> dict[str, object]:
         context = super().get_context(name, None, attrs)
         rows = [_typed(action) for action in value or ()]
         context["widget"] |= {"rows": [*rows, *[("", "")] * (MOST - len(rows))], "shown": len(rows) + SPARE_ROWS}
@@ -84,7 +84,7 @@ class StrengthInput(forms.NumberInput):
 
     template_name = "training/wizard/widgets/strength.html"
 
-    def get_context(self, name: str, value: Any, attrs: dict[str, Any] | None) -> dict[str, Any]:
+    def get_context(self, name: str, value: Any, attrs: dict[str, object] | None) -> dict[str, object]:
         ticked = str(value or 0) != "0"
         context = super().get_context(name, value if ticked else USUAL_STRENGTH, attrs)
         context["widget"]["ticked"] = ticked
@@ -234,7 +234,7 @@ class RaceField(OfferedField):
 class RaceSelect(forms.Select):
     """Races, each with where it drives: the script of the page puts those first that are like the training."""
 
-    def create_option(self, name: str, value: Any, *args: Any, **kwargs: Any) -> dict[str, Any]:
+    def create_option(self, name: str, value: Any, *args: Any, **kwargs: Any) -> dict[str, object]:
         """As Django's, with ``data-drives``: track, race type and direction."""
         option = super().create_option(name, value, *args, **kwargs)
         race = getattr(value, "instance", None)

@@ -153,7 +153,7 @@ class SettingsForm(HyperparametersForm, LayoutForm, _Ending):  # type: ignore[mi
         help_text=_("Three private laps of the best model."),
     )
 
-    def __init__(self, *args: Any, initial: dict[str, Any] | None = None, **kwargs: Any) -> None:
+    def __init__(self, *args: Any, initial: dict[str, object] | None = None, **kwargs: Any) -> None:
         super().__init__(*args, initial={**INITIAL, **(initial or {})}, **kwargs)
 
     def ending_rows(self) -> list[list[forms.BoundField]]:
@@ -190,12 +190,13 @@ class SettingsForm(HyperparametersForm, LayoutForm, _Ending):  # type: ignore[mi
             )
         return more
 
-    def clean(self) -> dict[str, Any]:
+    def clean(self) -> dict[str, object]:
         """Drop what belongs to choices not taken; check the action space, which is one value of several fields."""
         self.cleaned_data["opponents"] = ""
         if self.cleaned_data.get("race_type") == RaceType.HEAD_TO_HEAD:
             self.cleaned_data["opponents"] = Opponents.BOTS
-        cleaned = super().clean()
+        super().clean()
+        cleaned = self.cleaned_data
         if cleaned.get("action_space_type") == CONTINUOUS:
             self.errors.pop("actions", None)
             own: tuple[str, ...] = RANGES
@@ -205,12 +206,13 @@ class SettingsForm(HyperparametersForm, LayoutForm, _Ending):  # type: ignore[mi
             own = ("actions",)
         if cleaned.get("algorithm") and cleaned.get("action_space_type") and not set(own) & set(self.errors):
             try:
-                check_action_space(cleaned["algorithm"], cleaned["action_space_type"], self.action_space(cleaned))
+                check_action_space(cleaned["algorithm"], cleaned["action_space_type"], self.action_space())
             except UserFault as fault:
                 self.show(fault)
         return cleaned
 
-    def action_space(self, data: dict[str, Any]) -> Any:
+    def action_space(self) -> Any:
+        data = self.cleaned_data
         if data["action_space_type"] == DISCRETE:
             return data.get("actions") or []
         return {
@@ -218,9 +220,9 @@ class SettingsForm(HyperparametersForm, LayoutForm, _Ending):  # type: ignore[mi
             for name, short in (("steering_angle", "steering"), ("speed", "speed"))
         }
 
-    def _foreign(self, cleaned: dict[str, Any]) -> Iterable[str]:
+    def _foreign(self, cleaned: dict[str, object]) -> Iterable[str]:
         other_boxes = "boxes" if cleaned.get("box_choice") == DRAWN else BOX_COUNT
-        names: dict[str | None, tuple[str, ...]] = {
+        names: dict[object, tuple[str, ...]] = {
             RaceType.OBJECT_AVOIDANCE: (other_boxes, "opponents", *_BOTS),
             RaceType.HEAD_TO_HEAD: ("boxes", BOX_COUNT),
         }
@@ -277,9 +279,10 @@ class TrainingForm(SettingsForm):
         step_of = {name: step for step, names in STEPS.items() for name in names}
         return {step_of.get(name, "how") for name in self.errors if name != NON_FIELD_ERRORS}
 
-    def clean(self) -> dict[str, Any]:
+    def clean(self) -> dict[str, object]:
         """A model to start from counts only where one is to be chosen."""
-        cleaned = super().clean()
+        super().clean()
+        cleaned = self.cleaned_data
         cleaned["start"] = cleaned.get("start") or (FROM_MODEL if cleaned.get("clone") else FROM_NOTHING)
         if cleaned["start"] != FROM_MODEL:
             self.errors.pop("clone", None)
@@ -287,7 +290,7 @@ class TrainingForm(SettingsForm):
             self.add_error("clone", _("Choose a model, or start from nothing."))
         return cleaned
 
-    def values(self) -> dict[str, Any]:
+    def values(self) -> dict[str, object]:
         """The form's values as :func:`paddock.rules.training.taken_from` takes them."""
         data = self.cleaned_data
         own = ("name", "description", "track", *DRIVEN_BY, *ENDING, "algorithm", "vehicle", "reward_code")
@@ -297,18 +300,19 @@ class TrainingForm(SettingsForm):
             "seed": data["seed"] if str(self.data.get("seed", "")).strip() else None,  # None: another one each time
             "hyperparameters": self.hyperparameters(),
             "action_space_type": data["action_space_type"],
-            "action_space": self.action_space(data),
+            "action_space": self.action_space(),
             "reward_signature": RewardSignature.of(data["reward_code"]),
-            "clone_from": self.starting_model(data),
+            "clone_from": self.starting_model(),
             "submit_to_race": data["submit_to_race"],
             "evaluate_on": data["evaluate_on"],
         }
 
-    def starting_model(self, data: dict[str, Any]) -> TrainedModel | None:
+    def starting_model(self) -> TrainedModel | None:
         """The model whose weights the training begins with; None: a new network."""
+        data = self.cleaned_data
         if data["start"] == FROM_HOUSE:
             vehicle = data["vehicle"] or Vehicle()
-            return house_car_for(vehicle, data["algorithm"], data["action_space_type"], self.action_space(data))
+            return house_car_for(vehicle, data["algorithm"], data["action_space_type"], self.action_space())
         return data["clone"] if data["start"] == FROM_MODEL else None
 
     def show(self, fault: UserFault) -> None:
@@ -362,8 +366,8 @@ PLACES = {
 }
 _NEVER = tuple(name for name, rule in RULES.items() if rule.layout and name not in (*DRIVEN_BY, "opponents"))
 _BOTS = tuple(name for name in LAYOUT if name.startswith("bot"))
-GRANULARITIES = ("steering_max", "steering_granularity", "speed_max", "speed_granularity")
-INITIAL: dict[str, Any] = {
+GRANULARITIES = {"steering_max": 30.0, "steering_granularity": 5, "speed_max": 1.4, "speed_granularity": 1}
+INITIAL: dict[str, object] = {
     "track": "oval",
     "direction": "ccw",
     "race_type": RaceType.TIME_TRIAL,
@@ -374,10 +378,7 @@ INITIAL: dict[str, Any] = {
     **{name: getattr(RaceRules, name) for name in (*_BOTS, "standing_laps") if name != "bots"},
     "algorithm": Algorithm.PPO,
     "action_space_type": DISCRETE,
-    "steering_max": 30.0,
-    "steering_granularity": 5,
-    "speed_max": 1.4,
-    "speed_granularity": 1,
+    **GRANULARITIES,
     **dict(zip(RANGES, (value for ends in RESET_RANGES["ranges"].values() for value in ends), strict=True)),
     "actions": [dict(action) for action in DEFAULT_ACTIONS],
     **{name: SETTINGS[name].default for name in (*ENDING, "alternate_direction", *RANDOMISED)},

@@ -14,9 +14,9 @@ from paddock.errors import UserFault
 from paddock.rules.hyperparameters import DEFAULTS, HYPERPARAMETERS, LOSS_TYPES, PPO, SAC, Hyperparameter
 from training.jobs.settings_checks import check_hyperparameters, names_of
 
-Sent: TypeAlias = QueryDict | dict[str, Any]
+Sent: TypeAlias = QueryDict | dict[str, object]
 # What the form shows at first; a field that is left empty means the usual value of the algorithm that is chosen.
-SHOWN: dict[str, Any] = {**DEFAULTS[SAC], **DEFAULTS[PPO]}
+SHOWN: dict[str, float | str] = {**DEFAULTS[SAC], **DEFAULTS[PPO]}
 LOSS_NAMES = dict(zip(LOSS_TYPES, (_("Huber"), _("mean squared error")), strict=True))
 
 
@@ -124,11 +124,11 @@ class HyperparametersForm(_Fields):  # type: ignore[misc, valid-type]
         labels = {"console": _("Use AWS console defaults"), "usual": _("Use Paddock defaults")}
         return [(name, str(labels[name]), json.dumps(values)) for name, values in FILLS.items()]
 
-    def hyperparameters(self) -> dict[str, Any]:
+    def hyperparameters(self) -> dict[str, float | str]:
         values = {name: self.cleaned_data.get(name) for name in names_of(self.cleaned_data["algorithm"])}
         return {name: value for name, value in values.items() if value not in (None, "")}
 
-    def clean(self) -> dict[str, Any]:
+    def clean(self) -> dict[str, object]:
         """Check each one, so that a refusal stands beside its field."""
         cleaned = super().clean()
         algorithm = cleaned.get("algorithm")

@@ -1,7 +1,5 @@
 """The parts of the wizard that are the same for every reader: each is drawn once for the same values."""
 
-from typing import Any
-
 from django.template.loader import render_to_string
 from django.utils.safestring import SafeString
 
@@ -38,7 +36,7 @@ def parts_of(
     *,
     submitted: bool,
     checked: EditorReport | None,
-    audit: dict[str, Any] | None,
+    audit: dict[str, object] | None,
 ) -> dict[str, SafeString]:
     """The HTML of the parts by their names."""
     if form.is_bound:
@@ -52,7 +50,7 @@ def parts_of(
 def _unsent(name: str, form: SettingsForm) -> SafeString:
     values = {field: form.get_initial_for_field(form.fields[field], field) for field in _FIELDS[name]}
 
-    def context() -> dict[str, Any]:
+    def context() -> dict[str, object]:
         alike = SettingsForm(initial=values)
         layout = preview(alike, submitted=False) if name == "where" else None
         return {"alike": alike, "examples": EXAMPLES, "layout": layout}

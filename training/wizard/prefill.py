@@ -42,7 +42,7 @@ NAMED = (
 )
 
 
-def proposals(owner: Racer, asked: Mapping[str, str], read: OwnRows | None = None) -> dict[str, Any]:
+def proposals(owner: Racer, asked: Mapping[str, str], read: OwnRows | None = None) -> dict[str, object]:
     """Initial values of the wizard, which starts from a house car unless the address names something to learn.
 
     ``recipe=all-round``: :mod:`.all_round`, as far as this site has the tracks.
@@ -85,7 +85,7 @@ def proposals(owner: Racer, asked: Mapping[str, str], read: OwnRows | None = Non
     return initial
 
 
-def _all_round() -> dict[str, Any]:
+def _all_round() -> dict[str, object]:
     here = set(Track.objects.filter(slug__in=all_round.TRACKS).exclude(length_m=None).values_list("slug", flat=True))
     slugs = [slug for slug in all_round.TRACKS if slug in here]
     return {**all_round.SETTINGS, **({"track": slugs[0], "more_tracks": slugs[1:]} if slugs else {})}
@@ -93,18 +93,18 @@ def _all_round() -> dict[str, Any]:
 
 def table(values: Mapping[str, Any]) -> list[dict[str, float]]:
     """The table of actions that granularities make; where one of them is not a number, the usual one is taken."""
-    numbers = []
-    for name in GRANULARITIES:
+    numbers: list[Any] = []
+    for name, usual in GRANULARITIES.items():
         try:
-            numbers.append(type(INITIAL[name])(values.get(name) or INITIAL[name]))
+            numbers.append(type(usual)(values.get(name) or usual))
         except (TypeError, ValueError):
-            numbers.append(INITIAL[name])
+            numbers.append(usual)
     steering, angles, speed, speeds = numbers
     return discrete_actions(steering, min(max(angles, 2), 15), speed, min(max(speeds, 1), 30 // max(angles, 2)))
 
 
-def _of_job(job: TrainingJob) -> dict[str, Any]:
-    initial: dict[str, Any] = {name: getattr(job, name) for name in TAKEN_OVER}
+def _of_job(job: TrainingJob) -> dict[str, object]:
+    initial = {name: getattr(job, name) for name in TAKEN_OVER}
     initial |= job.hyperparameters | _of_actions(job.action_space)
     initial["track"] = job.track.slug
     initial["more_tracks"] = [track.slug for track in job.tracks[1:]]
@@ -115,7 +115,7 @@ def _of_job(job: TrainingJob) -> dict[str, Any]:
     return initial
 
 
-def _of_model(own: OwnRows, model: TrainedModel) -> dict[str, Any]:
+def _of_model(own: OwnRows, model: TrainedModel) -> dict[str, object]:
     metadata = model.metadata
     initial = {"clone": model.public_id, "action_space_type": metadata.get("action_space_type", DISCRETE)}
     initial["algorithm"] = "sac" if metadata.get("training_algorithm") == "sac" else "ppo"
@@ -135,7 +135,7 @@ def _fitting(vehicles: Iterable[Vehicle], metadata: Mapping[str, Any]) -> str | 
     return next((name for name, vehicle in cars if fits(vehicle, metadata)), None)
 
 
-def _of_actions(space: Any) -> dict[str, Any]:
+def _of_actions(space: Any) -> dict[str, object]:
     if isinstance(space, list):
         return {"actions": [{key: float(action[key]) for key in ("steering_angle", "speed")} for action in space]}
     ends = ("low", "high")

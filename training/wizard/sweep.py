@@ -18,7 +18,7 @@ from races.rules.form_fields import PlainNumberField
 
 from ..jobs.settings_checks import SPEED_MPS, names_of
 from ..models import Sweep
-from ..models.sweep import SETTINGS_LEAST, SETTINGS_MOST, ActionSpaceChoice
+from ..models.sweep import SETTINGS_LEAST, SETTINGS_MOST, ActionSpaceChoice, SearchRange
 from ..rewards.check_slots import refusals
 from ..rewards.examples import EXAMPLES
 from ..sweeps.services import SearchFields, create_sweep
@@ -114,12 +114,13 @@ class SweepForm(forms.Form):
     def search(self, base: TrainingSettings) -> SearchFields:
         """What varies beside the base settings. Hyperparameters of the other algorithm are left out."""
         data, names = self.cleaned_data, names_of(base.algorithm)
-        ranges: dict[str, dict[str, Any]] = {}
+        ranges: dict[str, SearchRange] = {}
         for name in data["vary"]:
             if name in names:
                 choices = HYPERPARAMETERS[name].choices
-                ends = {end: data[f"{name}_{end}"] for end in ("low", "high")} if name in PROPOSED else {}
-                ranges[name] = {"choices": list(choices)} if choices else ends
+                ranges[name] = {"choices": list(choices)} if choices else {}
+                if not choices and name in PROPOSED:
+                    ranges[name] = {"low": data[f"{name}_low"], "high": data[f"{name}_high"]}
         spaces = [faster(base, float(factor)) for factor in data["speeds"]]
         return {"hyperparameters": ranges, "action_spaces": spaces, "reward_functions": self.reward_codes()}
 
