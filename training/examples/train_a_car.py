@@ -21,7 +21,7 @@ import sys
 import time
 import warnings
 import zipfile
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any, cast
 
@@ -166,7 +166,7 @@ class Driver(nn.Module):
         return self.head(self.eyes(nn.functional.avg_pool2d(frame, POOL) / 255.0))
 
 
-def export(model: PPO, package: Path, metadata: dict[str, Any] = METADATA) -> None:
+def export(model: PPO, package: Path, metadata: Mapping[str, object] = METADATA) -> None:
     """Write the package: the network by the ONNX contract (docs/formats.md) and ``model_metadata.json``, in a zip."""
     network = io.BytesIO()
     with warnings.catch_warnings(action="ignore", category=DeprecationWarning):  # the newer exporter needs onnxscript

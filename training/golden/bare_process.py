@@ -9,12 +9,15 @@ import os
 import sys
 from collections.abc import Callable
 from dataclasses import asdict
-from typing import Any
+from typing import TYPE_CHECKING
 
 from paddock import exact
 
+if TYPE_CHECKING:
+    from .runs import RunDocument
 
-def answer_each(program: str, drive: Callable[[dict[str, Any]], Any]) -> int:
+
+def answer_each(program: str, drive: Callable[["RunDocument"], object]) -> int:
     """Print what ``drive`` makes of each description of a run on stdin, as JSON and as soon as it is there.
 
     2 without the pins. ``program``: what is started with ``python -m paddock.exact -m``.
@@ -29,7 +32,7 @@ def answer_each(program: str, drive: Callable[[dict[str, Any]], Any]) -> int:
     return 0
 
 
-def _driven(described: dict[str, Any]) -> dict[str, Any]:
+def _driven(described: "RunDocument") -> dict[str, object]:
     from .drive import in_this_process  # loads Bullet
     from .runs import GoldenRun
 

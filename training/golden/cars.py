@@ -8,7 +8,6 @@ import functools
 import json
 from collections.abc import Callable, Sequence
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import onnx
@@ -32,7 +31,7 @@ class HouseCarDocument(MetadataDocument, total=False):
     """The JSON file beside a house car's network: its metadata, and maybe the facts of its admission."""
 
     facts: FactsDocument
-    house_car: dict[str, Any]
+    house_car: dict[str, object]
 
 
 Built = tuple[bytes, HouseCarDocument]

@@ -14,7 +14,7 @@ import sysconfig
 import tempfile
 from collections.abc import Iterator, Sequence
 from pathlib import Path
-from typing import IO, Any
+from typing import IO
 
 from paddock import exact
 
@@ -59,7 +59,7 @@ class Processor:
         """The results in the order of the runs. Raises ProcessorFailed."""
         return [Driven.from_dict(answer) for answer in self.answers()]
 
-    def answers(self) -> list[dict[str, Any]]:
+    def answers(self) -> list[dict[str, object]]:
         """The lines that it printed. Raises ProcessorFailed."""
         try:
             status = self._process.wait(self._limit_s)

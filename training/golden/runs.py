@@ -4,7 +4,7 @@ import functools
 from collections.abc import Collection, Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any
+from typing import Any, TypedDict
 
 from paddock.geometry.catalogue import by_slug
 from paddock.geometry.files import read_npy
@@ -12,6 +12,15 @@ from paddock.geometry.track import TrackGeometry
 from paddock.rules.race import HEAD_TO_HEAD, INNER, OBJECT_AVOIDANCE, OUTER, TIME_TRIAL, BoxPlace, RaceRules
 
 CONSOLE = "console"  # the car that the old console trained: only where somebody has its archive
+
+
+class RunDocument(TypedDict):
+    """A :class:`GoldenRun` as it crosses a pipe."""
+
+    name: str
+    track: str
+    rules: dict[str, object]
+    cars: list[str]
 
 
 @dataclass(frozen=True)
@@ -35,11 +44,11 @@ class GoldenRun:
         rules = replace(self.rules, max_simulated_ms=min(simulated_ms, self.rules.max_simulated_ms))
         return replace(self, rules=rules)
 
-    def to_dict(self) -> dict[str, Any]:
+    def to_dict(self) -> RunDocument:
         return {"name": self.name, "track": self.track, "rules": self.rules.to_dict(), "cars": list(self.cars)}
 
     @classmethod
-    def from_dict(cls, data: Mapping[str, Any]) -> "GoldenRun":
+    def from_dict(cls, data: RunDocument) -> "GoldenRun":
         """The inverse of :meth:`to_dict`, also after JSON."""
         return cls(data["name"], data["track"], RaceRules.from_dict(data["rules"]), tuple(data["cars"]))
 

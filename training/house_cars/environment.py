@@ -12,6 +12,7 @@ from gymnasium import spaces
 
 import paddock.simulator.envs  # noqa: F401  registers the environments
 from paddock.geometry.catalogue import by_slug
+from paddock.packages.metadata import MetadataDocument
 from paddock.rules.race import RaceRules
 from paddock.simulator.action import ActionSpace
 from paddock.simulator.physics import STEP_MS
@@ -66,7 +67,7 @@ class Daylight(gymnasium.Wrapper):
         self._rng = np.random.default_rng()
         self._contrast, self._brightness = 1.0, 0.0
 
-    def reset(self, *, seed: int | None = None, options: dict[str, Any] | None = None) -> tuple[np.ndarray, dict]:
+    def reset(self, *, seed: int | None = None, options: dict[str, object] | None = None) -> tuple[np.ndarray, dict]:
         if seed is not None:
             self._rng = np.random.default_rng(seed)
         self._contrast = self._rng.uniform(0.8, 1.2)
@@ -137,7 +138,7 @@ class Score:
         return (self.clean + self.distance / 100.0 if not self.clean else float(self.clean), self.speed)
 
 
-def score(onnx: bytes, metadata: dict[str, Any], routes: Sequence[tuple[str, str]]) -> Score:
+def score(onnx: bytes, metadata: MetadataDocument, routes: Sequence[tuple[str, str]]) -> Score:
     """Drive one lap from a standing start on each (slug, direction)."""
     space = ActionSpace.from_metadata(metadata)
     driver = OnnxDriver(onnx)

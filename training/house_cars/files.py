@@ -2,9 +2,9 @@
 
 import io
 import json
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from pathlib import Path
-from typing import Any, TypedDict
+from typing import TypedDict
 
 from evaluation.garage.admission import AdmittedPackage, admit
 from evaluation.running.pipeline import RaceJob, evaluate
@@ -22,7 +22,7 @@ ADMITTED = "admitted"
 _BEGIN, _END = "<!-- lap times: begin -->", "<!-- lap times: end -->"
 
 
-def write_car(folder: Path, recipe: Recipe, onnx: bytes, made: dict[str, Any]) -> AdmittedPackage:
+def write_car(folder: Path, recipe: Recipe, onnx: bytes, made: dict[str, object]) -> AdmittedPackage:
     """Write ``NAME.onnx`` and ``NAME.json`` once the platform's own gate has admitted them. Raises UserFault."""
     content = {
         **recipe.metadata,
@@ -69,6 +69,11 @@ class Measured(TypedDict):
     resets: int
 
 
+class MeasuredCar(TypedDict):
+    display_name: str
+    measured: dict[str, dict[str, Measured]]
+
+
 def measure_car(folder: Path, name: str) -> dict[str, dict[str, Measured]]:
     """Three laps on each of :data:`.recipes.TRACKS`, both ways, in the sandboxed pipeline; written into the car's JSON
     and returned by track and direction. Raises PaddockError."""
@@ -102,7 +107,7 @@ def write_table(folder: Path) -> None:
     readme = folder / "README.md"
     if not readme.exists():
         return
-    cars = sorted(
+    cars: list[MeasuredCar] = sorted(
         (json.loads(path.read_text())[KEY] for path in folder.glob("*.json")),
         key=lambda car: sum(found["best_lap_ms"] or 0 for ways in car["measured"].values() for found in ways.values()),
         reverse=True,  # the slowest first, as in the table of the cars
@@ -113,7 +118,7 @@ def write_table(folder: Path) -> None:
     readme.write_text(f"{before}{_BEGIN}\n{table}\n{_END}{after}")
 
 
-def _table_lines(cars: list[dict[str, Any]]) -> Iterable[str]:
+def _table_lines(cars: list[MeasuredCar]) -> Iterable[str]:
     yield "| track | direction | " + " | ".join(car["display_name"] for car in cars) + " |"
     yield "|---|---|" + "---:|" * len(cars)
     for slug in TRACKS:
@@ -134,5 +139,5 @@ def _admit(onnx: bytes, metadata: bytes) -> AdmittedPackage:
     return admit([UploadPart("model.onnx", io.BytesIO(onnx)), UploadPart("model_metadata.json", io.BytesIO(metadata))])
 
 
-def _write_json(path: Path, content: dict[str, Any]) -> None:
+def _write_json(path: Path, content: Mapping[str, object]) -> None:
     path.write_text(json.dumps(content, indent=2) + "\n")

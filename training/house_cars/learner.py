@@ -97,7 +97,7 @@ class _Looks(BaseCallback):
         )
 
 
-def policy_options(recipe: Recipe) -> dict[str, Any]:
+def policy_options(recipe: Recipe) -> dict[str, object]:
     arguments = torso_arguments(NetworkLayout.of(recipe.metadata))
     return {"features_extractor_class": Torso, "features_extractor_kwargs": arguments, "net_arch": []}
 

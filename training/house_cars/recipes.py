@@ -3,6 +3,8 @@
 from dataclasses import dataclass
 from typing import Any
 
+from paddock.packages.metadata import MetadataDocument
+
 # Where they learn and are measured: the demo season's six, our oval, and two that everybody knows, one of them narrow
 TRACKS = (
     "baja-turnpike",
@@ -38,7 +40,7 @@ class Recipe:
     first_action: tuple[float, ...] = ()  # continuous: where the untrained network begins; empty: in the middle
 
     @property
-    def metadata(self) -> dict[str, Any]:
+    def metadata(self) -> MetadataDocument:
         return {
             "action_space": self.action_space,
             "action_space_type": self.action_space_type,

@@ -201,7 +201,7 @@ class TrainingCars(SB3VecEnv):
         csv = Trace.of([row for rows in reversed(kept) for row in rows][-TRACE_ROWS:]).to_csv()
         return episodes, gzip.compress(csv, 1, mtime=0)
 
-    def ended(self, number: int, info: dict[str, Any]) -> None:
+    def ended(self, number: int, info: dict[str, object]) -> None:
         """Record an episode that is over, and its fault."""
         car = self.env.car(number)
         referee = car.referee

@@ -307,7 +307,7 @@ class Learner:
         policy = self.model.policy
         return [policy.actor.optimizer, policy.critic.optimizer] if self.sac else [policy.optimizer]
 
-    def state(self) -> dict[str, Any]:
+    def state(self) -> dict[str, object]:
         """Weights, the optimisers' state and the number of steps, for :meth:`restore`; without SAC's replay buffer of
         0.2 GB."""
         return {

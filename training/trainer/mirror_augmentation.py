@@ -7,7 +7,7 @@ After the first difference the training uses the driven steps only.
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -96,7 +96,7 @@ class Twin:
             self._waypoints = params["waypoints"]
             self._mirrored = [(x, -y) for x, y in self._waypoints]
         beside = params["distance_from_center"] > 0.0
-        turned: dict[str, Any] = {
+        turned: dict[str, object] = {
             "y": -params["y"],
             "heading": -params["heading"],
             "steering_angle": -params["steering_angle"],

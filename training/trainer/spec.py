@@ -21,6 +21,20 @@ class TrackAndLook(TypedDict):
     look: str
 
 
+class Hyperparameters(TypedDict, total=False):
+    """Those of an algorithm (:mod:`paddock.rules.hyperparameters`), checked."""
+
+    batch_size: int
+    num_epochs: int
+    lr: float
+    beta_entropy: float
+    sac_alpha: float
+    entropy_decay: float
+    discount_factor: float
+    num_episodes_between_training: int
+    loss_type: str
+
+
 class Warmth(TypedDict):
     """The numbers that the process needs before its lock (:mod:`.warm_up`); none is a racer's input. ``learned`` and
     ``driven``: the sizes of the batches."""
@@ -37,7 +51,7 @@ class TrainerSpec:
     ``paddock.simulator.camera.theme.THEMES``.
 
     ``layout``: the keyword arguments of the race type's environment (boxes, bots). ``metadata``: the checked
-    ``model_metadata.json`` of the model to be made. ``hyperparameters``: see :mod:`training.jobs.settings_checks`.
+    ``model_metadata.json`` of the model to be made.
     ``build``: how the network is built, a name of :data:`.network.BUILDS`.
     ``reward_code``: the source of the reward function; ``""`` is the console's default, which is our own code.
 
@@ -56,7 +70,7 @@ class TrainerSpec:
     race_type: str
     metadata: MetadataDocument
     algorithm: str
-    hyperparameters: dict[str, Any]
+    hyperparameters: Hyperparameters
     reward_code: str = ""
     layout: dict[str, Any] = field(default_factory=dict)
     stop_seconds: float = 600.0
