@@ -69,7 +69,7 @@ def _driven(
     last: list[Progress] = []
     start_m = 0.0 if variation is None else variation.start_m
     car = Entrant(
-        space, sorted(metadata["sensor"]), policy_of(client, space), metadata.get("lidar_config"), client.places
+        space, sorted(metadata["sensor"]), policy_of(client, space), metadata.get("lidar_config"), client.places, client
     )
     settings = RaceSettings(
         ground.track,

@@ -93,7 +93,7 @@ def _run(frames_in: int, frames_out: int) -> None:
     if len(policies) > 1:
         policies = [_reporting(policy, number, frames_out) for number, policy in enumerate(policies)]
     entrants = [
-        Entrant(space, sorted(metadata["sensor"]), policy, metadata.get("lidar_config"), client.places)
+        Entrant(space, sorted(metadata["sensor"]), policy, metadata.get("lidar_config"), client.places, client)
         for metadata, space, policy, client in zip(job["metadata"], spaces, policies, clients, strict=True)
     ]
     telling = _Telling(frames_out)

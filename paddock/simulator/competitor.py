@@ -11,7 +11,7 @@ from .action import Action
 from .car import Car, Pose
 from .referee import PutBack, Referee
 from .results import Lap, LapResult
-from .sensors import Reading
+from .sensors import CameraReading, Reading
 from .solids import Solid
 from .trace import LABELS, LAP_COMPLETE, PREPARE, Row, Trace, rows_of, trace_of
 
@@ -69,6 +69,13 @@ class Competitor:
         for name, read in self._sensors.items():
             read(car, solids, places[name])
         return places
+
+    def drawing_in(self, places: dict[str, np.ndarray] | None) -> tuple[int, int] | None:
+        """For a car with one camera alone, see :meth:`.camera.view.Camera.drawing_in`."""
+        for name, read in self._sensors.items():
+            if len(self._sensors) == 1 and places is not None and isinstance(read, CameraReading):
+                return read.camera.drawing_in(places[name])
+        return None
 
     def command(self, action: Action) -> None:
         """Record the state and the action, and give the command to the car."""

@@ -5,6 +5,7 @@
 # the bit.
 
 import ctypes
+import functools
 import hashlib
 import os
 import platform
@@ -12,7 +13,7 @@ import sys
 from pathlib import Path
 
 _HERE = Path(__file__).parent
-SOURCES = (_HERE / "camera" / "warp.c", _HERE / "exchange.c", _HERE / "cruise.c")
+SOURCES = (_HERE / "camera" / "warp.c", *(_HERE / f"{name}.c" for name in ("exchange", "cruise", "rows")))
 LIBRARY = _HERE / f"native-{sys.platform}-{platform.machine()}.so"
 
 _FLAGS = ["-O3", "-fwrapv", "-ffp-contract=off", "-fno-math-errno", "-ffreestanding", "-fPIC", "-shared"]
@@ -31,13 +32,19 @@ def identity() -> str:
 
 
 def load(library: Path = LIBRARY) -> ctypes.CDLL | None:
-    """The library of these sources and flags, or None. In a sandbox: before the lock."""
+    """The library of these sources and flags, or None."""
     try:
         found = ctypes.CDLL(str(library))
         made_of = (ctypes.c_char * 65).in_dll(found, "paddock_identity").value.decode("ascii", "replace")
         return found if made_of == identity() else None
     except (OSError, ValueError):  # no such file, not a library of this system; no such symbol
         return None
+
+
+@functools.cache
+def library() -> ctypes.CDLL | None:
+    """:func:`load`, once. In a sandbox: first before the lock."""
+    return load()
 
 
 def build(library: Path = LIBRARY) -> None:

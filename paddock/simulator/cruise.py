@@ -1,4 +1,5 @@
-"""Drives the uneventful control steps of a single car in C (cruise.c)."""
+"""Drives the uneventful control steps of a single car in C (cruise.c), if possible as far as the next answer of its
+network (exchange.c)."""
 
 # Nearly every step of a time trial crosses no line and has no fault. Python needs dozens of slow calls to find that
 # out, because the network evicts the caches. While a car cruises, its state is one C struct; :meth:`Cruise.settle`
@@ -9,6 +10,7 @@ from __future__ import annotations
 import ctypes
 import math
 import struct
+from typing import TYPE_CHECKING, Protocol
 
 import numpy as np
 
@@ -24,10 +26,13 @@ from .progress import Projection
 from .referee import PATIENCE_STEPS, SURELY_M
 from .trace import IN_PROGRESS, STATES
 
-ROWS = 256  # steps between two calls of settle
-_NOT_THIS_ONE, _NOTHING_HAPPENED = 0, 1
+if TYPE_CHECKING:
+    from .race import Entrant
 
-_library = compiled.load()
+ROWS = 256  # steps between two calls of settle
+_NOT_THIS_ONE, _NOTHING_HAPPENED, _, _UNSURE, _ANSWERED = range(5)
+
+_library = compiled.library()
 
 
 class _State(ctypes.Structure):
@@ -53,6 +58,27 @@ class _State(ctypes.Structure):
     ]
 
 
+class _Stride(ctypes.Structure):
+    camera_s: float
+    policy_s: float
+    _fields_ = [
+        *((name, ctypes.c_void_p) for name in ("car", "x", "y", "cosine", "sine", "view", "frame", "asked")),
+        *((name, ctypes.c_double) for name in ("camera_s", "policy_s")),
+    ]
+
+
+class AskedPolicy(Protocol):
+    """A policy that is asked in C. ``address``: of its ``struct exchange``, 0 for none."""
+
+    address: int
+
+    def answer(self) -> list[float]:
+        """The answer, where it was good."""
+
+    def answer_by_hand(self) -> list[float]:
+        """The answer, where C left it to Python. Raises UserFault."""
+
+
 _NEW_STATE, _NEW_STATE_AT = struct.Struct("=7dq"), _State.new_x.offset
 
 
@@ -60,7 +86,7 @@ class Cruise:
     """A competitor that drives alone. While :attr:`on`, it and its referee are out of date: call :meth:`settle` before
     you read them."""
 
-    def __init__(self, competitor: Competitor, library: ctypes.CDLL) -> None:
+    def __init__(self, competitor: Competitor, library: ctypes.CDLL, entrant: Entrant | None) -> None:
         self.on = False
         self._competitor, self._car, self._referee = competitor, competitor.car, competitor.referee
         track, judged_by = self._referee.track, self._referee.constants()
@@ -89,18 +115,46 @@ class Cruise:
             surely_m=SURELY_M,
             **judged_by,
         )
-        self._at = ctypes.addressof(self._state)
+        self._stride = _Stride(car=ctypes.addressof(self._state))
+        self._at = self._stride.car
         self._call = library.paddock_cruise
+        if entrant is not None and self._can_ask(entrant):
+            self._at, self._call = ctypes.addressof(self._stride), library.paddock_stride
         self._call.argtypes, self._call.restype = (ctypes.c_void_p,), ctypes.c_int64
         self._action: Action = competitor.action
 
+    def _can_ask(self, entrant: Entrant) -> bool:
+        """Whether C can ask the car's network; it does from then on."""
+        if entrant.asked is None or not entrant.asked.address:
+            return False
+        drawing = self._competitor.drawing_in(entrant.places)
+        if drawing is None:
+            return False
+        stride, at = self._stride, self._stride.car
+        stride.view, stride.frame = drawing
+        stride.asked = entrant.asked.address
+        self._entrant, self._asked, self._commands = entrant, entrant.asked, entrant.action_space.commands
+        stride.x, stride.y, stride.cosine, stride.sine = (
+            at + getattr(_State, name).offset for name in ("new_x", "new_y", "cos", "sin")
+        )
+        return True
+
+    @property
+    def camera_s(self) -> float:
+        return self._stride.camera_s
+
+    @property
+    def policy_s(self) -> float:
+        return self._stride.policy_s
+
     @classmethod
-    def of(cls, competitor: Competitor) -> Cruise | None:
-        """None without the compiled library, on an open track and with boxes."""
+    def of(cls, competitor: Competitor, entrant: Entrant | None = None) -> Cruise | None:
+        """``entrant``: whose network is asked at the end of a step. None without the compiled library, on an open track
+        and with boxes."""
         referee = competitor.referee
         if _library is None or referee.track.is_open or referee.boxes.next_m < math.inf:
             return None
-        return cls(competitor, _library)
+        return cls(competitor, _library, entrant)
 
     def begin(self) -> None:
         """Cruise from the next step on, unless the referee has something to judge."""
@@ -119,21 +173,28 @@ class Cruise:
         state.used = 0
         self.on = True
 
-    def step(self, action: Action) -> None:
-        """The car received ``action`` and the world advanced; settle and judge a step with an event."""
+    def step(self, action: Action) -> Action | None:
+        """The car received ``action`` and the world advanced; settle and judge a step with an event. Returns the action
+        of the next step, if the network was asked for it; raises what its policy would."""
         pose = self._car.pose
         x, y, yaw = pose
         steering_deg, speed_mps, index = self._action = action
         new_state = (x, y, yaw, math.cos(yaw), math.sin(yaw), steering_deg, speed_mps, -1 if index is None else index)
         _NEW_STATE.pack_into(self._state, _NEW_STATE_AT, *new_state)
         outcome = self._call(self._at)
+        if outcome >= _UNSURE:
+            if outcome > _UNSURE and self._commands:
+                return self._commands[outcome - _ANSWERED]
+            answer = self._asked.answer() if outcome > _UNSURE else self._asked.answer_by_hand()
+            return self._entrant.action_space.decode(answer)
         if outcome == _NOTHING_HAPPENED or (outcome != _NOT_THIS_ONE and self._is_on_road(pose)):
-            return
+            return None
         self.settle()
         if outcome == _NOT_THIS_ONE:
             self._competitor.note(action)
             self._competitor.move()
         self._competitor.judge()
+        return None
 
     def _is_on_road(self, pose: Pose) -> bool:
         """Whether a car near the borders is on its part of the road."""

@@ -1,6 +1,7 @@
 /* One question to a model's process and its answer, by two pipes that do not block. What a referee does in each step is
    done here in one go while all goes well; whatever else happens is left to the one who called, see
-   evaluation/sandbox/policy_client.py. Linux only; elsewhere there is no sandbox and nothing to call. */
+   evaluation/sandbox/policy_client.py. So is the whole way of a cruising car from the end of a step to the next answer.
+   Linux only; elsewhere there is no sandbox and nothing to call. */
 
 #if defined(__linux__) && defined(__LP64__)
 
@@ -105,6 +106,35 @@ int64_t paddock_exchange(struct exchange *all)
     const int64_t way = word(all->reply + 4);
     all->counts[way]++;
     return way;
+}
+
+enum { NOTHING_HAPPENED = 1, UNSURE = 3, ANSWERED = 4 }; /* the first as in cruise.c */
+
+struct stride { /* as paddock/simulator/cruise.py writes it down */
+    void *car;                                    /* of cruise.c */
+    const double *x, *y, *cosine, *sine;          /* of its base, in there */
+    const void *view;                             /* of camera/warp.c */
+    uint8_t *frame;                               /* where the model sees it */
+    struct exchange *asked;
+    double camera_s, policy_s;
+};
+
+extern int64_t paddock_cruise(void *car);
+extern void paddock_see(const void *view, double cos, double sin, double x, double y, uint8_t *frame);
+
+/* paddock_cruise; where nothing happened, draw what the car sees now and ask its model. Returns what paddock_cruise does,
+   or UNSURE where the answer is left to the one who called; else ANSWERED and on, the place of the answer's greatest. */
+int64_t paddock_stride(struct stride *all)
+{
+    const int64_t outcome = paddock_cruise(all->car);
+    if (outcome != NOTHING_HAPPENED)
+        return outcome;
+    const double began_s = now_s(), before_s = all->asked->seconds;
+    paddock_see(all->view, *all->cosine, *all->sine, *all->x, *all->y, all->frame);
+    const int64_t way = paddock_exchange(all->asked);
+    all->camera_s += all->asked->started_s - began_s;
+    all->policy_s += all->asked->seconds - before_s;
+    return way < 0 ? UNSURE : ANSWERED + all->asked->best;
 }
 
 #else

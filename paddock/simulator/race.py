@@ -17,7 +17,7 @@ from paddock.rules.speed import SpeedCommand
 from .action import Action, ActionSpace
 from .camera.theme import OFFICIAL, Theme
 from .competitor import Competitor
-from .cruise import Cruise
+from .cruise import AskedPolicy, Cruise
 from .engine import ENGINE_ID, versions
 from .layout import LayoutDocument
 from .physics import PADDOCK_CAR, CarPhysics
@@ -40,6 +40,7 @@ class Entrant:
     ``action_space``: maps the network's output to steering and speed. ``sensors``: their names. ``lidar_config``: of a
     LIDAR, None for the default. ``places``: an array for each sensor that receives its readings; ``policy`` then gets
     this very dict in every step, or fresh arrays where its car is disturbed. None: fresh arrays in every step.
+    ``asked``: what C may ask in place of ``policy`` when ``places`` are filled.
     """
 
     action_space: ActionSpace
@@ -47,6 +48,7 @@ class Entrant:
     policy: Policy
     lidar_config: Mapping[str, float] | None = None
     places: dict[str, np.ndarray] | None = None
+    asked: AskedPolicy | None = None
 
 
 @dataclass(frozen=True)
@@ -181,8 +183,19 @@ class _Race:
         }
         self.steps = 0
         self.over = False
-        self._cruise = Cruise.of(self.cars[0]) if alone and not self._speeds and stage.bots is None else None
-        self.camera_s = self.policy_s = 0.0
+        self._cruise: Cruise | None = None
+        if alone and not self._speeds and stage.bots is None:
+            self._cruise = Cruise.of(self.cars[0], entrants[0] if disturbance is None else None)
+        self._ahead: Action | None = None  # of the next step, if its network was asked at the end of the last
+        self._camera_s = self._policy_s = 0.0
+
+    @property
+    def camera_s(self) -> float:
+        return self._camera_s + (self._cruise.camera_s if self._cruise else 0.0)
+
+    @property
+    def policy_s(self) -> float:
+        return self._policy_s + (self._cruise.policy_s if self._cruise else 0.0)
 
     def step(self) -> None:
         if len(self.cars) == 1:
@@ -209,14 +222,17 @@ class _Race:
             self.over = self._all_done()
 
     def _step_alone(self) -> None:
-        car, cruise = self.cars[0], self._cruise
-        if cruise is not None and cruise.on:
+        car, cruise, action = self.cars[0], self._cruise, self._ahead
+        if action is None and car.referee.pause_steps <= 0:
             action = self._action(0, car)
+        self._ahead = None
+        if cruise is not None and cruise.on:
+            assert action is not None, "a cruising car does not pause"
             car.car.command(action.steering_deg, action.speed_mps)
             self._stage.world.step()
-            cruise.step(action)
+            self._ahead = cruise.step(action)
         else:
-            self._stage.step((None if car.referee.pause_steps > 0 else self._action(0, car),))
+            self._stage.step((action,))
         self.steps += 1
         if cruise is None or not cruise.on:
             self.over = car.referee.end_reason is not None
@@ -242,8 +258,8 @@ class _Race:
         observed = perf_counter()
         output = entrant.policy(readings)
         answered = perf_counter()
-        self.camera_s += observed - begun
-        self.policy_s += answered - observed
+        self._camera_s += observed - begun
+        self._policy_s += answered - observed
         action = entrant.action_space.decode(output, self.steps + 1)
         if disturbance is not None:
             action = disturbance.act(action)

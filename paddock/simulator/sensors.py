@@ -83,18 +83,21 @@ def make_sensors(
         elif name in LIDARS:
             readings[name] = _lidar_reading(name, scene().walls, lidar_settings(lidar_config))
         else:
-            readings[name] = _camera_reading(Camera(scene(), _CAMERAS[name]))
+            readings[name] = CameraReading(Camera(scene(), _CAMERAS[name]))
     return readings
 
 
-def _camera_reading(camera: Camera) -> Reading:
-    def read(car: Car, solids: Sequence[Solid], place: np.ndarray | None = None) -> np.ndarray:
-        if place is None:
-            return camera.render(car.pose, solids)[:, :, None]
-        camera.render(car.pose, solids, place)
-        return place
+@dataclass(frozen=True)
+class CameraReading:
+    """Reads a camera."""
 
-    return read
+    camera: Camera
+
+    def __call__(self, car: Car, solids: Sequence[Solid], place: np.ndarray | None = None) -> np.ndarray:
+        if place is None:
+            return self.camera.render(car.pose, solids)[:, :, None]
+        self.camera.render(car.pose, solids, place)
+        return place
 
 
 def _stereo_reading(left: Camera, right: Camera) -> Reading:

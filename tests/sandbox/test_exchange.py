@@ -40,12 +40,13 @@ def reply(step, values=(0.25, -1.5, 3.0), way=FAST):
 class Ends:
     """A client, and the other ends of its pipes."""
 
-    def __init__(self, client, budget=PATIENT):
+    def __init__(self, client, budget=PATIENT, outputs=3):
         self.shown = ObservationMemory()
         self.requests, write = os.pipe()
         read, self.answers = os.pipe()
         self._fds = [self.requests, write, read, self.answers]
-        self.client = client(read, write, HEADER, memory=map_for_writing(self.shown.fd), **budget)
+        header = {**HEADER, "outputs": outputs}
+        self.client = client(read, write, header, memory=map_for_writing(self.shown.fd), **budget)
         self.write_fd = write
 
     def waiting_bytes(self):

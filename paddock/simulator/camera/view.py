@@ -117,6 +117,11 @@ class Camera:
         place[...] = frame.reshape(place.shape)
         return place
 
+    def drawing_in(self, place: np.ndarray) -> tuple[int, int] | None:
+        """The addresses with which C draws the ground alone in ``place`` (``paddock_see`` of warp.c); None where it
+        cannot."""
+        return self._warp.drawing_in(place)
+
 
 def _bands(scene: Scene, optics: Optics) -> list[_Band]:
     fine, middle, coarse = scene.levels

@@ -71,6 +71,10 @@ class Warp(ABC):
         if place is not None:
             place[...] = self.frame.reshape(place.shape)
 
+    def drawing_in(self, place: np.ndarray) -> tuple[int, int] | None:
+        """The addresses of the view and of ``place`` for ``paddock_see``; None where C cannot draw there."""
+        return None
+
 
 class NumpyWarp(Warp):
     """The reference, in numpy."""
@@ -109,7 +113,7 @@ class NumpyWarp(Warp):
 
 
 class CompiledWarp(Warp):
-    library: ClassVar[ctypes.CDLL | None] = compiled.load()
+    library: ClassVar[ctypes.CDLL | None] = compiled.library()
 
     def __init__(self, strips: Sequence[Strip], columns: int, wall: int, terms: np.ndarray | None = None) -> None:
         super().__init__(strips, columns, wall, terms)
@@ -158,13 +162,19 @@ class CompiledWarp(Warp):
             self._see(self._at, cos, sin, x, y, self._own)
             return
         if place is not self._placed:  # the same in nearly every step
-            if not (place.flags.c_contiguous and place.flags.writeable and place.dtype == np.uint8):
+            drawing = self.drawing_in(place)
+            if drawing is None:
                 super().see(cos, sin, x, y, place)
                 return
-            if place.size != self.frame.size:
-                raise ValueError(f"{place.shape} is no place for a frame of {self.frame.shape}")
-            self._place, self._placed = place.ctypes.data, place
+            self._place, self._placed = drawing[1], place
         self._see(self._at, cos, sin, x, y, self._place)
+
+    def drawing_in(self, place: np.ndarray) -> tuple[int, int] | None:
+        if not (place.flags.c_contiguous and place.flags.writeable and place.dtype == np.uint8):
+            return None
+        if place.size != self.frame.size:
+            raise ValueError(f"{place.shape} is no place for a frame of {self.frame.shape}")
+        return self._at, place.ctypes.data
 
 
 def _only_grey(pixels: np.ndarray) -> int:
