@@ -13,7 +13,7 @@ from .claims import Candidate, Claim, claim
 
 PATIENCE_S = 20.0
 _FIRST = "next-core"  # its holder is the first in the queue
-_LOOK_S, _BEHIND_S, _WAITING_S = 0.004, 0.02, 0.25
+_LOOK_S, _BEHIND_S, _WAITING_S = 0.005, 0.1, 0.25
 
 
 @contextlib.contextmanager
