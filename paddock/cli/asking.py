@@ -75,10 +75,10 @@ def named(asked: Call, given: str, *kinds: str) -> tuple[Site, str]:
     raise UserFault("home_command_line", problem=f"{given} is neither an id nor the address of a page")
 
 
-def pairs(given: list[str]) -> dict[str, Any]:
+def pairs(given: list[str]) -> dict[str, object]:
     """Options ``NAME=VALUE`` as an object; a value is JSON or a plain word. ``a.b=1`` sets ``b`` within ``a``.
     Raises UserFault("home_command_line")."""
-    values: dict[str, Any] = {}
+    values: dict[str, object] = {}
     for text in given:
         name, equals, value = text.partition("=")
         *outer, last = name.split(".")
@@ -86,9 +86,10 @@ def pairs(given: list[str]) -> dict[str, Any]:
             raise UserFault("home_command_line", problem=f"{text} is not NAME=VALUE")
         inside = values
         for each in outer:
-            inside = inside.setdefault(each, {})
-            if not isinstance(inside, dict):
+            part = inside.setdefault(each, {})
+            if not isinstance(part, dict):
                 raise UserFault("home_command_line", problem=f"{text} sets a part of what another option sets")
+            inside = part
         try:
             inside[last] = json.loads(value)
         except ValueError:

@@ -24,7 +24,7 @@ from .files import UNREADABLE, file_faults
 if TYPE_CHECKING:
     from paddock.geometry.track import TrackDocument
     from paddock.packages.own import OwnCar
-    from paddock.simulator.results import CompetitorRun, LapDocument
+    from paddock.simulator.results import CompetitorRun, Fault, LapDocument, ProgressDocument
 
 
 class JobCar(TypedDict):
@@ -41,7 +41,7 @@ class HomeJob(TypedDict, total=False):
 
     track: TrackDocument | str
     look: str
-    rules: Mapping[str, Any]
+    rules: Mapping[str, object]
     cars: list[JobCar]
     traces: list[str]
 
@@ -52,7 +52,7 @@ class HomeCar(TypedDict):
     sha256: str
     laps: list[LapDocument]
     end_reason: str
-    retired: Mapping[str, Any] | None
+    retired: Fault | None
     simulated_ms: int
     trace_sha256: str
     metrics: Any
@@ -75,11 +75,19 @@ class HomeResult(TypedDict):
     cars: list[HomeCar]
 
 
+class HomeMessage(TypedDict, total=False):
+    """A line of the process: one of the three."""
+
+    progress: ProgressDocument
+    result: HomeResult
+    error: Mapping[str, object]
+
+
 def main(job: str, folder: str) -> int:
     gc.set_threshold(100_000)  # what the imports make stays, and searching it takes a tenth of their time
     with os.fdopen(os.dup(1), "w", encoding="utf-8") as out:
         os.dup2(2, 1)  # libraries greet on standard output
-        message: Mapping[str, object]
+        message: HomeMessage
         try:
             message = {"result": _driven(json.loads(Path(job).read_text(encoding="utf-8")), Path(folder), out)}
         except PaddockError as fault:
@@ -88,7 +96,7 @@ def main(job: str, folder: str) -> int:
     return 0
 
 
-def _write_line(out: TextIO, message: Mapping[str, object]) -> None:
+def _write_line(out: TextIO, message: HomeMessage) -> None:
     print(json.dumps(message), file=out, flush=True)
 
 

@@ -19,7 +19,7 @@ from paddock.geometry.catalogue import CATALOGUE, CatalogueTrack
 from paddock.geometry.catalogue.names import find, nearest
 from paddock.rules.race import LIVE_LAPS, RUN_RULES, RaceRules
 
-from .child import HomeJob, HomeResult, JobCar
+from .child import HomeJob, HomeMessage, HomeResult, JobCar
 from .files import UNREADABLE, file_faults
 from .showing import Speaker, lap_time, table
 from .site import Served, Site
@@ -123,7 +123,7 @@ def _listen(folder: Path, speaker: Speaker) -> HomeResult:
     with (folder / "stderr").open("w+b") as stderr:
         process = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=stderr, env=environment)
         assert process.stdout is not None
-        message: dict[str, Any] = {}
+        message: HomeMessage = {}
         try:
             for line in process.stdout:
                 message = json.loads(line)
@@ -148,8 +148,7 @@ def _listen(folder: Path, speaker: Speaker) -> HomeResult:
             stderr.seek(0)
             words = stderr.read().decode("utf-8", "replace").strip().split("\n")[-1]
             raise PlatformFault("drive_failed", problem=words[:_KEPT_CHARACTERS] or f"exit status {process.returncode}")
-    result: HomeResult = message["result"]
-    return result
+    return message["result"]
 
 
 def is_exact(result: HomeResult) -> bool:

@@ -20,7 +20,7 @@ from paddock.packages.limits import DEFAULT_LIMITS
 from .asking import Call, Command
 from .files import UNREADABLE, file_faults
 from .showing import Speaker, table
-from .site import SiteRefusal, error_of
+from .site import ErrorDocument, SiteRefusal, error_of
 
 SOME_FAILED = 1
 MOST_ENTRIES, MOST_DEPTH, MOST_MODELS = 20_000, 8, 500
@@ -140,7 +140,7 @@ class _Row(TypedDict):
     model: str
     status: int
     result: NotRequired[Any]
-    error: NotRequired[dict[str, Any]]
+    error: NotRequired[ErrorDocument]
 
 
 def of_folder(command: Command, asked: Call, options: argparse.Namespace) -> int:
@@ -173,7 +173,7 @@ def _each(
     command: Command, asked: Call, options: argparse.Namespace, scratch: str, folder: Path, found: list[FoundModel]
 ) -> int:
     rows: list[_Row] = []
-    final: dict[str, Any] | None = None
+    final: ErrorDocument | None = None
     for model in found:
         row: _Row = {"model": str((model.unpacked or model.files[0]).relative_to(folder)), "status": 2}
         rows.append(row)

@@ -3,7 +3,7 @@
 import argparse
 import json
 from pathlib import Path
-from typing import Any
+from typing import Any, TypedDict
 
 from paddock.errors import UserFault
 from paddock.geometry.catalogue.names import find
@@ -20,6 +20,15 @@ from .showing import lap_time
 from .site import Site, SiteRefusal
 
 DIFFERENT = 1
+
+
+class SiteRun(TypedDict):
+    """The finished run of a car in a race of the site; ``laps``: their times in milliseconds."""
+
+    evaluation: str
+    engine: str
+    trace_sha256: str
+    laps: list[int]
 
 
 def evaluate(asked: Call, options: argparse.Namespace) -> int:
@@ -76,7 +85,7 @@ def _rules(given: list[str]) -> RaceRules:
         raise UserFault("rule_senseless", problem=" ".join(str(error).split())) from error
 
 
-def _summary(came: HomeResult) -> tuple[list[str], dict[str, Any]]:
+def _summary(came: HomeResult) -> tuple[list[str], dict[str, object]]:
     lines = ["{name}, {length_m:.2f} m, {direction}".format_map(came["track"])]
     for number, car in enumerate(came["cars"]):
         if len(came["cars"]) > 1:
@@ -92,9 +101,8 @@ def _summary(came: HomeResult) -> tuple[list[str], dict[str, Any]]:
     return lines, {**cars[0], "rivals": cars[1:], **about}
 
 
-def _of_the_site(site: Site, slug: str, came: HomeResult) -> dict[str, Any] | None:
-    """The finished run of the same car in the race, of the token's racer: its id, engine, hash and the times of its
-    laps; None without one."""
+def _of_the_site(site: Site, slug: str, came: HomeResult) -> SiteRun | None:
+    """The run of the same car of the token's racer; None without one."""
     try:
         submissions = site.pages(f"/races/{slug}/submissions/")
     except SiteRefusal as refusal:
@@ -113,7 +121,7 @@ def _of_the_site(site: Site, slug: str, came: HomeResult) -> dict[str, Any] | No
     return None
 
 
-def _compared(site: Site, where: Where, came: HomeResult, run: dict[str, Any] | None) -> tuple[str, bool | None]:
+def _compared(site: Site, where: Where, came: HomeResult, run: SiteRun | None) -> tuple[str, bool | None]:
     """The line about the site's run, and whether the hashes are equal (None without two hashes)."""
     if where.engine != ENGINE_ID:
         return (

@@ -13,7 +13,7 @@ import urllib.parse
 from collections.abc import Mapping
 from functools import cached_property
 from pathlib import Path
-from typing import IO, TYPE_CHECKING, Any
+from typing import IO, TYPE_CHECKING, Any, NotRequired, TypedDict
 
 from paddock.errors import PaddockError, PlatformFault, UserFault
 
@@ -35,16 +35,24 @@ _REFUSAL_BYTES = 1 << 20
 _SHORT = 300
 
 
+class ErrorDocument(TypedDict):
+    """An error as a site or a command shows it. ``fault``: "user" or "platform"."""
+
+    code: str
+    message: str
+    fault: NotRequired[str]
+    params: NotRequired[Mapping[str, object]]
+
+
 class SiteRefusal(Exception):
     """An error answer of the site."""
 
-    def __init__(self, status: int, answer: dict[str, Any]) -> None:
+    def __init__(self, status: int, answer: ErrorDocument) -> None:
         super().__init__(f"{answer['code']}: {answer['message']}")
         self.status, self.answer = status, answer
 
 
-def error_of(fault: PaddockError | SiteRefusal) -> dict[str, Any]:
-    """An error as a command shows it: ``code``, ``message``, ``fault`` ("user" or "platform") and ``params``."""
+def error_of(fault: PaddockError | SiteRefusal) -> ErrorDocument:
     if isinstance(fault, SiteRefusal):
         return fault.answer
     return {"code": fault.code, "fault": fault.fault, "params": fault.params, "message": str(fault)}
@@ -53,7 +61,7 @@ def error_of(fault: PaddockError | SiteRefusal) -> dict[str, Any]:
 class Served(dict[str, Any]):
     """An object in an answer of the site. A missing key raises UserFault("site_is_no_paddock")."""
 
-    def __init__(self, site: str, pairs: dict[str, Any]) -> None:
+    def __init__(self, site: str, pairs: Mapping[str, object]) -> None:
         super().__init__(pairs)
         self._site = site
 
@@ -100,15 +108,15 @@ class Site:
                 raise UserFault("site_is_no_paddock", site=self.address, problem=f"a list of {last} pages")
         return found
 
-    def post(self, path: str, body: Mapping[str, Any] | None = None) -> Any:
+    def post(self, path: str, body: Mapping[str, object] | None = None) -> Any:
         """Send JSON; the answer, None for an empty one. Raises as :meth:`raw`."""
         return self._send("POST", path, body or {})
 
-    def patch(self, path: str, body: Mapping[str, Any]) -> Any:
+    def patch(self, path: str, body: Mapping[str, object]) -> Any:
         """Change an object. Raises as :meth:`raw`."""
         return self._send("PATCH", path, body)
 
-    def _send(self, method: str, path: str, body: Mapping[str, Any]) -> Any:
+    def _send(self, method: str, path: str, body: Mapping[str, object]) -> Any:
         return self._json(self.raw(method, path, json.dumps(body).encode(), {"Content-Type": "application/json"}))
 
     def send_files(self, path: str, files: Mapping[str, Path], fields: Mapping[str, str]) -> Any:

@@ -5,7 +5,6 @@
 import argparse
 import json
 from pathlib import Path
-from typing import Any
 
 from paddock.errors import UserFault
 
@@ -25,7 +24,7 @@ def list_trainings(asked: Call, options: argparse.Namespace) -> int:
 
 
 def start(asked: Call, options: argparse.Namespace) -> int:
-    body: dict[str, Any] = {}
+    body: dict[str, object] = {}
     if options.settings:
         try:
             body = json.loads(_read(options.settings))
@@ -34,8 +33,8 @@ def start(asked: Call, options: argparse.Namespace) -> int:
         if not isinstance(body, dict):
             raise UserFault(UNREADABLE, path=options.settings, problem="it is not a JSON object")
     for name, value in pairs(options.set).items():
-        both = isinstance(value, dict) and isinstance(body.get(name), dict)
-        body[name] = {**body[name], **value} if both else value
+        before = body.get(name)
+        body[name] = {**before, **value} if isinstance(value, dict) and isinstance(before, dict) else value
     body |= {name: given for name in ("name", "track") if (given := getattr(options, name))}
     body.setdefault("name", Path(options.reward).stem.replace("_", "-"))
     if "track" not in body:
