@@ -8,11 +8,11 @@ from __future__ import annotations
 
 import json
 import zlib
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from functools import lru_cache
 from threading import Lock
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from django.core.cache import cache
 
@@ -30,6 +30,8 @@ from ..stored_files import read
 if TYPE_CHECKING:
     import numpy as np
 
+    from paddock.network.bound import FactsDocument
+    from paddock.packages.metadata import MetadataDocument
     from paddock.simulator.action import ActionSpace
     from paddock.simulator.camera.view import Scene
     from paddock.simulator.retracing import RunSight
@@ -197,8 +199,8 @@ class SeenRun:
 
 def answered(
     onnx: bytes,
-    metadata: Mapping[str, Any],
-    facts: Mapping[str, Any] | None,
+    metadata: MetadataDocument,
+    facts: FactsDocument | None,
     readings: Iterator[dict[str, np.ndarray]],
     *,
     racer_pk: int,

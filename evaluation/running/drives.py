@@ -1,12 +1,11 @@
 """Drives many laps of one car in one pair of sandboxed processes: the chunks of a car's report. No Django."""
 
 import time
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from dataclasses import asdict, dataclass, replace
-from typing import Any
 
 from paddock.errors import PlatformFault
-from paddock.network.bound import NetworkFacts
+from paddock.network.bound import FactsDocument, NetworkFacts
 from paddock.network.policy_wire import EXCEEDED, WAYS
 from paddock.packages.metadata import MetadataDocument
 from paddock.rules.race import RaceRules
@@ -14,7 +13,7 @@ from paddock.rules.report import LAP
 from paddock.simulator.randomisation import Variation
 
 from ..sandbox.cores import one_core
-from .messages import ProgressDocument
+from .messages import RunProgress
 from .pipeline import WALL_LIMIT_S, PolicyBudget, RivalModel, SandboxedRun
 from .process_pool import DRIVES_MODULE, ProcessPool
 from .race_setup import Venue
@@ -35,7 +34,7 @@ class DriveJob:
 
     onnx: bytes
     metadata: MetadataDocument
-    facts: Mapping[str, Any] | None
+    facts: FactsDocument | None
     drives: tuple[LapDrive, ...]
     rules: RaceRules = LAP
 
@@ -107,7 +106,7 @@ def _driven(
         ],
     }
 
-    def report(progress: ProgressDocument) -> None:
+    def report(progress: RunProgress) -> None:
         if on_progress is not None:
             on_progress(int(progress["done"]))
 

@@ -8,7 +8,7 @@ its network.
 import contextlib
 import dataclasses
 from collections.abc import Mapping
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from paddock.network.policy_wire import WAYS
 from paddock.rules.race import RaceRules
@@ -24,6 +24,9 @@ from ..sandbox.frames import FrameError, read_message, write_message
 from ..sandbox.policy_client import PolicyClient
 from .messages import DriveDocument
 from .runner_process import ground_of, policy_client, policy_of, telling_faults
+
+if TYPE_CHECKING:
+    from paddock.packages.metadata import MetadataDocument
 
 _NEVER = 1 << 30  # steps: progress is reported only at the end of a lap
 
@@ -61,7 +64,7 @@ def _driven(
     ground: PreparedTrack,
     rules: RaceRules,
     fields: Mapping[str, Any] | None,
-    metadata: Mapping[str, Any],
+    metadata: "MetadataDocument",
     space: ActionSpace,
     client: PolicyClient,
 ) -> DriveDocument:

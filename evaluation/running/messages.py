@@ -1,12 +1,9 @@
 """The messages of the referee's process, as JSON carries them."""
 
 from collections.abc import Mapping
-from typing import Any, TypeAlias, TypedDict
+from typing import NotRequired, TypedDict
 
-from paddock.simulator.results import Fault, LapDocument
-
-# The fields of :class:`paddock.simulator.results.Progress`, and ``done`` for a report: its laps that are driven.
-ProgressDocument: TypeAlias = dict[str, Any]
+from paddock.simulator.results import Fault, LapDocument, ProgressDocument
 
 
 class CarDocument(TypedDict):
@@ -52,11 +49,17 @@ class RetiredDocument(TypedDict):
     error: Fault
 
 
+class RunProgress(ProgressDocument):
+    """The progress of a race; of a report only ``done``, its laps that are driven."""
+
+    done: NotRequired[int]
+
+
 class RunnerMessage(TypedDict, total=False):
     """A message of the referee: one of ``headers``, ``progress``, ``retired``, ``error`` and ``result``."""
 
     headers: list[dict[str, object]]
-    progress: ProgressDocument
+    progress: RunProgress
     retired: RetiredDocument
     error: Fault
     result: ResultDocument

@@ -10,7 +10,7 @@ from typing import Any, TypeAlias, cast
 
 from paddock.errors import PaddockError, PlatformFault, UserFault, fault_from_dict
 from paddock.geometry.track import TrackGeometry
-from paddock.network.bound import NetworkFacts
+from paddock.network.bound import FactsDocument, NetworkFacts
 from paddock.network.policy_wire import EXCEEDED, WAYS
 from paddock.packages.metadata import MetadataDocument
 from paddock.rules.race import RaceRules
@@ -24,7 +24,7 @@ from ..sandbox.frames import FrameClosed, FrameError, read_message, write_messag
 from ..sandbox.policy import describe, failed_start
 from ..sandbox.policy_client import OVERAGE_S, STEP_DEADLINE_S, TOTAL_S
 from ..sandbox.process import widen_pipe
-from .messages import ProgressDocument, ResultDocument, RetiredDocument, RunnerMessage
+from .messages import ResultDocument, RetiredDocument, RunnerMessage, RunProgress
 from .process_pool import ProcessPool
 from .race_setup import Venue, check_rivals
 
@@ -32,7 +32,7 @@ WALL_LIMIT_S = 300.0
 _START_S = 30.0
 _MESSAGE_S = 10.0  # a runner that began to write a message ends it
 _STOP_EVERY_S = 0.25
-OnProgress: TypeAlias = Callable[[ProgressDocument], None]
+OnProgress: TypeAlias = Callable[[RunProgress], None]
 
 
 @dataclass(frozen=True)
@@ -41,7 +41,7 @@ class RivalModel:
 
     onnx: bytes
     metadata: MetadataDocument
-    facts: Mapping[str, Any] | None = None
+    facts: FactsDocument | None = None
 
 
 @dataclass(frozen=True)
@@ -56,7 +56,7 @@ class RaceJob:
     metadata: MetadataDocument
     rivals: tuple[RivalModel, ...] = ()
     look: str = OFFICIAL.name
-    facts: Mapping[str, Any] | None = None
+    facts: FactsDocument | None = None
 
     def __post_init__(self) -> None:
         check_rivals(self.rules, len(self.rivals))

@@ -64,7 +64,7 @@ def read_frame(fd: int, limit: int, deadline: float | None = None) -> bytes:
 
 
 def write_message(
-    fd: int, header: Mapping[str, Any], blobs: Sequence[bytes] = (), deadline: float | None = None
+    fd: int, header: Mapping[str, object], blobs: Sequence[bytes] = (), deadline: float | None = None
 ) -> None:
     """Write ``header`` as JSON and the blobs after it. Floats must be finite."""
     announced = {**header, "blobs": [len(blob) for blob in blobs]} if blobs else header

@@ -5,8 +5,8 @@ from __future__ import annotations
 import contextlib
 import signal
 import time
-from collections.abc import Iterator, Mapping
-from typing import Any
+from collections.abc import Iterator
+from typing import TYPE_CHECKING, Any
 
 from paddock.errors import PaddockError, PlatformFault, UserFault
 from paddock.network.policy_wire import PolicyHeader
@@ -19,6 +19,9 @@ from .network_memory import create_network_memory
 from .observation_memory import create_observation_memory, map_for_writing
 from .policy_client import OVERAGE_S, STEP_DEADLINE_S, TOTAL_S, PolicyClient
 from .process import SandboxedProcess, widen_pipe
+
+if TYPE_CHECKING:
+    from paddock.network.bound import FactsDocument
 
 MODULE = "evaluation.sandbox.policy_process"
 START_S = 30.0
@@ -74,12 +77,12 @@ class PolicyProcess:
         self.process.close()
         self._forget()
 
-    def load(self, onnx: bytes, header: PolicyHeader, facts: Mapping[str, Any] | None = None) -> str:
+    def load(self, onnx: bytes, header: PolicyHeader, facts: FactsDocument | None = None) -> str:
         """:meth:`give` and :meth:`agree` in one, for a referee in this process."""
         self.give(onnx, facts)
         return self.agree(header)
 
-    def give(self, onnx: bytes, facts: Mapping[str, Any] | None = None) -> None:
+    def give(self, onnx: bytes, facts: FactsDocument | None = None) -> None:
         """Wait for the lock, then hand over the canonical ONNX bytes and their ``facts``
         (:class:`paddock.network.bound.NetworkFacts`; None: they are measured now). Raises UserFault (``policy_died``,
         ``policy_late``), and PlatformFault ``sandbox_failed`` if the process did not reach its lock."""

@@ -33,7 +33,7 @@ OPEN: WeakSet[DeepRacerEnv] = WeakSet()  # the environments of this process that
 
 _log = logging.getLogger("paddock.deepracer")
 _numbers = itertools.count(1)
-_Step = tuple[Readings, float, bool, bool, dict[str, Any]]
+_Step = tuple[Readings, float, bool, bool, dict[str, object]]
 
 
 class DeepRacerEnv(NotCopied, gymnasium.Env[Readings, Any]):
@@ -96,8 +96,8 @@ class DeepRacerEnv(NotCopied, gymnasium.Env[Readings, Any]):
         return self.setting.ground.track
 
     def reset(
-        self, *, seed: int | None = None, options: dict[str, Any] | None = None
-    ) -> tuple[Readings, dict[str, Any]]:
+        self, *, seed: int | None = None, options: dict[str, object] | None = None
+    ) -> tuple[Readings, dict[str, object]]:
         """Start an episode. The same ``seed`` gives the same one, with its direction. ``options={"start_m": metres}``
         sets the start. Raises ValueError."""
         super().reset(seed=seed)
@@ -150,7 +150,7 @@ class DeepRacerEnv(NotCopied, gymnasium.Env[Readings, Any]):
         self._seen = {name: _presented(name, readings[name]) for name in self._sensors}
         return dict(self._seen)
 
-    def _info(self, status: str) -> dict[str, Any]:
+    def _info(self, status: str) -> dict[str, object]:
         return {
             "reward_params": self._params,
             "episode_status": {name: name == status for name in (*TERMINATED, *TRUNCATED)},

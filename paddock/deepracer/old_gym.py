@@ -44,7 +44,7 @@ class Env:
         observation, _ = self.env.reset(seed=seed)
         return observation
 
-    def step(self, action: Any) -> tuple[Any, float, bool, dict[str, Any]]:
+    def step(self, action: Any) -> tuple[Any, float, bool, dict[str, object]]:
         """Observation, reward, whether the episode is over, info. ``TimeLimit.truncated`` in the info of the last step:
         whether it was cut short."""
         observation, reward, terminated, truncated, info = self.env.step(action)

@@ -57,7 +57,7 @@ _LANES = {1.0: INNER, -1.0: OUTER}  # deepracer-simapp's numbers
 
 def read_track_config(
     config: Mapping[str, Any] | None, world_name: str | None = None, evaluation: bool = False
-) -> dict[str, Any]:
+) -> dict[str, object]:
     """All keys with their values. ``world_name`` overrides the track; in an evaluation with it, of ``config`` only the
     numbers of obstacles and bot cars count, as in the original. Raises TypeError, ValueError with the name of a key."""
     if config is not None and not isinstance(config, Mapping):
@@ -129,7 +129,7 @@ def _refuse_others(values: Mapping[str, Any], boxes: bool, bots: int) -> None:
         )
 
 
-def _bots(values: Mapping[str, Any], count: int, track: TrackGeometry) -> dict[str, Any]:
+def _bots(values: Mapping[str, Any], count: int, track: TrackGeometry) -> dict[str, object]:
     least = _number(values, BOT_GAP)
     try:
         places = start_places(track.length, count)
@@ -158,7 +158,7 @@ def _bots(values: Mapping[str, Any], count: int, track: TrackGeometry) -> dict[s
 
 def _boxes(
     values: Mapping[str, Any], count: int, places: list[tuple[float, str]], track: TrackGeometry
-) -> dict[str, Any]:
+) -> dict[str, object]:
     if places:
         return {"boxes": places}
     apart = _ruled(values, APART, "box_distance_m", _number)

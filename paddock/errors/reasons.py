@@ -6,7 +6,7 @@
 
 from collections import defaultdict
 from collections.abc import Mapping
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 # The HTTP status of each kind of reason. conflict: a limit or a state that the caller can change; too_many_requests:
 # only waiting helps, and the answer contains the time; unavailable: Paddock's own fault.
@@ -37,9 +37,9 @@ class Reason(NamedTuple):
     subject: str
     status: int
 
-    def render(self, params: dict[str, Any], sentence: str | None = None) -> str:
+    def render(self, params: Mapping[str, object], sentence: str | None = None) -> str:
         """The sentence (or its translation ``sentence``) with ``params`` filled in; a missing one shows as ``?``."""
-        return (sentence or self.sentence) % defaultdict(lambda: "?", params)
+        return (sentence or self.sentence) % defaultdict[str, object](lambda: "?", params)
 
 
 REASONS: dict[str, Reason] = {}

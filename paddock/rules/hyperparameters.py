@@ -37,7 +37,7 @@ class Hyperparameter(Rule):
         return self.type is float or value == int(value)
 
 
-def _both(ppo: Any, sac: Any) -> dict[str, Any]:
+def _both(ppo: object, sac: object) -> dict[str, object]:
     return {PPO: ppo, SAC: sac}
 
 

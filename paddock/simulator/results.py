@@ -2,7 +2,7 @@
 
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass, field
-from typing import Annotated, Any, TypedDict, cast
+from typing import Annotated, TypedDict, cast
 
 from .layout import LayoutDocument
 from .trace import Trace
@@ -62,6 +62,31 @@ class LapResult:
         return cast(LapDocument, asdict(self))
 
 
+class CarProgressDocument(TypedDict):
+    """A :class:`CarProgress` as JSON carries it."""
+
+    lap: int
+    total_ms: int
+    percent: float
+    x: float
+    y: float
+    off_tracks: int
+    crashes: int
+
+
+class RivalProgressDocument(CarProgressDocument):
+    retired: bool
+
+
+class ProgressDocument(CarProgressDocument):
+    laps: int
+    lap_ms: int
+    resets: int
+    last_lap_ms: int | None
+    bots: list[tuple[float, float]]
+    rivals: list[RivalProgressDocument]
+
+
 @dataclass(frozen=True, kw_only=True)
 class CarProgress:
     """The progress of a car while a race runs. ``x``, ``y``: of its nose, metres."""
@@ -93,8 +118,8 @@ class Progress(CarProgress):
     bots: Annotated[list[tuple[float, float]], "x, y of each."]
     rivals: list[RivalProgress]
 
-    def to_dict(self) -> dict[str, Any]:
-        return asdict(self)
+    def to_dict(self) -> ProgressDocument:
+        return cast(ProgressDocument, asdict(self))
 
 
 class Fault(TypedDict):

@@ -91,7 +91,7 @@ class RacingVectorEnv(NotCopied, VectorEnv[Readings | np.ndarray, np.ndarray, np
         }
 
     def reset(
-        self, *, seed: int | Sequence[int | None] | None = None, options: dict[str, Any] | None = None
+        self, *, seed: int | Sequence[int | None] | None = None, options: dict[str, object] | None = None
     ) -> tuple[Readings | np.ndarray, _Infos]:
         """Start an episode of every car, or of those in ``options["reset_mask"]`` (bool, one for each car).
 

@@ -55,7 +55,7 @@ def default_config(race_type: str) -> dict[str, Any]:
     return {**OPTIONS, "reward_function": reward_function, **rules, **proposed}
 
 
-def rules_of_episodes(race_type: str) -> dict[str, Any]:
+def rules_of_episodes(race_type: str) -> dict[str, object]:
     """The race rules of an environment of this type, and their defaults in an episode."""
     rules = (rule for name, rule in RUN_RULES.items() if name not in ("race_type", "seed"))
     return {rule.name: rule.default_of_an_episode for rule in rules if rule.belongs_to(race_type)}

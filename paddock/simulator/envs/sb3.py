@@ -10,7 +10,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any, cast
 
 import gymnasium
@@ -74,7 +74,7 @@ class SB3VecEnv(VecEnv):
         readings, _ = self.env.reset(options={"reset_mask": cars})
         return readings
 
-    def ended(self, number: int, info: dict[str, Any]) -> None:
+    def ended(self, number: int, info: dict[str, object]) -> None:
         """Called at the end of a car's episode, while ``self.env`` still has its state. ``info``: of its last step."""
 
     def reset(self) -> Seen:
@@ -92,7 +92,7 @@ class SB3VecEnv(VecEnv):
     def step_async(self, actions: np.ndarray) -> None:
         self._actions = actions
 
-    def step_wait(self) -> tuple[Seen, np.ndarray, np.ndarray, list[dict[str, Any]]]:
+    def step_wait(self) -> tuple[Seen, np.ndarray, np.ndarray, list[dict[str, object]]]:
         """One control step of every car; an episode that ends is followed by the next at once."""
         assert self._actions is not None, "step_async() takes them first"
         readings, rewards, terminated, truncated, infos_by_key = self.env.step(self._actions)
@@ -109,7 +109,7 @@ class SB3VecEnv(VecEnv):
             self._steps[done] = 0
         return seen, rewards.astype(np.float32), done, infos
 
-    def _end(self, number: int, info: dict[str, Any], seen: Seen, truncated: bool) -> None:
+    def _end(self, number: int, info: dict[str, object], seen: Seen, truncated: bool) -> None:
         info["TimeLimit.truncated"] = truncated or info["is_success"]
         info["terminal_observation"] = _copied(seen, number)
         info["episode"] = {
@@ -148,9 +148,9 @@ def _copied(seen: Seen, at: Any = ...) -> Seen:
     return {name: batch[at].copy() for name, batch in seen.items()} if isinstance(seen, dict) else seen[at].copy()
 
 
-def _each(infos_by_key: dict[str, Any], count: int) -> list[dict[str, Any]]:
+def _each(infos_by_key: Mapping[str, np.ndarray], count: int) -> list[dict[str, object]]:
     """Gymnasium's infos, an array and a mask for each key, as a dict for each car."""
-    infos: list[dict[str, Any]] = [{} for _ in range(count)]
+    infos: list[dict[str, object]] = [{} for _ in range(count)]
     for key, values in infos_by_key.items():
         if f"_{key}" in infos_by_key:
             for info, value, given in zip(infos, values.tolist(), infos_by_key[f"_{key}"].tolist(), strict=True):

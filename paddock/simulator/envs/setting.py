@@ -207,7 +207,7 @@ def race_setting(race_type: str, *, config: Mapping[str, Any] | None = None, **o
     return setting
 
 
-def _boxes(changes: Mapping[str, Any]) -> dict[str, Any]:
+def _boxes(changes: Mapping[str, Any]) -> dict[str, object]:
     """The boxes of ``changes``: with fixed places none is drawn unless the number is given."""
     places = tuple(_box_place(place) for place in changes.get("boxes", ()))
     drawn = changes.get("random_boxes")

@@ -53,15 +53,15 @@ class RacingEnv(NotCopied, gymnasium.Env[Any, Any]):
         return is_pinned()
 
     def reset(
-        self, *, seed: int | None = None, options: dict[str, Any] | None = None
-    ) -> tuple[Readings | np.ndarray, dict[str, Any]]:
+        self, *, seed: int | None = None, options: dict[str, object] | None = None
+    ) -> tuple[Readings | np.ndarray, dict[str, object]]:
         """Start an episode. ``options={"start_m": metres}`` sets the start on the centre line. Raises ValueError."""
         super().reset(seed=seed)
         info = self._drive.begin(self.np_random, options)
         self._readings = self._drive.observe()
         return self.setting.present(dict(self._readings)), dict(info)
 
-    def step(self, action: Any) -> tuple[Readings | np.ndarray, float, bool, bool, dict[str, Any]]:
+    def step(self, action: Any) -> tuple[Readings | np.ndarray, float, bool, bool, dict[str, object]]:
         """One control step, with the steps of a penalty. Raises ValueError for an invalid action and a reward that is
         not finite, ResetNeeded without a running episode."""
         if not self._drive.began:
