@@ -42,7 +42,7 @@ class Directory(LDAPBackend):
     """django-auth-ldap's backend, which finds racers by a lasting id of their entry and never by a name."""
 
     def __init__(self) -> None:
-        self.default_settings = _settings_of(settings.LDAP)
+        self.default_settings = _django_settings()
 
     def get_or_build_user(self, username: str, ldap_user: Any) -> tuple[Racer, bool]:
         """The linked racer, with their roles set. Raises AuthenticationFailed where there is none yet."""
@@ -82,15 +82,20 @@ def _data_of(ldap_user: Any) -> PersonDocument:
     }
 
 
-def _settings_of(directory: dict[str, Any]) -> dict[str, object]:
+def _django_settings() -> dict[str, object]:
     """django-auth-ldap's settings. It never makes or changes a racer by itself."""
-    options = {ldap.OPT_REFERRALS: 0, ldap.OPT_NETWORK_TIMEOUT: PATIENCE_S, ldap.OPT_TIMEOUT: PATIENCE_S}
+    directory = settings.LDAP
+    options: dict[int, object] = {
+        ldap.OPT_REFERRALS: 0,
+        ldap.OPT_NETWORK_TIMEOUT: PATIENCE_S,
+        ldap.OPT_TIMEOUT: PATIENCE_S,
+    }
     if directory["uri"].startswith("ldaps://") or directory["start_tls"]:
         options[ldap.OPT_X_TLS_REQUIRE_CERT] = ldap.OPT_X_TLS_DEMAND
         if directory["ca_file"]:
             options[ldap.OPT_X_TLS_CACERTFILE] = directory["ca_file"]
         options[ldap.OPT_X_TLS_NEWCTX] = 0  # takes the options above, so it comes last
-    found = {
+    found: dict[str, object] = {
         "SERVER_URI": directory["uri"],
         "START_TLS": directory["start_tls"],
         "CONNECTION_OPTIONS": options,
