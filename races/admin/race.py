@@ -219,9 +219,7 @@ class RaceAdmin(WithReason):
             return HttpResponseRedirect(request.get_full_path())
         return super().response_change(request, obj)
 
-    def get_actions(
-        self, request: HttpRequest, *where: Any, **named: Any
-    ) -> dict[str, tuple[Callable[..., str], str, str] | None]:
+    def get_actions(self, request: HttpRequest, *where: Any, **named: Any) -> dict[str, Any]:
         actions = super().get_actions(request, *where, **named)
         actions.pop("delete_selected", None)
         return actions
