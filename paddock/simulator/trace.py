@@ -107,7 +107,7 @@ class Trace:
 def csv_rows(columns: Sequence[np.ndarray]) -> bytes:
     """The rows of ``columns``, which have one length, as lines of CSV text with all digits of each number."""
     library = compiled.library()
-    if columns and hasattr(library, "paddock_rows"):
+    if columns and library is not None and hasattr(library, "paddock_rows"):
         return _rows_by_c(library.paddock_rows, columns)
     # Digits take most of the time, and columns repeat.
     known: dict[tuple[str, bytes], list[str]] = {}
@@ -139,7 +139,7 @@ def _rows_by_c(write: Callable[..., int], columns: Sequence[np.ndarray]) -> byte
     arrays = [_for_c(column) for column in columns]
     kinds = [_KINDS.get(array.dtype.str, (_TEXT, array.itemsize + 1)) for array in arrays]
     table = (_Column * len(arrays))(
-        *((array.ctypes.data, kind, array.itemsize) for array, (kind, _) in zip(arrays, kinds, strict=True))
+        *(_Column(array.ctypes.data, kind, array.itemsize) for array, (kind, _) in zip(arrays, kinds, strict=True))
     )
     room = bytearray(1 + sum(longest for _, longest in kinds) * len(arrays[0]))
     place = (ctypes.c_char * len(room)).from_buffer(room)
