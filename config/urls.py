@@ -42,6 +42,7 @@ urlpatterns = [
     path("metrics", views.metrics, name="metrics"),
     path("status/", workers.status, name="status"),
     path("api/v1/status/", operations_api.StatusView.as_view(), name="api-status"),
+    path("api/", include("config.api.urls")),
     path("needs/", workers.needs, name="needs"),
     path("workers/", workers.workers, name="workers"),
     path("workers/<slug:name>/failed/", workers.failed, name="failed_runs"),
@@ -61,7 +62,6 @@ urlpatterns = [
         else []
     ),
     path("accounts/", include("accounts.single_sign_on.urls" if settings.OIDC or settings.LDAP else "allauth.urls")),
-    path("api/", include("config.api.urls")),
     # without a token, so that pages for guests need none: a cookie with a language is all that it makes
     path("i18n/setlang/", csrf_exempt(set_language), name="set_language"),
     # the admin site's own form for it has no limit on guesses of the old one

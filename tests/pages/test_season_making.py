@@ -17,6 +17,7 @@ from tests.factories import a_racer, a_track
 from tests.league.seasons import JANUARY, a_round, a_season
 
 pytestmark = pytest.mark.django_db
+TWO_MONTHS = {f"{kind}_{month}": "" for kind in ("open", "pro") for month in range(3, 13)}
 
 
 def form_data(now: datetime, **changes: object) -> dict[str, object]:
@@ -109,7 +110,7 @@ class TestSeasonForm:
         set_clock(now)
         a_track()
         answer = logged_in(a_racer("boss", is_staff=True, is_superuser=True)).post(
-            "/seasons/new/", form_data(now) | changes
+            "/seasons/new/", form_data(now) | TWO_MONTHS | changes
         )
         assert answer.status_code == 422
         assert word in " ".join(answer.context["form"].errors[field])

@@ -28,6 +28,7 @@ from tests.duels import (
     seeds,
 )
 from tests.factories import a_model, a_race, a_racer, start
+from tests.soak import only
 
 pytestmark = [pytest.mark.django_db, pytest.mark.usefixtures("commits")]
 
@@ -150,7 +151,10 @@ def test_recomputing_the_standings_changes_nothing(now):
 # --- to the end
 
 
-@pytest.mark.parametrize(("entrants", "cars", "heats"), [(4, 2, 12), (5, 2, 20), (5, 3, 10), (4, 4, 8), (3, 4, 6)])
+@pytest.mark.parametrize(
+    ("entrants", "cars", "heats"),
+    only([(4, 2, 12), (3, 4, 6)], [(4, 2, 12), (5, 2, 20), (5, 3, 10), (4, 4, 8), (3, 4, 6)]),
+)
 def test_the_constant_winner_leads_a_finished_round_robin(now, entrants, cars, heats):
     race = drawn(now, entrants, duel_cars=cars)
     assert end_all(race, now, choose=max) == heats
@@ -159,7 +163,7 @@ def test_the_constant_winner_leads_a_finished_round_robin(now, entrants, cars, h
     assert sum(each for each, *_ in points(race).values()) == heats * sum(range(min(cars, entrants)))
 
 
-@pytest.mark.parametrize("entrants", [2, 3, 4, 5, 8])
+@pytest.mark.parametrize("entrants", only([2, 5], [2, 3, 4, 5, 8]))
 def test_the_winner_of_the_final_leads_a_finished_bracket(now, entrants):
     race = drawn(now, entrants, duel_format="bracket")
     assert end_all(race, now, choose=max) == 2 * (entrants - 1)

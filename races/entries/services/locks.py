@@ -7,12 +7,16 @@ from datetime import datetime
 from django.db.models import F, QuerySet
 
 from core.database.after_commit import after_commit
+from core.database.kept_queries import KeptQuery
 from evaluation.models import Evaluation, State
 from evaluation.running.queue.services import stop_evaluation
 from paddock.errors import UserFault
 
 from ...models import Entry, Race
 from ...models.entry import MOST_SUBMISSIONS
+
+_entry: KeptQuery[Entry] = KeptQuery(lambda pk: Entry.objects.select_for_update(of=("self",)).filter(pk=pk))
+_race: KeptQuery[Race] = KeptQuery(lambda pk: Race.objects.select_for_update(no_key=True).filter(pk=pk))
 
 
 def lock_entries(numbers: Iterable[int]) -> list[Entry]:
@@ -29,9 +33,10 @@ def lock_entries(numbers: Iterable[int]) -> list[Entry]:
 
 def lock_entry(entry: int) -> Entry:
     """The same for one, by its primary key. Raises Entry.DoesNotExist."""
-    found = lock_entries([entry])
+    found = _entry(pk=entry)
     if not found:
         raise Entry.DoesNotExist
+    (found[0].race,) = _race(pk=found[0].race_id)
     return found[0]
 
 

@@ -87,4 +87,4 @@ def sign_up(client: Client, provider: ProviderControls, name: str, alias: str, *
 
 def alias_of(client: Client) -> str:
     """Who is logged in; empty: nobody."""
-    return client.get("/").wsgi_request.user.get_username()
+    return client.get("/theme/").wsgi_request.user.get_username()  # no page to draw
