@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 from django.db import transaction
 from django.db.models import Q, QuerySet
 
+from core.database.kept_queries import KeptQuery
 from core.jobs.kinds import register
 from core.jobs.retried import RetriedKind
 
@@ -91,8 +92,13 @@ def finish_evaluation(*, pk: int, lease: uuid.UUID, outcome: EvaluationOutcome, 
     return finished
 
 
+_ended: KeptQuery[Evaluation] = KeptQuery(
+    lambda pk: Evaluation.with_sealed.filter(pk=pk).select_related("model", "track", "owner")
+)
+
+
 def tell_end(pk: int, result: Result | None, now: datetime) -> None:
     """Announce an end to the rooms above, in its transaction. The end of a sealed run goes to nobody else."""
-    evaluation = Evaluation.with_sealed.select_related("model", "track", "owner").get(pk=pk)
+    (evaluation,) = _ended(pk=pk)
     record_end(evaluation, result, now)
     evaluation_ended.send(sender=Evaluation, evaluation=evaluation, result=result, now=now)

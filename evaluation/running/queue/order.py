@@ -11,9 +11,12 @@ A turn never changes while an evaluation waits, so the order is an index. The pl
 """
 
 from collections.abc import Iterable
+from typing import Any
 
 from django.contrib.auth import get_user_model
-from django.db.models import Max, Min, OuterRef, QuerySet, Subquery
+from django.db.models import OuterRef, QuerySet, Subquery
+
+from core.database.kept_queries import KeptQuery
 
 from ...models import Evaluation, State
 
@@ -56,10 +59,22 @@ def next_turns(owners: Iterable[int], priority: int) -> list[int]:
 
 def _round_under_way(priority: int) -> int:
     """The turn of a racer who has nothing in the queue and had nothing in this round."""
-    rows = Evaluation.with_sealed.filter(priority=priority).order_by()
-    begun = rows.filter(started_at__isnull=False).aggregate(turn=Max("turn"))["turn"]
-    begun = -1 if begun is None else begun
-    if begun >= 0 and rows.filter(state=State.RUNNING).exists():
+    begun = max(_begun(priority=priority), default=-1)
+    if begun >= 0 and _driving(priority=priority):
         return begun
-    waiting = rows.filter(state=State.QUEUED).aggregate(turn=Min("turn"))["turn"]
-    return begun + 1 if waiting is None else max(begun, waiting)
+    waiting = _waiting(priority=priority)
+    return max(begun, *waiting) if waiting else begun + 1
+
+
+def _turns(priority: int, order: str) -> QuerySet[Evaluation, Any]:
+    rows = Evaluation.with_sealed.filter(priority=priority, turn__isnull=False)
+    return rows.order_by(order).values_list("turn", flat=True)
+
+
+_begun: KeptQuery[int] = KeptQuery(lambda priority: _turns(priority, "-turn").filter(started_at__isnull=False)[:1])
+_driving: KeptQuery[int] = KeptQuery(
+    lambda priority: Evaluation.with_sealed.filter(priority=priority, state=State.RUNNING).values_list("pk", flat=True)[
+        :1
+    ]
+)
+_waiting: KeptQuery[int] = KeptQuery(lambda priority: _turns(priority, "turn").filter(state=State.QUEUED)[:1])

@@ -13,6 +13,7 @@ from django.db.models import F, Min, Q, Value
 from django.db.models.functions import Coalesce, Least
 
 from core.database.columns import default_of
+from core.database.kept_queries import KeptQuery
 from core.events import record
 from evaluation.models import Evaluation, Result, State
 
@@ -49,6 +50,9 @@ _COPIED = (
 _STANDING_FIELDS = ("best", "best_session", *_COPIED, "sectors", "achieved_at", "is_live", *FASTEST.values(), "car_of")
 
 
+_submissions: KeptQuery[Submission] = KeptQuery(lambda evaluation: Submission.objects.filter(evaluation_id=evaluation))
+
+
 @transaction.atomic
 def record_ended_evaluation(*, evaluation: Evaluation, result: Result | None, now: datetime) -> Entry | None:
     """Apply an evaluation that has just ended to its race; None without a race.
@@ -56,9 +60,10 @@ def record_ended_evaluation(*, evaluation: Evaluation, result: Result | None, no
     A run without a verdict on the car (Paddock failed, or its owner stopped it) is void; the submission is refunded
     unless its owner stopped a car on track. A result of another engine is held back (races.entries.services.redrives).
     """
-    submission = Submission.objects.filter(evaluation=evaluation).first()
-    if submission is None:
+    found = _submissions(evaluation=evaluation.pk)
+    if not found:
         return None
+    submission = found[0]
     # with its race, whose runs may have been rerun with another engine since
     submission.entry = entry = lock_entry(submission.entry_id)
     if result is not None:
