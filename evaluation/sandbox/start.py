@@ -130,7 +130,7 @@ def _environment(
         "OPENBLAS_NUM_THREADS": "1",
         "MALLOC_ARENA_MAX": "1",
         # Pages of 2 MB where the host grants them: a large network is read through once for every frame.
-        "GLIBC_TUNABLES": exact.KEPT_MEMORY if keeps_memory else "glibc.malloc.hugetlb=1",
+        "GLIBC_TUNABLES": exact.KEPT_MEMORY if keeps_memory else exact.LARGE_PAGES,
         "ORT_DISABLE_TELEMETRY": "1",  # onnxruntime's Linux wheel otherwise starts a thread that reports home
         VARIABLE: spec.to_env(),
     }

@@ -1,6 +1,9 @@
 """Runs the command as ``python -m paddock.cli`` where its script is not installed."""
 
-from .main import program
+from .pinned import get_ready
 
 if __name__ == "__main__":
+    get_ready()
+    from .main import program
+
     program()

@@ -111,7 +111,7 @@ def _driven(job: HomeJob, folder: Path, out: TextIO) -> HomeResult:
     from paddock.simulator.results import metrics_json
 
     cv2.setNumThreads(1)
-    if compiled.load() is None:
+    if compiled.library() is None:
         with contextlib.suppress(OSError, RuntimeError):  # without it frames are drawn slowly, and are the same
             compiled.build()
     rules = RaceRules.from_dict(job["rules"])

@@ -5,22 +5,25 @@ from __future__ import annotations
 import contextlib
 import json
 import os
+import signal
 import subprocess
 import sys
 import tempfile
+import traceback
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from paddock import exact
 from paddock.errors import PlatformFault, UserFault, fault_from_dict
 from paddock.geometry.catalogue import CATALOGUE, CatalogueTrack
 from paddock.geometry.catalogue.names import find, nearest
 from paddock.rules.race import LIVE_LAPS, RUN_RULES, RaceRules
 
 from .child import HomeJob, HomeMessage, HomeResult, JobCar
+from .child import main as drive_at_home
 from .files import UNREADABLE, file_faults
+from .pinned import PYTHON, environment, is_ready
 from .showing import Speaker, lap_time, table
 from .site import Served, Site
 
@@ -31,7 +34,6 @@ if TYPE_CHECKING:
 
 CHILD = "paddock.cli.child"
 _KEPT_CHARACTERS = 500  # characters of a process's last message
-_ONE_THREAD = {"OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1", "ORT_DISABLE_TELEMETRY": "1", "PYTHONUTF8": "1"}
 
 
 @dataclass(frozen=True)
@@ -113,15 +115,14 @@ def driven(
 
 
 def _listen(folder: Path, speaker: Speaker) -> HomeResult:
-    # It finds packages where this process does, without Python's module ``site``, which takes longer to start than the
-    # rest of an interpreter.
-    command = [sys.executable, "-S", "-m", CHILD, str(folder / "job.json"), str(folder)]
-    packages = os.pathsep.join([*filter(None, sys.path), str(Path(__file__).parents[2])])
-    tunables = ":".join(filter(None, (os.environ.get("GLIBC_TUNABLES"), exact.KEPT_MEMORY)))
-    ours = {**_ONE_THREAD, "PYTHONPATH": packages, "GLIBC_TUNABLES": tunables}
-    environment = exact.environment({**os.environ, **ours})
+    arguments = [str(folder / "job.json"), str(folder)]
     with (folder / "stderr").open("w+b") as stderr:
-        process = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=stderr, env=environment)
+        process: subprocess.Popen[bytes] | _CopiedProcess
+        if is_ready():
+            process = _CopiedProcess(arguments, stderr.fileno())
+        else:
+            command = [*PYTHON, "-m", CHILD, *arguments]
+            process = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=stderr, env=environment())
         assert process.stdout is not None
         message: HomeMessage = {}
         try:
@@ -149,6 +150,34 @@ def _listen(folder: Path, speaker: Speaker) -> HomeResult:
             words = stderr.read().decode("utf-8", "replace").strip().split("\n")[-1]
             raise PlatformFault("drive_failed", problem=words[:_KEPT_CHARACTERS] or f"exit status {process.returncode}")
     return message["result"]
+
+
+class _CopiedProcess:
+    """A copy of this process that drives, like the part of Popen that is used."""
+
+    def __init__(self, arguments: list[str], stderr: int) -> None:
+        reading, writing = os.pipe()
+        self.returncode = 0
+        self._pid = os.fork()
+        if not self._pid:
+            status = 1
+            try:
+                os.dup2(writing, 1)
+                os.dup2(stderr, 2)
+                status = drive_at_home(*arguments)
+            except BaseException:
+                traceback.print_exc()
+            finally:  # not the end of a process, which would remove the other's temporary folder
+                sys.stderr.flush()
+                os._exit(status)
+        os.close(writing)
+        self.stdout = os.fdopen(reading, "rb")
+
+    def kill(self) -> None:
+        os.kill(self._pid, signal.SIGKILL)
+
+    def wait(self) -> None:
+        self.returncode = os.waitstatus_to_exitcode(os.waitpid(self._pid, 0)[1])
 
 
 def is_exact(result: HomeResult) -> bool:

@@ -17,6 +17,7 @@ from paddock.errors import PaddockError, UserFault
 from paddock.short_lived import leave
 
 from .commands import parser
+from .pinned import get_ready
 from .showing import Speaker, one_line
 
 if TYPE_CHECKING:
@@ -30,6 +31,7 @@ _STRANGE = (TypeError, ValueError, LookupError, AttributeError, ArithmeticError)
 
 def program() -> NoReturn:
     """The command as a program."""
+    get_ready()
     leave(main())
 
 

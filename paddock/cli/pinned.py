@@ -1,0 +1,32 @@
+"""The environment of a process that drives at home, and how a command starts anew in it."""
+
+import os
+import sys
+from pathlib import Path
+
+from paddock import exact
+
+DRIVING = ("evaluate", "verify")  # commands
+_ONE_THREAD = {"OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1", "ORT_DISABLE_TELEMETRY": "1", "PYTHONUTF8": "1"}
+# Without Python's module ``site``, which takes longer to start than the rest of an interpreter.
+PYTHON = (sys.executable, "-S")
+
+
+def environment() -> dict[str, str]:
+    """The environment for :data:`PYTHON`, which then finds packages where this process does."""
+    packages = os.pathsep.join([*filter(None, sys.path), str(Path(__file__).parents[2])])
+    tunables = ":".join(filter(None, (os.environ.get("GLIBC_TUNABLES"), exact.LARGE_PAGES, exact.KEPT_MEMORY)))
+    return exact.environment({**os.environ, **_ONE_THREAD, "PYTHONPATH": packages, "GLIBC_TUNABLES": tunables})
+
+
+def is_ready() -> bool:
+    """Whether this process was started so. A copy of it can drive, and need not import everything again."""
+    is_pinned = exact.is_pinned() and _ONE_THREAD.items() <= dict(os.environ).items()
+    return sys.platform == "linux" and bool(sys.flags.no_site) and is_pinned
+
+
+def get_ready() -> None:
+    """Start a command that drives anew so, before more is imported. Returns where that is not to be."""
+    is_new = sys.platform == "linux" and not sys.flags.no_site
+    if is_new and sys.executable and sys.argv[1:] and sys.argv[1] in DRIVING:
+        os.execve(sys.executable, [*PYTHON, "-m", "paddock.cli", *sys.argv[1:]], environment())
