@@ -63,7 +63,7 @@ class LoginSerializer(Body):
     )
 
 
-class LoginDocument(TypedDict):
+class SentLogin(TypedDict):
     """What :class:`LoginSerializer` reads."""
 
     login: str
@@ -160,7 +160,7 @@ class TokenView(APIView):
     @operation(
         "create_token", "Get a token for a password", body=LoginSerializer, answer=TokenSerializer, status=201, auth=[]
     )
-    def post(self, request: Request, sent: LoginDocument) -> Response:
+    def post(self, request: Request, sent: SentLogin) -> Response:
         racer = _authenticate(request, sent["login"], sent["password"])
         _show_second_factor(racer, sent.get("code", ""))
         scopes, days = sent.get("scopes", SCOPES), sent.get("days")

@@ -15,12 +15,12 @@ _process: dict[str, float] = {}
 
 
 class StreamFigures(TypedDict):
-    """Of a stream process, as :meth:`config.serving.streams.hub.Hub.figures` reports them."""
+    """The figures of a stream process (:meth:`config.serving.streams.hub.Hub.figures`)."""
 
-    streams: int  # that are open
+    streams: int  # open
     position: int | None
     bell: bool  # connected
-    memory_mb: int  # at its peak
+    memory_mb: int  # peak
     processor_s: float
 
 

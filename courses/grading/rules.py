@@ -17,7 +17,7 @@ class StoredPart(TypedDict):
 
 
 class StoredRules(TypedDict):
-    """The rules of an assignment that marks hang on, as plain JSON values."""
+    """The rules by which the marks of an assignment are computed, as plain JSON values."""
 
     due_at: str
     time_zone: str
@@ -28,7 +28,7 @@ class StoredRules(TypedDict):
 
 
 def stored_rules(assignment: Assignment) -> StoredRules:
-    """The rules as they are."""
+    """The present rules."""
     return {
         "due_at": assignment.due_at.isoformat(),
         "time_zone": assignment.time_zone,

@@ -15,7 +15,7 @@ BEST, LAST, FIRST_K = "best", "last", "first_k"
 
 class Threshold(TypedDict):
     at_most_ms: int
-    points: str
+    points: str | float  # text of forms, numbers of programs
 
 
 class PassParams(TypedDict, total=False):

@@ -13,8 +13,8 @@ from .attempt import Attempt
 class Mark(models.Model):
     """The mark of a student in an assignment; members of a submission group have equal ones.
 
-    ``parts``: a list of ``{number, points, passed, why, why_params}`` (:mod:`courses.marking`). ``is_complete``: no run
-    waits and no hidden track is to come. ``rules_version``: by which rules."""
+    ``parts``: a list of :class:`courses.marking.facts.PartMarkDocument`. ``is_complete``: no run waits and no hidden
+    track is to come. ``rules_version``: by which rules."""
 
     assignment = models.ForeignKey(Assignment, models.CASCADE, related_name="marks", verbose_name=_("assignment"))
     racer = models.ForeignKey(settings.AUTH_USER_MODEL, models.CASCADE, related_name="marks", verbose_name=_("racer"))

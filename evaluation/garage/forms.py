@@ -1,7 +1,7 @@
 """Forms of the garage."""
 
 from collections.abc import Iterable
-from typing import Any, TypedDict
+from typing import Any
 
 from django import forms
 from django.core.files.uploadedfile import UploadedFile
@@ -74,14 +74,6 @@ class UploadForm(forms.Form):
         return [UploadPart(file.name or "", file.file) for file in self.cleaned_data["files"]]
 
 
-class ModelDescription(TypedDict):
-    """What :func:`evaluation.garage.services.describe_model` takes."""
-
-    name: str
-    description: str
-    look: VehicleLook
-
-
 class DescribeForm(forms.Form):
     """Another name and description for a model, and what it looks like in replays."""
 
@@ -98,8 +90,7 @@ class DescribeForm(forms.Form):
         error_messages={"invalid": _("Enter a colour as #rrggbb, such as #3b82f6.")},
     )
 
-    def values(self, model: TrainedModel) -> ModelDescription:
+    def look(self, model: TrainedModel) -> VehicleLook:
         """What is left out of the look stays as it is."""
         values = self.cleaned_data
-        look = VehicleLook(values["shell"] or model.shell, values["colour"].lower() or model.colour)
-        return {"name": values["name"], "description": values["description"], "look": look}
+        return VehicleLook(values["shell"] or model.shell, values["colour"].lower() or model.colour)

@@ -193,7 +193,8 @@ def model_edit(request: HttpRequest, public_id: str) -> HttpResponse:
     form = DescribeForm(request.POST or None, initial=kept)
     if request.method == "POST" and form.is_valid():
         with faults_shown(form):
-            services.describe_model(model=mine, **form.values(mine))
+            name, description = form.cleaned_data["name"], form.cleaned_data["description"]
+            services.describe_model(model=mine, name=name, description=description, look=form.look(mine))
             say_saved(request, form)
             return redirect(mine)
     return render(

@@ -53,7 +53,9 @@ class AuditPageSerializer(AuditFilterSerializer):
     page_size = serializers.IntegerField(min_value=1, max_value=MAX_PER_PAGE, default=PER_PAGE)
 
 
-class AuditAsked(TypedDict):
+class AuditQuery(TypedDict):
+    """What :class:`AuditFilterSerializer` reads."""
+
     actor: str
     action: str
     target: str
@@ -61,7 +63,7 @@ class AuditAsked(TypedDict):
     until: date | None
 
 
-class AuditPageAsked(AuditAsked):
+class AuditPageQuery(AuditQuery):
     before: int | None
     page_size: int
 
@@ -93,7 +95,7 @@ class AuditView(PrivateView):
         query=AuditPageSerializer,
         answer=AuditListSerializer,
     )
-    def get(self, request: Request, _none: None, asked: AuditPageAsked) -> Response:
+    def get(self, request: Request, _none: None, asked: AuditPageQuery) -> Response:
         return _listed(request, entries_visible_to(request.user), **asked)
 
 
@@ -107,7 +109,7 @@ class RaceAuditView(PrivateView):
         query=AuditPageSerializer,
         answer=AuditListSerializer,
     )
-    def get(self, request: Request, race: Race, asked: AuditPageAsked) -> Response:
+    def get(self, request: Request, race: Race, asked: AuditPageQuery) -> Response:
         return _listed(request, entries_visible_to(request.user).filter(race=race.pk), **asked)
 
 
@@ -125,5 +127,5 @@ class AuditExportView(PrivateView, FileView):
         description="The oldest entry first, as CSV or JSON Lines.",
         parameters=[OpenApiParameter("form", str, OpenApiParameter.PATH, enum=[*FORMS])],
     )
-    def get(self, request: Request, form: str, asked: AuditAsked) -> HttpResponseBase:
+    def get(self, request: Request, form: str, asked: AuditQuery) -> HttpResponseBase:
         return exported(request.user, AuditFilter(**asked), form)

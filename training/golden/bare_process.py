@@ -14,10 +14,10 @@ from typing import TYPE_CHECKING
 from paddock import exact
 
 if TYPE_CHECKING:
-    from .runs import RunDocument
+    from .runs import GoldenRunDocument
 
 
-def answer_each(program: str, drive: Callable[["RunDocument"], object]) -> int:
+def answer_each(program: str, drive: Callable[["GoldenRunDocument"], object]) -> int:
     """Print what ``drive`` makes of each description of a run on stdin, as JSON and as soon as it is there.
 
     2 without the pins. ``program``: what is started with ``python -m paddock.exact -m``.
@@ -32,7 +32,7 @@ def answer_each(program: str, drive: Callable[["RunDocument"], object]) -> int:
     return 0
 
 
-def _driven(described: "RunDocument") -> dict[str, object]:
+def _driven(described: "GoldenRunDocument") -> dict[str, object]:
     from .drive import in_this_process  # loads Bullet
     from .runs import GoldenRun
 

@@ -14,8 +14,8 @@ from paddock.rules.race import HEAD_TO_HEAD, INNER, OBJECT_AVOIDANCE, OUTER, TIM
 CONSOLE = "console"  # the car that the old console trained: only where somebody has its archive
 
 
-class RunDocument(TypedDict):
-    """A :class:`GoldenRun` as it crosses a pipe."""
+class GoldenRunDocument(TypedDict):
+    """A :class:`GoldenRun` in JSON."""
 
     name: str
     track: str
@@ -44,11 +44,11 @@ class GoldenRun:
         rules = replace(self.rules, max_simulated_ms=min(simulated_ms, self.rules.max_simulated_ms))
         return replace(self, rules=rules)
 
-    def to_dict(self) -> RunDocument:
+    def to_dict(self) -> GoldenRunDocument:
         return {"name": self.name, "track": self.track, "rules": self.rules.to_dict(), "cars": list(self.cars)}
 
     @classmethod
-    def from_dict(cls, data: RunDocument) -> "GoldenRun":
+    def from_dict(cls, data: GoldenRunDocument) -> "GoldenRun":
         """The inverse of :meth:`to_dict`, also after JSON."""
         return cls(data["name"], data["track"], RaceRules.from_dict(data["rules"]), tuple(data["cars"]))
 

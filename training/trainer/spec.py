@@ -22,7 +22,7 @@ class TrackAndLook(TypedDict):
 
 
 class Hyperparameters(TypedDict, total=False):
-    """Those of an algorithm (:mod:`paddock.rules.hyperparameters`), checked."""
+    """The checked hyperparameters of one algorithm (:mod:`paddock.rules.hyperparameters`)."""
 
     batch_size: int
     num_epochs: int

@@ -182,7 +182,9 @@ class FilterSerializer(serializers.Serializer):
     mine = serializers.BooleanField(required=False, default=False, help_text="Only those that you are in or organise.")
 
 
-class RacesWanted(TypedDict):
+class RaceQuery(TypedDict):
+    """What :class:`FilterSerializer` reads."""
+
     state: NotRequired[str]
     kind: NotRequired[str]
     race_type: NotRequired[str]
@@ -206,7 +208,7 @@ class RacesView(APIView):
         paged=True,
         description="Public ones, and those by invitation that you are in or organise; the latest first.",
     )
-    def get(self, request: Request, wanted: RacesWanted) -> QuerySet[Race]:
+    def get(self, request: Request, wanted: RaceQuery) -> QuerySet[Race]:
         racer = request.user
         races = races_visible_to(racer).select_related("beside").defer("track__npy").order_by("-opens_at", "-pk")
         if "kind" in wanted:

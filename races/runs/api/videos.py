@@ -110,7 +110,9 @@ class AskSerializer(Body):
     )
 
 
-class AskedVideo(TypedDict):
+class SentVideo(TypedDict):
+    """What :class:`AskSerializer` reads."""
+
     part: str
     car: int
     from_ms: int
@@ -144,7 +146,7 @@ class VideosView(APIView):
             "video (200) and counts nothing; one that failed or is stale is made again."
         ),
     )
-    def post(self, request: Request, evaluation: Evaluation, sent: AskedVideo) -> Response:
+    def post(self, request: Request, evaluation: Evaluation, sent: SentVideo) -> Response:
         asked = request_video(
             evaluation=evaluation,
             by=racer_of(request),

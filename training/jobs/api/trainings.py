@@ -149,7 +149,7 @@ class TrainingSerializer(with_rules(with_rules(TrainingSummarySerializer, DRIVEN
 
 
 class SentTraining(TypedDict, total=False):
-    """What the API looks into of a body; all of it becomes settings and fields of the training."""
+    """The fields of a body that are read here; all fields become settings and fields of the training."""
 
     reward_code: Required[str]
     race_type: str
