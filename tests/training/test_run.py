@@ -161,6 +161,7 @@ def test_every_step_up_to_the_limit_is_learned_from(alice, oval, now, algorithm)
     learned = [(one.steps, one.policy_loss is not None) for one in job.iterations.order_by("number")]
     assert learned == [(512, True), (800, True)]
     assert job.steps_done == 800
+    assert 0.0 < job.reward_ms < 1.0, "its function is a fast one"
 
 
 def test_a_training_stopped_at_once_leaves_a_model(alice, oval, now):
@@ -253,9 +254,11 @@ def wait_for(condition, worker: subprocess.Popen) -> None:
 
 
 def test_a_failing_reward_function_ends_with_code_and_line(alice, oval, now):
-    code = "print('loaded')\ndef reward_function(params):\n    print('look:', params['steps'])\n    return 1 / 0\n"
+    code = "print('loaded')\ndef reward_function(params):\n    print('look:', params['steps'])\n"
+    code += "    return 1 / (params['steps'] < 5)\n"
     job = run(a_training(alice, oval, now, reward_code=code, **SHORT))
     assert (job.state, job.reason_code, job.reason_params["line"]) == (JobState.FAILED, "reward_raised", 4)
+    assert "division by zero (steps 5, progress " in job.reason, "the state that it came in"
     assert job.best_model is None
     printed = [line[20:] for line in job.log.splitlines() if " print: " in line]
     assert printed[:2] == ["print: loaded", "print: look: 2"], "what it said before it failed is there to be read"

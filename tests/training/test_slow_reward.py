@@ -13,6 +13,7 @@ from django.utils import timezone
 from evaluation.sandbox.probe import probe
 from paddock.errors import UserFault
 from paddock.geometry.catalogue import CATALOGUE
+from tests.soak import only
 from tests.training.jobs import a_training
 from tests.training.specs import a_spec
 from training.jobs.selectors import how_it_ended
@@ -95,7 +96,7 @@ def ended(code: str, stop_s: float | None = None, **changes: Any) -> tuple[Ended
     return end, heard, time.monotonic() - (asked[0] if asked else heard.began + changes["stop_seconds"])
 
 
-@pytest.mark.parametrize("code", [LOOP, CATCHES_ALL])
+@pytest.mark.parametrize("code", only([CATCHES_ALL], [LOOP, CATCHES_ALL]))
 def test_the_time_limit_holds_before_the_first_update(code):
     end, heard, late = ended(code, stop_seconds=6.0)
     assert (end.why, bool(end.network), bool(end.sb3_zip)) == ("time", True, True)
@@ -104,14 +105,14 @@ def test_the_time_limit_holds_before_the_first_update(code):
     assert end.steps >= 1
 
 
-@pytest.mark.parametrize("code", [LOOP, CATCHES_ALL, SLOW_TO_LOAD])
+@pytest.mark.parametrize("code", only([CATCHES_ALL, SLOW_TO_LOAD], [LOOP, CATCHES_ALL, SLOW_TO_LOAD]))
 def test_a_stop_is_obeyed_within_three_seconds(code):
     end, _, late = ended(code, stop_s=4.0, stop_seconds=600.0)
     assert (end.why, bool(end.network), bool(end.sb3_zip)) == ("stopped", True, True)
     assert late < 3.0
 
 
-@pytest.mark.parametrize("algorithm", ["ppo", "sac"])
+@pytest.mark.parametrize("algorithm", only(["ppo"], ["ppo", "sac"]))
 def test_a_function_that_becomes_slow_keeps_what_was_learned(algorithm):
     short = {"num_episodes_between_training": 5, "batch_size": 64, "num_epochs": 3}
     end, heard, late = ended(SLOW_LATE, algorithm=algorithm, hyperparameters=short, trials=1, stop_seconds=12.0)
@@ -124,19 +125,6 @@ def test_time_used_up_while_loading_names_the_lines_outside_of_the_function():
         ended(SLOW_TO_LOAD, stop_seconds=3.0)
     assert fault.value.code == "reward_slow_to_load"
     assert fault.value.params["ms"] > 100
-
-
-def test_a_fast_function_takes_less_than_a_millisecond():
-    end, heard, _ = ended("def reward_function(params):\n    return 1.0\n", stop_seconds=60.0, stop_steps=500)
-    assert end.why == "steps" and 0.0 < end.reward_ms < 1.0
-    assert heard.iterations
-
-
-def test_a_failure_in_a_training_names_the_state_that_it_came_in():
-    with pytest.raises(UserFault) as fault:
-        ended("def reward_function(params):\n    return 1 / (params['steps'] < 5)\n", stop_seconds=60.0)
-    assert fault.value.code == "reward_raised"
-    assert "division by zero (steps 5, progress " in str(fault.value)
 
 
 @pytest.mark.django_db(transaction=True)

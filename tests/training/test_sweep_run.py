@@ -21,7 +21,7 @@ pytestmark = [
 def test_two_settings_share_seconds_and_the_better_becomes_a_model(alice, oval):
     small = {"num_episodes_between_training": 5, "batch_size": 128, "num_epochs": 3}
     search = {"hyperparameters": LR}
-    sweep = a_sweep(alice, oval, timezone.now(), count=2, budget_s=24, search=search, hyperparameters=small, trials=1)
+    sweep = a_sweep(alice, oval, timezone.now(), count=2, budget_s=20, search=search, hyperparameters=small, trials=1)
     for _ in range(8):
         if not tasks.train.apply().get():
             break
@@ -34,8 +34,8 @@ def test_two_settings_share_seconds_and_the_better_becomes_a_model(alice, oval):
     assert "goes on from its checkpoint" in best.log
     assert best.best_model.name.startswith("tune-")
     first, second = sweep.best.results
-    assert 6.0 <= first["seconds"] < 9.0
-    assert 17.0 <= second["seconds"] < 24.0, "its own six seconds, and the twelve of the second rung"
+    assert 5.0 <= first["seconds"] < 8.0
+    assert 14.0 <= second["seconds"] < 20.0, "its own five seconds, and the ten of the second rung"
     assert second["progress"] >= first["progress"] > 0.0
     iterations = list(best.iterations.values_list("number", "seconds"))
     assert [number for number, _ in iterations] == list(range(1, len(iterations) + 1)), "none is lost between rungs"
