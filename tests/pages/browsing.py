@@ -43,6 +43,13 @@ def find_browser() -> str | None:
 CHROMIUM = find_browser()
 FLAGS = ["--no-sandbox", "--disable-gpu", "--disable-quic", "--no-first-run", "--disable-sync"]
 FLAGS += ["--disable-background-networking", "--disable-component-update"]
+# A page that follows another keeps its process, and none waits for a page that does not come: a quarter less processor
+# time a page. The first of these features are Playwright's own, which a second list takes the place of.
+UNUSED = ["AvoidUnnecessaryBeforeUnloadCheckSync", "DestroyProfileOnBrowserClose", "HttpsUpgrades", "MediaRouter"]
+UNUSED += ["HttpsFirstBalancedModeAutoEnable", "PaintHolding", "ThirdPartyStoragePartitioning", "OptimizationHints"]
+UNUSED += ["AvoidCorsURLLoaderRestartOnRedirect", "NetworkTimeServiceQuerying"]
+UNUSED += ["ProactivelySwapBrowsingInstance", "SpareRendererForSitePerProcess"]
+FLAGS += [f"--disable-features={','.join(UNUSED)}"]
 # Every test in a real browser has these marks.
 IN_A_BROWSER = [
     pytest.mark.browser,
