@@ -206,21 +206,22 @@ def test_without_scripts_the_page_has_map_sentence_and_tables(browser, live_serv
         playwright.expect(page.locator("[data-player]")).to_be_hidden()
 
 
-@pytest.mark.parametrize("scheme", ["light", "dark"])
-def test_a_car_has_one_colour_everywhere(browser, live_server, alice, pair, scheme):
-    with visitor(browser, live_server.url, alice, color_scheme=scheme) as context:
+def test_a_car_has_one_colour_everywhere(browser, live_server, alice, pair):
+    with visitor(browser, live_server.url, alice) as context:
         page = context.new_page()
-        page.goto(beside(*pair, "&camera=map"))
-        playwright.expect(page.locator("[data-tower] .dot")).to_have_count(2)
-        style = "(each, name) => getComputedStyle(each)[name]"
-        colours = []
-        for number in (0, 1):
-            body = page.locator(f'[data-car="{number}"] .above-body').evaluate(style, "fill")
-            assert page.locator(".viewer-runs .shell-body").nth(number).evaluate(style, "fill") == body
-            assert page.locator(".flat-line").nth(number).evaluate(style, "stroke") == body
-            assert page.locator(f'[data-run="{number}"] .dot').evaluate(style, "backgroundColor") == body
-            colours.append(body)
-        assert colours[0] != colours[1]
+        for scheme in ("light", "dark"):
+            page.emulate_media(color_scheme=scheme)
+            page.goto(beside(*pair, "&camera=map"))
+            playwright.expect(page.locator("[data-tower] .dot")).to_have_count(2)
+            style = "(each, name) => getComputedStyle(each)[name]"
+            colours = []
+            for number in (0, 1):
+                body = page.locator(f'[data-car="{number}"] .above-body').evaluate(style, "fill")
+                assert page.locator(".viewer-runs .shell-body").nth(number).evaluate(style, "fill") == body
+                assert page.locator(".flat-line").nth(number).evaluate(style, "stroke") == body
+                assert page.locator(f'[data-run="{number}"] .dot').evaluate(style, "backgroundColor") == body
+                colours.append(body)
+            assert colours[0] != colours[1]
 
 
 def test_cameras_change_and_a_lost_context_leaves_the_map(open_page, pair):
