@@ -15,7 +15,7 @@ from scripts.package import build
 from tests.shared import CHECKOUT
 
 PROGRAMS = Path(__file__).parent / "programs"
-NEEDS_TRAINING = ("own_dqn", "baselines")
+NEEDS_TRAINING = ("own_dqn", "baselines", "parallel")
 OLD = [sys.executable, "-m", "paddock.deepracer.old_gym"]
 
 
@@ -42,6 +42,7 @@ def run(command: list[str], modules: Path) -> str:
         ("older", "done True"),
         pytest.param("own_dqn", "done True True []", marks=pytest.mark.slow),
         pytest.param("baselines", "done True True True []", marks=pytest.mark.slow),
+        pytest.param("parallel", "done []", marks=pytest.mark.soak),  # such processes: test_many.py
     ],
 )
 def test_it_runs_unchanged(name, last, modules):

@@ -1,11 +1,10 @@
-"""stable-baselines3 as courses use it: frames stacked, rewards normalised, three algorithms, five episodes."""
+"""stable-baselines3 as courses use it: frames stacked, rewards normalised, three algorithms, three episodes."""
 
 import deepracer_gym
-import gymnasium as gym
 from stable_baselines3 import DQN, PPO, SAC
 from stable_baselines3.common.env_util import make_vec_env
 from stable_baselines3.common.evaluation import evaluate_policy
-from stable_baselines3.common.vec_env import SubprocVecEnv, VecFrameStack, VecNormalize
+from stable_baselines3.common.vec_env import VecFrameStack, VecNormalize
 
 CONTINUOUS = {
     "action_space_type": "continuous",
@@ -25,14 +24,7 @@ def learn(algorithm, agent_config=None, **more):
     return mean > 0
 
 
-def parallel():
-    env = SubprocVecEnv([lambda port=port: gym.make("deepracer_gym:deepracer-v0", port=port) for port in (8888, 8889)])
-    PPO("MultiInputPolicy", env, n_steps=8, batch_size=8, n_epochs=1).learn(16)
-    env.close()
-
-
 if __name__ == "__main__":
     few = {"buffer_size": 40, "learning_starts": 8, "batch_size": 8}
     found = learn(PPO, n_steps=8, batch_size=8, n_epochs=1), learn(DQN, **few), learn(SAC, CONTINUOUS, **few)
-    parallel()
     print("done", *found, deepracer_gym.running())
