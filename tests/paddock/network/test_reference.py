@@ -262,4 +262,8 @@ def test_answers_are_bit_identical_with_or_without_kept_weights():
 def test_operators_that_turn_a_slope_into_a_step_are_known(op, attributes, inputs, is_step):
     model = network(op, attributes, inputs, 21)
     model.graph.output[0].CopyFrom(helper.make_tensor_value_info("y", TensorProto.FLOAT, [1]))
-    assert Reference(CanonicalNetwork.read(model.SerializeToString())).steps({"x": inputs[0]}) is is_step
+    once, later = (Reference(CanonicalNetwork.read(model.SerializeToString())) for _ in range(2))
+    feeds = {"x": inputs[0]}
+    assert later.steps(feeds) is is_step
+    answer, found = once.run_with_steps(feeds)
+    assert found is is_step and np.array_equal(answer, later.run(feeds))
