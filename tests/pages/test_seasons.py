@@ -207,16 +207,16 @@ def test_a_middle_page_of_a_long_board_needs_few_queries(season, set_clock):
         assert len(sent) <= LIMIT, "\n".join(sent)
 
 
-@pytest.mark.parametrize("page", [1, 3, 99])
-def test_a_ranked_racer_costs_few_queries_on_any_board_page(season, set_clock, page):
+def test_a_ranked_racer_costs_few_queries_on_any_board_page(season, set_clock):
     second = Round.objects.get(number=2, stage=Stage.OPEN)
     set_clock(now := second.race.opens_at + timedelta(days=3))
     board(second.race, racers(220))
     reader = a_racer()
     a_model(reader)
     drive(second.race, reader, laps(9_000, 9_100, 9_200), now)
-    sent = queries(logged_in(reader), f"{second.race.get_absolute_url()}?page={page}")
-    assert len(sent) <= LIMIT, "\n".join(sent)
+    for page in (1, 3, 99):
+        sent = queries(logged_in(reader), f"{second.race.get_absolute_url()}?page={page}")
+        assert len(sent) <= LIMIT, "\n".join([f"page {page}", *sent])
 
 
 def test_standings_show_rounds_dropped_results_countries_and_teams(season, set_clock):

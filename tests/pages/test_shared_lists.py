@@ -19,8 +19,9 @@ from races.models import Race, Timekeeper, Visibility
 from tests.accounts.test_groups import a_group
 from tests.factories import a_model, a_race, a_racer, drive, laps
 from tests.league.seasons import a_season
+from tests.soak import SOAK
 
-ROUNDS = 4
+ROUNDS = 8 if SOAK else 2
 STATES = ("open", "upcoming", "closed", "cancelled")
 
 

@@ -35,7 +35,7 @@ TRACKS = {
     "the other way": TRACK.in_direction("cw"),
     "tight": stadium(straight=1.6, radius=0.5, width=0.7, spacing=0.05),
 }
-WALKS, STEPS = (200, 600) if SOAK else (6, 250)
+WALKS, STEPS = (200, 600) if SOAK else (4, 250)
 
 
 class Body:
