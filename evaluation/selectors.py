@@ -66,11 +66,14 @@ def shared_models(racer: Racer | AnonymousUser) -> QuerySet[TrainedModel]:
 def newest_shared(reader: Racer, most: int, *, house: bool = True) -> list[TrainedModel]:
     """The latest of :func:`shared_models` that are not the reader's, with the house's unless ``house`` is false. One
     query for all readers, except for one who shares most of them."""
-    models = shared_models(reader).filter(**({} if house else {"owner__is_house": False}))
-    newest = shared_value(("newest shared models", most, house), lambda: list(models[: 2 * most]))
+
+    def models() -> QuerySet[TrainedModel]:
+        return shared_models(reader).filter(**({} if house else {"owner__is_house": False}))
+
+    newest = shared_value(("newest shared models", most, house), lambda: list(models()[: 2 * most]))
     others = [model for model in newest if model.owner_id != reader.pk]
     if len(others) < most and len(newest) == 2 * most:
-        return list(models.exclude(owner=reader)[:most])
+        return list(models().exclude(owner=reader)[:most])
     return others[:most]
 
 

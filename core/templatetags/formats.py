@@ -155,20 +155,24 @@ def countdown(when: datetime, over: str = "") -> SafeString:
     )
 
 
+def shown_age(when: datetime) -> tuple[int, int, int]:
+    """What :func:`ago` shows depends on it: the seconds of the largest unit, how many of these, and the year it is."""
+    total = max(0, int((timezone.now() - when).total_seconds()))
+    size = next((size for size in (86400, 3600, 60) if total >= size), 60)
+    return size, total // size, timezone.localdate().year
+
+
 @register.simple_tag
 def ago(when: datetime | None) -> SafeString | str:
     """How long ago, in its largest unit, the day itself from a month on; with the moment on hovering."""
     if when is None:
         return "–"
-    total = max(0, int((timezone.now() - when).total_seconds()))
-    if total >= OLD_S:
-        return format_html('<time datetime="{}" title="{}">{}</time>', when.isoformat(), times.written(when), day(when))
-    for size, form in ((86400, _("%s d ago")), (3600, _("%s h ago")), (60, _("%s min ago"))):
-        if total >= size:
-            text = form % (total // size)
-            break
+    size, count, _year = shown_age(when)
+    if size * count >= OLD_S:
+        text = day(when)
     else:
-        text = _("just now")
+        forms = {86400: _("%s d ago"), 3600: _("%s h ago"), 60: _("%s min ago")}
+        text = forms[size] % count if count else _("just now")
     return format_html('<time datetime="{}" title="{}">{}</time>', when.isoformat(), times.written(when), text)
 
 

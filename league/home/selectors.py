@@ -17,14 +17,13 @@ from core.forms import explain
 from evaluation.models import Evaluation, Result, TrainedModel
 from evaluation.selectors import garage_of
 from paddock.errors import UserFault
-from paddock.rules.race import RANKING
 from paddock.simulator.results import LapDocument
 from races.boards.selectors.board import CLASSIFIED, BoardRow, to_gain_ms, with_ahead_score
 from races.boards.selectors.counts import with_place
 from races.entries.eligibility import read_for_checks, refusal
-from races.entries.engines import hidden_runs
 from races.models import Division, Entry, Race, RaceKind, Submission
 from races.replays.run_maps import ColourBy, trajectories
+from races.runs.shown_runs import latest_shown
 from tracks.drawing.maps import Trajectory
 
 if TYPE_CHECKING:
@@ -138,20 +137,7 @@ def my_places(racer: Racer, races: Sequence[Race]) -> list[MyPlace]:
     return [MyPlace(race, entry.place + 1, to_gain_ms(entry)) for race, entry in mine]
 
 
-# What the table of runs shows: all columns of seven tables would take most of the page's time
-_RUN = ("public_id", "state", "reason_code", "reason_params", "queued_at", "track__name")
-_RUN_RESULT = ("result__laps", "result__best_lap_ms", "result__order")
-_RUN_RACE = ("slug", "name", "opponents", *RANKING)
-
-
-def _counting(racer: Any) -> QuerySet[Evaluation]:
-    races = [f"{path}__{name}" for path in ("submission__entry__race", "duel__race") for name in _RUN_RACE]
-    mine = Evaluation.objects.filter(~hidden_runs(), owner=racer, replaced_by=None)
-    mine = mine.select_related("track", "result", "submission__entry__race", "duel__race")
-    return mine.only(*_RUN, *_RUN_RESULT, *races).order_by("-queued_at")[:OWN]
-
-
-_latest = KeptQuery(_counting)
+_latest = KeptQuery(lambda racer: latest_shown(Evaluation.objects.filter(owner=racer), OWN))
 _models: KeptQuery[TrainedModel] = KeptQuery(
     lambda racer: garage_of(racer).select_related(None).only("public_id", "name", "metadata")[:OWN]
 )

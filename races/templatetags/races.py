@@ -6,8 +6,8 @@ from functools import lru_cache
 from typing import Any
 
 from django import template
-from django.db.models import QuerySet
 from django.template import Context
+from django.template.defaulttags import CsrfTokenNode
 from django.utils import timezone
 from django.utils.html import escape, format_html
 from django.utils.safestring import SafeString, mark_safe
@@ -16,7 +16,8 @@ from django.utils.translation import gettext_noop
 
 from core.database.kept_queries import KeptQuery
 from core.pages.charts import sparkline
-from core.streams.shared_pieces import lasting_value
+from core.streams.shared_pieces import filled, hole, lasting_piece, lasting_value
+from core.templatetags.formats import shown_age
 from core.times import clock
 from evaluation.models import Evaluation, TrainedModel
 from paddock.geometry.track import TrackGeometry
@@ -26,17 +27,19 @@ from races.boards.medals import MedalTarget, medal_in, medal_of_run, medal_targe
 from races.boards.selectors.board import BoardRow
 from races.boards.selectors.counts import driven_again
 from races.boards.track_figures import real_car_records
-from races.entries.engines import hidden_runs
 from races.entries.selectors.lists import races_on
 from races.entries.selectors.offers import Learned, Offer, offers_for
 from races.entries.selectors.visibility import evaluations_visible_to
 from races.models import Entry, LiveEvent, Race, RaceState
 from races.replays.document import box_document
 from races.replays.run_maps import LAP_COLOURS, map_place
+from races.replays.selectors import race_of
 from races.replays.setup import address_of_scene, viewer_setup
 from races.rules import descriptions
 from races.rules.layout import box_marks, has_boxes, layout_marks
 from races.rules.live_start import live_layout, start_m
+from races.runs.shown_runs import latest_shown
+from races.templatetags.spoilers import run_hidden
 from tracks.drawing.maps import BoxMark, Trajectory, draw_svg
 from tracks.models import Track
 from tracks.templatetags.medals import medal_badge, times_of
@@ -98,6 +101,17 @@ def races_for(context: Context, model: TrainedModel, learned: Learned | None = N
 
 
 @register.simple_tag(takes_context=True)
+def offer_row(context: Context, template: str, each: Offer, model: TrainedModel, *, as_in: Any = None) -> SafeString:
+    """A race that takes a model, drawn once for all models and readers. ``as_in``: the training to compare with."""
+    race, track, run = each.race, each.race.track, each.sent and each.sent.evaluation
+    values = {"as_in": bool(as_in and each.fits), "token": hole("token"), "model": hole("model")}
+    of_race = race.slug, race.name, race.race_type, race.direction, each.fits
+    key = (*of_race, track.name, track.is_open, track.direction, values["as_in"], run and (run.public_id, run.state))
+    row = lasting_piece(template, {"each": each, **values}, key=key)
+    return filled(row, token=mark_safe(CsrfTokenNode().render(context)), model=escape(model.public_id))
+
+
+@register.simple_tag(takes_context=True)
 def runs_of(context: Context, model: TrainedModel) -> list[Evaluation]:
     """The latest evaluations of a model visible to the reader: of other racers' models those on boards."""
     reader = context["user"]
@@ -106,17 +120,21 @@ def runs_of(context: Context, model: TrainedModel) -> list[Evaluation]:
         runs = _all_runs(model=model.pk)
         if all(run.owner_id == reader.pk for run in runs):  # by far the most; the check in SQL is costly
             return runs
-    return list(_latest_runs(evaluations_visible_to(reader), model.pk))
+    return list(latest_shown(evaluations_visible_to(reader).filter(model_id=model.pk), RUNS_OF_A_MODEL))
 
 
-def _latest_runs(runs: QuerySet[Evaluation], model: Any) -> QuerySet[Evaluation]:
-    related = ("owner", "model", "track", "result", "submission__entry__race", "duel__race")
-    runs = runs.filter(~hidden_runs(), model_id=model, replaced_by=None).select_related(*related)
-    unused = (f"result__{name}" for name in ("trajectory", "metrics", "versions", "layout"))
-    return runs.defer("track__npy", *unused).order_by("-queued_at")[:RUNS_OF_A_MODEL]
+_all_runs = KeptQuery(lambda model: latest_shown(Evaluation.objects.filter(model_id=model), RUNS_OF_A_MODEL))
 
 
-_all_runs = KeptQuery(lambda model: _latest_runs(Evaluation.objects.all(), model))
+@register.simple_tag(takes_context=True)
+def run_row(context: Context, run: Evaluation, *, compact: bool = False) -> SafeString:
+    """A row of the table of runs, drawn once for the same values."""
+    hides, race, result = run_hidden(context, run), race_of(run), getattr(run, "result", None)
+    values = {"compact": bool(compact), "hides": hides, "worth": descriptions.worth_words(run)}
+    of_run = run.public_id, run.track.name, run.state, run.reason_code, repr(run.reason_params), run.queued_at
+    of_result = result and (result.complete_laps, result.off_tracks)
+    key = (*of_run, race and race.name, of_result, shown_age(run.queued_at), *values.values())
+    return lasting_piece("races/runs/row.html", {"run": run, **values}, key=key)
 
 
 @register.simple_tag

@@ -18,7 +18,7 @@ from django.utils.translation import gettext_lazy as _lazy
 from accounts.models import Racer
 from core.database.kept_queries import KeptQuery
 from evaluation.models import TrainedModel
-from evaluation.selectors import garage_of, newest_shared, visible_models
+from evaluation.selectors import garage_of, newest_shared, visible_model, visible_models
 from paddock.rules.rule import Rule
 from races.web.names import named, names_track
 from training.jobs.settings_checks import ACTION_COUNTS
@@ -160,7 +160,7 @@ class _Groups(forms.models.ModelChoiceIterator):
         own = [(public_id, name) for kind, public_id, name, *_code in field.own.rows if kind == MODEL]
         others = [(one.public_id, field.label_from_instance(one)) for one in newest_shared(field.owner, SHARED_LISTED)]
         if field.chosen and field.chosen not in dict([*own, *others]):
-            chosen = self.queryset.filter(public_id=field.chosen).first()
+            chosen = visible_model(field.owner, field.chosen)
             if chosen is not None:
                 listed = (chosen.public_id, field.label_from_instance(chosen))
                 own, others = ([*own, listed], others) if chosen.owner == field.owner else (own, [*others, listed])
@@ -191,7 +191,12 @@ class CloneField(forms.ModelChoiceField):
 
     def offer(self, own: OwnRows, chosen: Any) -> None:
         self.own, self.owner, self.chosen = own, own.racer, str(chosen or "").replace("\x00", "")[:12]
-        self.queryset = visible_models(own.racer)
+
+    def to_python(self, value: Any) -> TrainedModel | None:
+        """Choose among all models that the racer sees, not those alone that are offered."""
+        if self.owner is not None:
+            self.queryset = visible_models(self.owner)
+        return super().to_python(value)
 
     def label_from_instance(self, model: TrainedModel) -> str:
         if self.owner is not None and model.owner_id == self.owner.pk:

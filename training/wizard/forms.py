@@ -11,7 +11,7 @@ from django.utils.translation import gettext_lazy as _
 from django.utils.translation import pgettext_lazy
 
 from accounts.models import Racer
-from core.forms import add_fault
+from core.forms import FieldsOnDemand, add_fault
 from evaluation.models import TrainedModel
 from paddock.errors import UserFault
 from paddock.packages.metadata import CONTINUOUS, DISCRETE
@@ -335,6 +335,9 @@ class TrainingForm(SettingsForm):
                 self.cleaned_data.get("race_type"), "race_type"
             )
         return PLACES.get(fault.code)
+
+
+TrainingForm.base_fields = FieldsOnDemand(TrainingForm.base_fields)
 
 
 def named_in(fault: UserFault) -> str:

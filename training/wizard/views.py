@@ -19,7 +19,7 @@ from core.forms import add_fault
 from paddock.errors import PlatformFault, UserFault
 from paddock.rules.training import taken_from
 from training.jobs.services.creation import create_training, refusals_of, refuse_taken_name
-from training.models import TrainingJob, Vehicle
+from training.models import TrainingJob
 from training.rewards.audit.views import audit_of
 from training.rewards.check_slots import refusals
 from training.rewards.views import report_of
@@ -51,8 +51,9 @@ def training_new(request: HttpRequest) -> HttpResponse:
     owner = racer_of(request)
     status, checked, audit, lacking = 200, None, None, None
     read = OwnRows(owner)
-    tried = SweepForm(request.POST if request.method == "POST" else None, owner=owner, read=read)
+    tried: SweepForm | None = None
     if request.method == "POST":
+        tried = SweepForm(request.POST, owner=owner, read=read)
         step = request.POST.get("do")
         data = request.POST.copy()
         if step in _FILLED:
@@ -86,8 +87,7 @@ def training_new(request: HttpRequest) -> HttpResponse:
         "form": form,
         "tried": tried,
         "opens_sweep": "sweep" in request.GET or request.POST.get("do") == "sweep",
-        "parts": parts_of(form, tried, submitted=status != 200, checked=checked, audit=audit),
-        "original": Vehicle(),
+        "parts": parts_of(form, tried, read, submitted=status != 200, checked=checked, audit=audit),
         "steps": STEP_TITLES,
         "quotas": training_quotas(owner, now),
         "closed": closed_because(),
