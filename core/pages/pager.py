@@ -1,6 +1,10 @@
 """Pages of a long list."""
 
+from collections.abc import Callable, Sequence
+from typing import Any
+
 from django.core.paginator import Page, Paginator
+from django.db.models import QuerySet
 
 
 class LeanPaginator(Paginator):
@@ -13,3 +17,8 @@ class LeanPaginator(Paginator):
         if len(rows) <= self.per_page:
             self.count = len(rows)
         return Page(rows[: self.per_page], 1, self)
+
+
+def first_page(rows: Sequence[Any], per_page: int, every: Callable[[], QuerySet[Any]]) -> Page:
+    """The first page of a list, of which it and one more row have been read; ``every``: all rows, to count more."""
+    return Page(rows[:per_page], 1, LeanPaginator(rows if len(rows) <= per_page else every(), per_page))

@@ -12,11 +12,13 @@ from django.utils import timezone
 from django.utils.translation import gettext as _
 from django.views.decorators.http import require_http_methods, require_POST, require_safe
 
+from accounts.models import Racer
 from accounts.quotas import limit_of
 from accounts.request_racer import racer_of
+from core.database.kept_queries import KeptQuery
 from core.forms import add_fault, say_saved
 from core.pages.faults import faults_reported, faults_shown
-from core.pages.pager import LeanPaginator
+from core.pages.pager import LeanPaginator, first_page
 from paddock.errors import PlatformFault, UserFault
 from paddock.geometry.catalogue import by_slug
 from paddock.packages.kinds import EXPORTS
@@ -34,6 +36,7 @@ from .uploads import upload_summary
 MODELS_PER_PAGE = 50
 PICTURED_TRACK = "oval"
 PICTURE_KEPT_S = 30 * 86400
+_newest = KeptQuery(lambda racer: garage_of(Racer(pk=racer))[: MODELS_PER_PAGE + 1])
 
 
 @login_required
@@ -42,16 +45,18 @@ def models(request: HttpRequest) -> HttpResponse:
     asked = " ".join(request.GET.get("q", "").replace("\0", "").split())[:LONGEST_SEARCH]
     sort = request.GET.get("sort", "")
     sort = sort if sort in GarageSort.values else GarageSort.NEWEST.value
-    page = LeanPaginator(garage_of(request.user, search=asked, sort=sort), MODELS_PER_PAGE).get_page(
-        request.GET.get("page")
-    )
+    racer, number = racer_of(request), request.GET.get("page")
+    if asked or sort != GarageSort.NEWEST or number not in (None, "", "1"):
+        page = LeanPaginator(garage_of(racer, search=asked, sort=sort), MODELS_PER_PAGE).get_page(number)
+    else:
+        page = first_page(_newest(racer=racer.pk), MODELS_PER_PAGE, lambda: garage_of(racer))
     context = {
         "page": page,
         "models": with_last_runs(page),
         "asked": asked,
         "sort": sort,
         "sorts": GarageSort.choices,
-        "limit": limit_of(racer_of(request), MODELS.name),
+        "limit": limit_of(racer, MODELS.name),
     }
     return render(request, "evaluation/garage/models.html", context)
 

@@ -22,7 +22,7 @@ from accounts.request_racer import racer_of
 from accounts.usage.selectors import usage_of
 from core.database.kept_queries import KeptQuery
 from core.pages.faults import faults_reported, report_fault
-from core.pages.pager import LeanPaginator
+from core.pages.pager import LeanPaginator, first_page
 from core.streams.shared_pieces import filled, hole, shared_piece
 from evaluation.models import Evaluation, State
 from paddock.errors import UserFault
@@ -147,9 +147,7 @@ def own_delete(request: HttpRequest, public_id: str) -> HttpResponse:
 def _page_of(racer: Racer, only: dict[str, Any], number: str | None) -> Page:
     if only or number not in (None, "", "1"):
         return LeanPaginator(own_runs_of(racer, **only).only(*_SHOWN), PER_PAGE).get_page(number)
-    rows = _newest(racer.is_staff)(racer=racer.pk)
-    every = rows if len(rows) <= PER_PAGE else own_runs_of(racer)
-    return Page(rows[:PER_PAGE], 1, LeanPaginator(every, PER_PAGE))
+    return first_page(_newest(racer.is_staff)(racer=racer.pk), PER_PAGE, lambda: own_runs_of(racer))
 
 
 @cache

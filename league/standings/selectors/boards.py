@@ -132,7 +132,7 @@ def _promotion(round_: Round, classified: int, ranks: Mapping[int, int]) -> Boar
     rule, official = Promotion(round_.season.promotion_percent), round_.closed_at is not None
     last = rule.places(classified)
     racers = [racer for racer, rank in ranks.items() if rank <= last]  # racers below the line stay out
-    members = Membership.objects.filter(season=round_.season_id, racer__in=racers)
+    members = Membership.objects.filter(season=round_.season_id, racer__in=racers).order_by()
     by = dict(members.values_list("racer_id", "promoted_in_id"))
     moved = frozenset(racer for racer, promoted_in in by.items() if promoted_in == round_.pk)
     held = frozenset(by) - moved
