@@ -1,7 +1,7 @@
 """How forms show the faults of services and the fields that were ignored."""
 
 import re
-from collections import UserDict
+from collections import ChainMap
 from collections.abc import Iterable, Mapping
 from copy import deepcopy
 from datetime import datetime
@@ -58,22 +58,16 @@ def unknown_fields(data: Mapping[str, object], known: Iterable[str]) -> list[str
 class FieldsOnDemand(dict[str, forms.Field]):
     """The fields of a form's class. A form copies those that it is asked for: a page may show few of many."""
 
-    def __deepcopy__(self, memo: object) -> "_CopiedFields":
-        return _CopiedFields(self)
+    def __deepcopy__(self, memo: object) -> "_Copies":
+        return _Copies({}, self)
 
 
-class _CopiedFields(UserDict[str, forms.Field]):
-    def __init__(self, of_class: Mapping[str, forms.Field]) -> None:
-        self.data, self._shared = dict(of_class), set(of_class)
-
+class _Copies(ChainMap[str, forms.Field]):
     def __getitem__(self, name: str) -> forms.Field:
-        if name in self._shared:
-            self[name] = deepcopy(self.data[name])
-        return self.data[name]
-
-    def __setitem__(self, name: str, field: forms.Field) -> None:
-        self._shared.discard(name)
-        self.data[name] = field
+        own, of_class = self.maps
+        if name not in own:
+            own[name] = deepcopy(of_class[name])
+        return own[name]
 
 
 def ignored_fields(form: forms.BaseForm) -> list[str]:

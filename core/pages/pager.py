@@ -19,6 +19,11 @@ class LeanPaginator(Paginator):
         return Page(rows[: self.per_page], 1, self)
 
 
-def first_page(rows: Sequence[Any], per_page: int, every: Callable[[], QuerySet[Any]]) -> Page:
-    """The first page of a list, of which it and one more row have been read; ``every``: all rows, to count more."""
+def kept_pages(
+    number: str | None, per_page: int, first: Callable[[], Sequence[Any]] | None, every: Callable[[], QuerySet[Any]]
+) -> Page:
+    """A page of ``every``. ``first``, where given, reads the rows of the first page and one more by a kept query."""
+    if first is None or number not in (None, "", "1"):
+        return LeanPaginator(every(), per_page).get_page(number)
+    rows = first()
     return Page(rows[:per_page], 1, LeanPaginator(rows if len(rows) <= per_page else every(), per_page))

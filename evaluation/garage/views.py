@@ -1,6 +1,7 @@
 """The garage: a racer's models."""
 
 import hashlib
+from functools import partial
 
 from django.conf import settings
 from django.contrib import messages
@@ -18,7 +19,7 @@ from accounts.request_racer import racer_of
 from core.database.kept_queries import KeptQuery
 from core.forms import add_fault, say_saved
 from core.pages.faults import faults_reported, faults_shown
-from core.pages.pager import LeanPaginator, first_page
+from core.pages.pager import kept_pages
 from paddock.errors import PlatformFault, UserFault
 from paddock.geometry.catalogue import by_slug
 from paddock.packages.kinds import EXPORTS
@@ -45,11 +46,10 @@ def models(request: HttpRequest) -> HttpResponse:
     asked = " ".join(request.GET.get("q", "").replace("\0", "").split())[:LONGEST_SEARCH]
     sort = request.GET.get("sort", "")
     sort = sort if sort in GarageSort.values else GarageSort.NEWEST.value
-    racer, number = racer_of(request), request.GET.get("page")
-    if asked or sort != GarageSort.NEWEST or number not in (None, "", "1"):
-        page = LeanPaginator(garage_of(racer, search=asked, sort=sort), MODELS_PER_PAGE).get_page(number)
-    else:
-        page = first_page(_newest(racer=racer.pk), MODELS_PER_PAGE, lambda: garage_of(racer))
+    racer = racer_of(request)
+    first = None if asked or sort != GarageSort.NEWEST else partial(_newest, racer=racer.pk)
+    every = partial(garage_of, racer, search=asked, sort=sort)
+    page = kept_pages(request.GET.get("page"), MODELS_PER_PAGE, first, every)
     context = {
         "page": page,
         "models": with_last_runs(page),

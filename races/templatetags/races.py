@@ -131,9 +131,9 @@ def run_row(context: Context, run: Evaluation, *, compact: bool = False) -> Safe
     """A row of the table of runs, drawn once for the same values."""
     hides, race, result = run_hidden(context, run), race_of(run), getattr(run, "result", None)
     values = {"compact": bool(compact), "hides": hides, "worth": descriptions.worth_words(run)}
-    of_run = run.public_id, run.track.name, run.state, run.reason_code, repr(run.reason_params), run.queued_at
+    of_run = run.public_id, race and race.name, run.track.name, run.state, run.reason_code, repr(run.reason_params)
     of_result = result and (result.complete_laps, result.off_tracks)
-    key = (*of_run, race and race.name, of_result, shown_age(run.queued_at), *values.values())
+    key = (*of_run, of_result, run.queued_at, shown_age(run.queued_at), *values.values())
     return lasting_piece("races/runs/row.html", {"run": run, **values}, key=key)
 
 

@@ -1,13 +1,12 @@
 """A racer's own runs: the list, the form, driving one again, deleting one."""
 
 from collections.abc import Iterable
-from functools import cache
+from functools import cache, partial
 from operator import itemgetter
 from typing import Any
 
 from django.contrib import messages
 from django.contrib.auth.decorators import login_required
-from django.core.paginator import Page
 from django.http import Http404, HttpRequest, HttpResponse
 from django.shortcuts import redirect, render
 from django.template.loader import render_to_string
@@ -22,7 +21,7 @@ from accounts.request_racer import racer_of
 from accounts.usage.selectors import usage_of
 from core.database.kept_queries import KeptQuery
 from core.pages.faults import faults_reported, report_fault
-from core.pages.pager import LeanPaginator, first_page
+from core.pages.pager import kept_pages
 from core.streams.shared_pieces import filled, hole, shared_piece
 from evaluation.models import Evaluation, State
 from paddock.errors import UserFault
@@ -69,7 +68,8 @@ def own_runs(request: HttpRequest) -> HttpResponse:
         "model": _by_name(row[2:] for row in driven),
     }
     only = {name: asked[name] for name, known in choices.items() if asked.get(name) in dict(known)}
-    page = _page_of(racer, only, asked.get("page"))
+    first = None if only else partial(_newest(racer.is_staff), racer=racer.pk)
+    page = kept_pages(asked.get("page"), PER_PAGE, first, lambda: own_runs_of(racer, **only).only(*_SHOWN))
     context = {
         "page": page,
         "rows": [(own, _worth(own), seen_race_of(own)) for own in page],
@@ -142,12 +142,6 @@ def own_delete(request: HttpRequest, public_id: str) -> HttpResponse:
             return redirect("own_runs")
         return redirect(evaluation)
     return render(request, "races/test_runs/delete.html", {"own": own, "evaluation": evaluation})
-
-
-def _page_of(racer: Racer, only: dict[str, Any], number: str | None) -> Page:
-    if only or number not in (None, "", "1"):
-        return LeanPaginator(own_runs_of(racer, **only).only(*_SHOWN), PER_PAGE).get_page(number)
-    return first_page(_newest(racer.is_staff)(racer=racer.pk), PER_PAGE, lambda: own_runs_of(racer))
 
 
 @cache
