@@ -8,7 +8,10 @@ import pytest
 from django.template import Context, Engine
 from django.test import RequestFactory
 
+from accounts.models import Racer
+from core.pages.pager import kept_pages
 from core.streams import shared_pieces
+from tests.factories import a_racer
 
 
 def links(query: str, number: int, pages: int) -> list[str]:
@@ -46,3 +49,19 @@ def test_links_of_a_long_address_are_not_kept(monkeypatch: pytest.MonkeyPatch) -
     assert not kept._values
     links("?q=x", 1, 2)
     assert len(kept._values) == 1
+
+
+@pytest.mark.django_db
+@pytest.mark.parametrize("number", [None, "", "1", "2", "9", "x"])
+@pytest.mark.parametrize("count", [0, 1, 3, 4, 7])
+def test_a_first_page_by_a_kept_query_is_that_of_the_whole_list(number: str | None, count: int) -> None:
+    for each in range(count):
+        a_racer(f"pager-{each}")
+    every = Racer.objects.filter(alias__startswith="pager-").order_by("alias")
+    kept = kept_pages(number, 3, lambda: list(every[:4]), lambda: every)
+    whole = kept_pages(number, 3, None, lambda: every)
+    for page in (kept, whole):
+        assert (page.number, page.paginator.num_pages, page.paginator.count) == (
+            *(whole.number, max(1, -(-count // 3)), count),
+        )
+    assert list(kept) == list(whole)

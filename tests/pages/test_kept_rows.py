@@ -1,0 +1,108 @@
+"""Rows and fields that are kept by their values: each racer sees their own, in their language, as they are now."""
+
+from __future__ import annotations
+
+import re
+from concurrent.futures import ThreadPoolExecutor
+
+import pytest
+from django.conf import settings
+from django.db import connection
+from django.test import Client
+from django.utils import timezone
+
+from accounts.models import Racer
+from core.streams import shared_pieces
+from evaluation.models import TrainedModel
+from races.models import Race
+from races.test_runs.services import drive_own
+from tests.factories import a_model, a_race, a_racer, drive, laps
+from tests.training.jobs import a_training
+from training.models import Vehicle
+
+pytestmark = pytest.mark.django_db(transaction=True)
+
+
+def a_world(alias: str, race: Race) -> tuple[Racer, TrainedModel, list[str]]:
+    """A racer with a car, a run, a test drive, a vehicle and a training; and texts of theirs by page."""
+    now, racer = timezone.now(), a_racer(alias)
+    model = a_model(racer, name=f"spare-of-{alias}")
+    sent = drive(race, racer, laps(7_000, 7_001, 7_002), now)
+    TrainedModel.objects.filter(pk=sent.evaluation.model_id).update(name=f"raced-of-{alias}")
+    drive_own(owner=racer, model=model, track=race.track, now=now)
+    Vehicle.objects.create(owner=racer, name=f"wheels-of-{alias}")
+    a_training(racer, race.track, now, name=f"training-of-{alias}")
+    sent_page = f"/models/{sent.evaluation.model.public_id}/"
+    return racer, model, ["/train/new/", "/models/", "/runs/", f"/models/{model.public_id}/", sent_page, "/"]
+
+
+@pytest.fixture
+def race() -> Race:
+    return a_race(timezone.now(), slug="kept", name="Kept race")
+
+
+def of_racer(racer: Racer) -> Client:
+    client = Client(enforce_csrf_checks=True)
+    client.force_login(racer)
+    return client
+
+
+def read(client: Client, path: str, language: str = "en") -> str:
+    client.cookies[settings.LANGUAGE_COOKIE_NAME] = language
+    answer = client.get(path)
+    assert answer.status_code == 200, path
+    html = answer.content.decode()
+    assert f'<html lang="{language}"' in html
+    return html
+
+
+@pytest.mark.parametrize("rounds", [4, pytest.param(60, marks=pytest.mark.slow)])
+def test_racers_at_once_see_their_own_rows_only(race, rounds):
+    worlds = {alias: a_world(alias, race) for alias in ("anna", "bert")}
+
+    def look(alias: str) -> None:
+        racer, _model, paths = worlds[alias]
+        other = "bert" if alias == "anna" else "anna"
+        client = of_racer(racer)
+        try:
+            for number in range(rounds):
+                for path in paths:
+                    html = read(client, path, ("en", "ko")[number % 2])
+                    assert f"-of-{other}" not in html and shared_pieces._TOKEN not in html, path
+                    if path != "/":
+                        assert f"-of-{alias}" in html, path
+        finally:
+            connection.close()
+
+    with ThreadPoolExecutor(2) as threads:
+        list(threads.map(look, worlds))
+
+
+def test_a_form_to_send_a_car_has_the_car_and_the_token_of_its_reader(race):
+    other_race = a_race(timezone.now(), slug="other", name="Other race")
+    for alias in ("anna", "bert"):
+        racer, model, _paths = a_world(alias, race)
+        client = of_racer(racer)
+        html = read(client, f"/models/{model.public_id}/")
+        forms = re.findall('<form method="post" action="/races/other/submit/">(.*?)</form>', html, re.DOTALL)
+        assert len(forms) == 1
+        sent = dict(re.findall(r'name="(\w+)" value="([^"]*)"', forms[0]))
+        assert sent["model"] == model.public_id
+        assert client.post("/races/other/submit/", sent).status_code == 302
+        assert other_race.entries.filter(racer=racer).count() == 1
+
+
+def test_rows_change_with_what_they_show(race):
+    racer, model, _paths = a_world("anna", race)
+    client = of_racer(racer)
+    assert "spare-of-anna" in read(client, "/train/new/")
+    assert "Kept race" in read(client, f"/models/{model.public_id}/")
+    TrainedModel.objects.filter(pk=model.pk).update(name="renamed")
+    Vehicle.objects.update(name="other-wheels")
+    Race.objects.update(name="Renamed race")
+    html = read(client, "/train/new/")
+    assert "renamed" in html and "spare-of-anna" not in html
+    assert "other-wheels" in html and "wheels-of-anna" not in html
+    assert "Renamed race" in html
+    html = read(client, f"/models/{model.public_id}/")
+    assert "Renamed race" in html and "Kept race" not in html
