@@ -23,7 +23,7 @@ SEVERAL_FACTORS: Final = "mfa"
 
 
 class PersonDocument(TypedDict):
-    """A person by a provider; ``groups``: None where it names none."""
+    """A person as a provider knows them; ``groups``: None where it has no groups."""
 
     uid: str
     name: str

@@ -53,7 +53,7 @@ class CheckedPart:
 
 
 def checked_parts(parts: Iterable[PartValues]) -> list[CheckedPart]:
-    """Raises ValidationError and UserFault."""
+    """The parts with their defaults. Raises ValidationError and UserFault."""
     parts = list(parts)
     if len(parts) > MOST_PARTS:
         raise problem("assignment_too_many_parts", limit=MOST_PARTS)

@@ -50,7 +50,7 @@ class RetiredDocument(TypedDict):
 
 
 class RunProgress(ProgressDocument):
-    """The progress of a race; of a report only ``done``, its laps that are driven."""
+    """The progress of a race; of a report ``done`` alone, the number of its driven laps."""
 
     done: NotRequired[int]
 

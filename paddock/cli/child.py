@@ -76,7 +76,7 @@ class HomeResult(TypedDict):
 
 
 class HomeMessage(TypedDict, total=False):
-    """A line of the process: one of the three."""
+    """A line of the process: its progress, and at the end its result or error."""
 
     progress: ProgressDocument
     result: HomeResult

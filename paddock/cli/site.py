@@ -53,6 +53,7 @@ class SiteRefusal(Exception):
 
 
 def error_of(fault: PaddockError | SiteRefusal) -> ErrorDocument:
+    """An error as a command shows it."""
     if isinstance(fault, SiteRefusal):
         return fault.answer
     return {"code": fault.code, "fault": fault.fault, "params": fault.params, "message": str(fault)}

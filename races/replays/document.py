@@ -146,6 +146,7 @@ def look_document(look: VehicleLook) -> dict[str, str]:
 
 
 def car_document(number: int, name: str, look: VehicleLook, trace_csv: bytes, laps: Sequence[LapDocument]) -> ReplayCar:
+    """One car. Raises PlatformFault as :func:`trace_columns`."""
     columns = trace_columns(trace_csv)
     return {
         "number": number,

@@ -105,7 +105,7 @@ class EventSnapshot(TypedDict):
 
 
 class EventUndo(TypedDict):
-    """An act's changes: each value of the event and each row of a slot before (None: a new row) and after."""
+    """An act's changes: each changed value of the event and row of a slot, before (None: new) and after."""
 
     event: dict[str, tuple[object, object]]
     slots: dict[str, tuple[dict[str, object] | None, dict[str, object]]]
@@ -119,6 +119,7 @@ def snapshot(event: LiveEvent) -> EventSnapshot:
 
 
 def before_and_after(before: EventSnapshot, after: EventSnapshot) -> EventUndo:
+    """An act's changes."""
     slots = {
         key: (before["slots"].get(key), row) for key, row in after["slots"].items() if before["slots"].get(key) != row
     }
