@@ -63,24 +63,25 @@ def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item
 
     Tests that share what their module or package makes once stay together: elsewhere every worker would make it anew.
     """
-    for file in {item.path for item in items if item.get_closest_marker("slow") is not None}:
+    marks = {item: {mark.name for mark in item.iter_markers()} for item in items}  # asked for many times each
+    for file in {item.path for item in items if "slow" in marks[item]}:
         if not _names_slow(file):
             raise pytest.UsageError(f"{file} has slow tests and does not name the mark: journeys would not find them")
     quick_ones: Counter[str] = Counter()
     for item in items:
-        if item.get_closest_marker("xdist_group") is not None:
+        if "xdist_group" in marks[item]:
             continue
         file = item.nodeid.partition("::")[0]
         scopes = _scopes(item)
         if "package" in scopes:
             item.add_marker(pytest.mark.xdist_group(file.rpartition("/")[0]))
-        elif "module" in scopes or item.get_closest_marker("browser") is not None:
+        elif "module" in scopes or "browser" in marks[item]:
             item.add_marker(pytest.mark.xdist_group(file))
-        elif _is_quick(item):
+        elif marks[item].isdisjoint(costs.SLOW):
             item.add_marker(pytest.mark.xdist_group(f"{file} {quick_ones[file] // PACK}"))
             quick_ones[file] += 1
     if hasattr(config, "workerinput"):
-        items.sort(key=_turn)
+        items.sort(key=lambda item: _turn(item, marks[item]))
 
 
 @pytest.hookimpl(optionalhook=True)
@@ -122,17 +123,13 @@ def pytest_runtest_setup(item: pytest.Item) -> None:
     kept.before(item)
 
 
-def _turn(item: pytest.Item) -> int:
+def _turn(item: pytest.Item, marks: set[str]) -> int:
     group = item.get_closest_marker("xdist_group")
     if group is not None and group.args[0] in LONGEST:
         return 0
-    if item.get_closest_marker("browser") is not None:
+    if "browser" in marks:
         return 1
-    return 3 if _is_quick(item) else 2
-
-
-def _is_quick(item: pytest.Item) -> bool:
-    return item.get_closest_marker("slow") is None and item.get_closest_marker("soak") is None
+    return 3 if marks.isdisjoint(costs.SLOW) else 2
 
 
 def _names_slow(file: Path) -> bool:

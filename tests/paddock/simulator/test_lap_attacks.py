@@ -28,7 +28,7 @@ from .tracks_for_tests import hairpin, stadium
 NOSE = PADDOCK_CAR.nose_x
 STADIUM, HAIRPIN = stadium(), hairpin()
 REACH = {track: Reach(track) for track in (STADIUM, HAIRPIN)}
-TRACKS = [entry.geometry() for entry in CATALOGUE if not entry.is_open]
+TRACKS = [entry for entry in CATALOGUE if not entry.is_open]
 
 
 def referee(track=STADIUM, **rules):
@@ -87,9 +87,9 @@ def test_crossing_back_and_forth_after_a_lap_scores_no_second():
     assert len(judge.laps) == 2 and judge.lap.end_ms is None
 
 
-@pytest.mark.parametrize("track", TRACKS, ids=lambda track: track.name)
-def test_crossing_back_and_forth_scores_no_lap_on_any_track(track):
-    judge = referee(track, laps=1)
+@pytest.mark.parametrize("entry", TRACKS, ids=lambda entry: entry.name)
+def test_crossing_back_and_forth_scores_no_lap_on_any_track(entry):
+    judge = referee(entry.geometry(), laps=1)
     for _ in range(10):
         drive(judge, 0.0, 0.8)
         drive(judge, 0.8, -0.8)
