@@ -36,6 +36,8 @@ def test_journeys_read_only_files_that_name_the_mark(pytestconfig, monkeypatch, 
 @pytest.mark.parametrize(("mark", "is_refused"), [("slow", True), ("soak", False)])
 def test_a_file_with_a_slow_test_that_does_not_name_the_mark_is_refused(mark, is_refused, request, monkeypatch):
     monkeypatch.setattr(conftest, "_names_slow", lambda file: False)
-    monkeypatch.setattr(request.node, "get_closest_marker", lambda name: name == mark or None)
+    of_the_file = getattr(pytest.mark, mark).mark
+    monkeypatch.setattr(request.node, "iter_markers", lambda name=mark: [of_the_file] if name == mark else [])
+    monkeypatch.setattr(request.node, "get_closest_marker", lambda name: None)
     with pytest.raises(pytest.UsageError, match="journeys would not find") if is_refused else nullcontext():
         conftest.pytest_collection_modifyitems(request.config, [request.node])
