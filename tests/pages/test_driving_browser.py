@@ -20,6 +20,7 @@ from tests.factories import a_race, a_racer
 from tests.pages.browsing import IN_A_BROWSER, chromium, visitor
 from tests.pages.viewer_documents import open_scripts, scene_document, track_of
 from tests.shared import SHARED, needs_shared
+from tests.soak import only
 
 playwright = pytest.importorskip("playwright.sync_api", reason="Playwright is not installed")
 
@@ -159,7 +160,7 @@ def test_a_car_off_the_track_waits_and_is_put_back_where_it_left(scripts):
     assert found[1]["step"] - found[0]["step"] > 30
 
 
-@pytest.mark.parametrize(("width", "theme"), [(360, "dark"), (1280, "light")])
+@pytest.mark.parametrize(("width", "theme"), only([(360, "dark")], [(360, "dark"), (1280, "light")]))
 def test_a_visitor_drives_against_a_ghost(browser, live_server, width, theme):
     from playwright.sync_api import expect
 

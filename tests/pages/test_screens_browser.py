@@ -26,6 +26,7 @@ from tests.evaluation.stubs import HEADER
 from tests.factories import a_racer, break_down, lap, outcome, start
 from tests.live_shows import a_live_race, a_show, begun, slot_of
 from tests.pages.browsing import IN_A_BROWSER, chromium, visitor
+from tests.soak import only
 
 pytestmark = [*IN_A_BROWSER, pytest.mark.django_db(transaction=True)]
 LAP_MS = {"bob": 6_200, "carl": 5_900, "dora": 6_050}
@@ -208,7 +209,7 @@ def alpha_at_corner(page, shot: bytes) -> int:
     return picture.getpixel((picture.width - 1, 1))[3]
 
 
-@pytest.mark.parametrize("theme", ["dark", "light"])
+@pytest.mark.parametrize("theme", only(["dark"], ["dark", "light"]))
 def test_the_big_screen_before_and_after(browser, live_server, event, theme):
     from playwright.sync_api import expect
 
