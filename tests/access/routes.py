@@ -51,8 +51,13 @@ def rows(cast: Cast) -> list[Row]:
 def row_of(cast: Cast, method: str, address: str, answers: dict[str, str]) -> Row:
     if method == FOLLOW:
         return Row(method, address, answers, f"{FOLLOW} {address.partition(':')[0]}")
-    match = resolve(urlsplit(cast.fill(address)).path)
-    return Row(method, address, answers, match.route.replace("^", ""), getattr(match.func, "cls", None))
+    return Row(method, address, answers, *_route_and_view(urlsplit(cast.fill(address)).path))
+
+
+@cache
+def _route_and_view(path: str) -> tuple[str, type | None]:
+    match = resolve(path)
+    return match.route.replace("^", ""), getattr(match.func, "cls", None)
 
 
 @cache
