@@ -324,10 +324,10 @@ def test_a_neighbouring_training_learns_the_same_as_alone() -> None:
     """Two processes share nothing: the honest one's numbers do not move."""
     honest = "def reward_function(params):\n    return float(params['all_wheels_on_track'])\n"
     alone, beside = Heard(), Heard()
-    train(spec(honest, stop_steps=500), alone)
+    train(spec(honest, stop_steps=200), alone)
     with pytest.raises(UserFault):
         train(spec(source("reward_raised/kills_everybody")), Heard())
-    train(spec(honest, stop_steps=500), beside)
+    train(spec(honest, stop_steps=200), beside)
     first, second = ([one.values["mean_reward"] for one in heard.iterations] for heard in (alone, beside))
     assert first == second
     assert first
