@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Mapping
+from itertools import pairwise
 
 import pytest
 from django.test import Client
@@ -104,6 +105,10 @@ class Browsing:
             told = page.locator(".messages, .fault, .errors, .errornote, .errorlist, h1").all_inner_texts()
             self.wrong.append(f"{self._doing}: {str(error).splitlines()[0]} – the page at {page.url} says {told}")
 
+    def rest(self, case: Case) -> None:
+        """A page that nobody looks at draws nothing and listens to nothing."""
+        self.page(case.by, case.scripts).goto("about:blank")
+
     def do_admin(self, form: Form) -> None:
         """Send a form of the admin site as it stands there: what is Django's about it needs no entry of its own."""
         self._doing = str(form)
@@ -182,8 +187,10 @@ def test_every_form_of_the_site_can_be_sent(admin: bool, cast: Cast, live_server
             for address, html, headers in walk(client, pages):
                 browsing.look(viewer, address, html)
                 browsing.check(address, html, headers)
-        for case in CASES:
+        for case, following in pairwise([*CASES, CASES[0]]):
             browsing.do(case)
+            if following.by != case.by:
+                browsing.rest(case)
         for form in sorted(browsing.seen.keys() - browsing.sent, key=lambda form: (form.page.endswith("delete"), form)):
             if form.page.startswith("admin:") and form.method != "post":
                 browsing.search(form)
