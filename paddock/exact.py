@@ -22,7 +22,9 @@ PINS: Mapping[str, str] = {
 LARGE_PAGES = "glibc.malloc.hugetlb=1"
 # glibc reuses freed memory: a network is copied several times when it is read, and getting new pages for every copy
 # takes longer than the copies.
-KEPT_MEMORY = "glibc.malloc.mmap_max=0:glibc.malloc.trim_threshold=2147483647:glibc.malloc.top_pad=33554432"
+KEPT_MEMORY = (
+    f"{LARGE_PAGES}:glibc.malloc.mmap_max=0:glibc.malloc.trim_threshold=2147483647:glibc.malloc.top_pad=33554432"
+)
 
 
 def environment(given: Mapping[str, str]) -> dict[str, str]:

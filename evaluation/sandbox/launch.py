@@ -37,7 +37,7 @@ def launch(
     ``arguments`` become ``sys.argv[1:]``; ``pass_fds`` keep their numbers inside. ``python_path``: further directories
     of code. Files can be read until the lock only. ``level``: instead of the best that this host offers. ``random``:
     the kernel's random numbers can be read until the lock (torch's import does). ``keeps_memory``: freed memory is
-    reused (:data:`paddock.exact.KEPT_MEMORY`) instead of large pages got.
+    reused (:data:`paddock.exact.KEPT_MEMORY`).
 
     Raises PlatformFault ``sandbox_unavailable`` below the minimum level and ``sandbox_failed`` when the process cannot
     be started. A lock that fails later shows as an exit status (:data:`.lock.EXIT_NOT_LOCKED`).

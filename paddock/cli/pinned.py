@@ -15,7 +15,7 @@ PYTHON = (sys.executable, "-S")
 def environment() -> dict[str, str]:
     """The environment for :data:`PYTHON`, which then finds packages where this process does."""
     packages = os.pathsep.join([*filter(None, sys.path), str(Path(__file__).parents[2])])
-    tunables = ":".join(filter(None, (os.environ.get("GLIBC_TUNABLES"), exact.LARGE_PAGES, exact.KEPT_MEMORY)))
+    tunables = ":".join(filter(None, (os.environ.get("GLIBC_TUNABLES"), exact.KEPT_MEMORY)))
     return exact.environment({**os.environ, **_ONE_THREAD, "PYTHONPATH": packages, "GLIBC_TUNABLES": tunables})
 
 
