@@ -296,9 +296,12 @@ def test_a_first_start_ends_at_once_at_any_point_and_the_next_one_continues(tmp_
         assert (data / "static" / name).stat().st_size, name
 
 
-def test_a_first_start_that_is_killed_at_any_point_is_completed_by_the_next(first_start, tmp_path):
+POINTS = [(" database ...", 0.0), (" database ...", 0.2), (" static files ...", 0.3), (" of races ...", 0.2)]
+
+
+@pytest.mark.parametrize("points", [POINTS[1::2], pytest.param(POINTS, marks=pytest.mark.soak)], ids=["two", "all"])
+def test_a_first_start_that_is_killed_at_any_point_is_completed_by_the_next(first_start, tmp_path, points):
     data = tmp_path / "data"
-    points = [(" database ...", 0.0), (" database ...", 0.2), (" static files ...", 0.3), (" of races ...", 0.2)]
     for point, later_s in points:
         with Run(data) as run:
             wait_for(lambda run=run, point=point: point in run.said or run.process.poll() is not None, 400, run.log)
