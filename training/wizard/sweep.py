@@ -118,8 +118,9 @@ class SweepForm(forms.Form):
         for name in data["vary"]:
             if name in names:
                 choices = HYPERPARAMETERS[name].choices
-                ranges[name] = {"choices": list(choices)} if choices else {}
-                if not choices and name in PROPOSED:
+                if choices:
+                    ranges[name] = {"choices": list(choices)}
+                else:
                     ranges[name] = {"low": data[f"{name}_low"], "high": data[f"{name}_high"]}
         spaces = [faster(base, float(factor)) for factor in data["speeds"]]
         return {"hyperparameters": ranges, "action_spaces": spaces, "reward_functions": self.reward_codes()}
