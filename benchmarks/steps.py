@@ -46,7 +46,7 @@ class _Watch:
         self._clock = os.open(f"/proc/{policy_pid}/schedstat", os.O_RDONLY)
 
     def __enter__(self) -> _Watch:
-        self._step = original = race._Race.step
+        self._step = original = race._Race.step_alone
 
         def step(one: race._Race) -> None:
             before = self._clocks(one)
@@ -55,11 +55,11 @@ class _Watch:
             took = perf_counter() - begun
             self.steps.append((took, *(now - then for now, then in zip(self._clocks(one), before, strict=True))))
 
-        race._Race.step = step  # type: ignore[assignment, method-assign]
+        race._Race.step_alone = step  # type: ignore[assignment, method-assign]
         return self
 
     def __exit__(self, *_exc: object) -> None:
-        race._Race.step = self._step  # type: ignore[method-assign]
+        race._Race.step_alone = self._step  # type: ignore[method-assign]
         os.close(self._clock)
 
     def _clocks(self, one: race._Race) -> tuple[float, ...]:

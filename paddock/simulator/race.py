@@ -103,8 +103,9 @@ def run_race(settings: RaceSettings) -> RaceResult:
     with Simulation(ground, settings.rules, settings.physics, settings.world) as stage:
         race = _Race(stage, settings)
         first = race.cars[0]
+        step = race.step_alone if len(race.cars) == 1 else race.step
         while not race.over:
-            race.step()
+            step()
             if on_progress is not None and race.steps % every == 0 and not race.over and is_due():
                 race.settle()
                 on_progress(_progress_of(first, stage))
@@ -198,9 +199,6 @@ class _Race:
         return self._policy_s + (self._cruise.policy_s if self._cruise else 0.0)
 
     def step(self) -> None:
-        if len(self.cars) == 1:
-            self._step_alone()
-            return
         actions: list[Action | None] = []
         failed: list[Competitor] = []
         for number, car in enumerate(self.cars):
@@ -221,14 +219,15 @@ class _Race:
             self.steps += 1
             self.over = self._all_done()
 
-    def _step_alone(self) -> None:
+    def step_alone(self) -> None:
+        """The same for a single car, faster."""
         car, cruise, action = self.cars[0], self._cruise, self._ahead
         if action is None and car.referee.pause_steps <= 0:
             action = self._action(0, car)
         self._ahead = None
         if cruise is not None and cruise.on:
             assert action is not None, "a cruising car does not pause"
-            car.car.command(action.steering_deg, action.speed_mps)
+            car.car.response.command(action.steering_deg, action.speed_mps)  # as Car.command
             self._stage.world.step()
             self._ahead = cruise.step(action)
         else:
