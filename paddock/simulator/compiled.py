@@ -13,7 +13,7 @@ import sys
 from pathlib import Path
 
 _HERE = Path(__file__).parent
-SOURCES = (_HERE / "camera" / "warp.c", *(_HERE / f"{name}.c" for name in ("exchange", "cruise", "rows")))
+SOURCES = (_HERE / "camera" / "warp.c", _HERE / "exchange.c", _HERE / "cruise.c")
 LIBRARY = _HERE / f"native-{sys.platform}-{platform.machine()}.so"
 
 _FLAGS = ["-O3", "-fwrapv", "-ffp-contract=off", "-fno-math-errno", "-ffreestanding", "-fPIC", "-shared"]

@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-import ctypes
 import hashlib
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import NamedTuple, get_type_hints
 
@@ -14,7 +13,6 @@ from numpy.typing import ArrayLike
 
 from paddock.geometry.track import TrackGeometry
 
-from . import compiled
 from .physics import STEP_MS
 
 # deepracer-simapp 6, metrics: episode_status labels of the trace.
@@ -106,9 +104,6 @@ class Trace:
 
 def csv_rows(columns: Sequence[np.ndarray]) -> bytes:
     """The rows of ``columns``, which have one length, as lines of CSV text with all digits of each number."""
-    library = compiled.library()
-    if columns and library is not None and hasattr(library, "paddock_rows"):
-        return _rows_by_c(library.paddock_rows, columns)
     # Digits take most of the time, and columns repeat.
     known: dict[tuple[str, bytes], list[str]] = {}
     texts = []
@@ -125,35 +120,6 @@ def csv_rows(columns: Sequence[np.ndarray]) -> bytes:
                 known[key] = list(map(repr, values))
         texts.append(known[key])
     return "".join([",".join(row) + "\n" for row in zip(*texts, strict=True)]).encode()
-
-
-class _Column(ctypes.Structure):
-    _fields_ = [("values", ctypes.c_void_p), ("kind", ctypes.c_int64), ("size", ctypes.c_int64)]
-
-
-_TEXT = 3
-_KINDS = {"<i8": (0, 21), "|b1": (1, 6), "<f8": (2, 32)}  # of rows.c; the longest text and a comma
-
-
-def _rows_by_c(write: Callable[..., int], columns: Sequence[np.ndarray]) -> bytes:
-    arrays = [_for_c(column) for column in columns]
-    kinds = [_KINDS.get(array.dtype.str, (_TEXT, array.itemsize + 1)) for array in arrays]
-    table = (_Column * len(arrays))(
-        *(_Column(array.ctypes.data, kind, array.itemsize) for array, (kind, _) in zip(arrays, kinds, strict=True))
-    )
-    room = bytearray(1 + sum(longest for _, longest in kinds) * len(arrays[0]))
-    place = (ctypes.c_char * len(room)).from_buffer(room)
-    size = write(table, ctypes.c_int64(len(arrays)), ctypes.c_int64(len(arrays[0])), place)
-    return bytes(memoryview(room)[:size])
-
-
-def _for_c(column: np.ndarray) -> np.ndarray:
-    """The column, or its texts where C has no digits for it."""
-    if column.dtype.str == "<f8":
-        size = np.abs(column)
-        if not ((size == 0.0) | ((size >= 1e-4) & (size < 1e9))).all():
-            return np.array(list(map(repr, column.tolist())), "S")
-    return np.ascontiguousarray(column.astype("S") if column.dtype.kind == "U" else column)
 
 
 _DEGREES = 180.0 / math.pi  # of math.degrees

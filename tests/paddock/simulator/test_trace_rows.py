@@ -2,14 +2,12 @@
 
 from __future__ import annotations
 
-import math
 import struct
 
 import numpy as np
 from hypothesis import given
 from hypothesis import strategies as st
 
-from paddock.simulator import compiled
 from paddock.simulator.trace import COLUMNS, PAUSE, STATUSES, Row, Trace, csv_rows
 
 doubles = st.integers(0, 2**64 - 1).map(lambda bits: struct.unpack("<d", struct.pack("<Q", bits))[0]) | st.floats()
@@ -65,24 +63,3 @@ def test_a_trace_is_written_with_its_header():
     expected = [",".join(COLUMNS), *(",".join(str(value) for value in row) for row in rows)]
     assert Trace.of(rows).to_csv().decode() == "\n".join(expected) + "\n"
     assert Trace.of([]).to_csv().decode() == ",".join(COLUMNS) + "\n"
-
-
-usual = st.one_of(
-    st.floats(1e-4, 1e9),
-    st.integers(1, 2**30).map(lambda whole: whole / 2**9),  # two neighbours with fewer digits may be as near
-    st.integers(-13, 29).map(lambda power: 2.0**power),  # the neighbours below are nearer
-    st.builds(lambda whole, places: whole / 10**places, st.integers(1, 10**9), st.integers(0, 4)),
-)
-
-
-@given(st.lists(st.builds(lambda value, sign: math.copysign(value, sign), usual, st.sampled_from([1.0, -1.0]))))
-def test_doubles_of_the_usual_size_are_written_as_python_writes_them(values):
-    text = csv_rows([np.array(values, np.float64)])
-    assert text.decode().split() == [repr(value) for value in values]
-
-
-def test_rows_are_the_same_without_the_library(monkeypatch):
-    columns = [np.array([0, 1, 20, 300, 10**8], kind) for kind in ("<f8", "<i8", "|b1", "<U12")] * 2
-    expected = csv_rows(columns)
-    monkeypatch.setattr(compiled, "library", lambda: None)
-    assert csv_rows(columns) == expected
