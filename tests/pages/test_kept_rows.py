@@ -19,6 +19,7 @@ from races.test_runs.services import drive_own
 from tests.factories import a_model, a_race, a_racer, drive, laps
 from tests.training.jobs import a_training
 from training.models import Vehicle
+from training.wizard import fields
 
 pytestmark = pytest.mark.django_db(transaction=True)
 
@@ -106,3 +107,29 @@ def test_rows_change_with_what_they_show(race):
     assert "Renamed race" in html
     html = read(client, f"/models/{model.public_id}/")
     assert "Renamed race" in html and "Kept race" not in html
+
+
+def test_values_that_are_not_offered_are_one_piece(race, monkeypatch):
+    """An address may name any: they do not push out what others read."""
+    racer, _model, _paths = a_world("anna", race)
+    client, wheels = of_racer(racer), Vehicle.objects.get()
+    kept = shared_pieces._Lasting(400)
+    monkeypatch.setattr(shared_pieces, "_lasting_pieces", kept)
+    pieces = []
+    for value in ("first", "second"):
+        html = read(client, f"/train/new/?vehicle={value}&submit_to_race={value}")
+        assert not re.search(r'<input[^>]* name="vehicle"[^>]* checked', html)
+        pieces.append({*kept._values})
+    assert pieces[0] == pieces[1]
+    for vehicle in (wheels.public_id, ""):
+        html = read(client, f"/train/new/?vehicle={vehicle}&submit_to_race=kept")
+        assert re.search(rf'<input[^>]* name="vehicle" value="{vehicle}"[^>]* checked', html)
+        assert re.search(r'<option value="kept"[^>]* selected', html)
+
+
+def test_what_is_kept_of_models_is_what_its_key_says(race, monkeypatch):
+    racer, _model, _paths = a_world("anna", race)
+    asked = []
+    monkeypatch.setattr(fields, "newest_shared", lambda *_: asked.append(1) or [])
+    read(of_racer(racer), "/train/new/")
+    assert asked == [1]

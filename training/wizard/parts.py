@@ -37,9 +37,17 @@ _FIELDS: dict[str, tuple[str, ...]] = {
 # The fields with something of the reader's own, each with its template, and what it shows of its choices.
 _OF_VEHICLE = attrgetter("public_id", "name", "sensors", "neural_network", "shell", "colour")
 _OF_RACE = attrgetter("slug", "name", "track.slug", "track.name", "race_type", "direction")
+
+
+def _read_once(field: Any) -> list[Any]:
+    """What is kept is what its key says: the choices could be others a moment later."""
+    field.widget.choices = choices = list(iter(field.choices))  # of their number it asks the database
+    return choices
+
+
 _OWN: dict[str, tuple[str, Callable[[Any], list[Any]]]] = {
     "start": ("training/wizard/parts/start.html", lambda field: field.choices),
-    "clone": ("parts/field.html", lambda field: list(iter(field.choices))),  # of their number it asks the database
+    "clone": ("parts/field.html", _read_once),
     "vehicle": ("training/wizard/parts/vehicle.html", lambda field: list(map(_OF_VEHICLE, field.offered))),
     "submit_to_race": ("parts/field.html", lambda field: list(map(_OF_RACE, field.offered))),
 }
@@ -74,7 +82,10 @@ def _own(field: BoundField, template: str, shown: Callable[[Any], list[Any]]) ->
     values = {"field": field, "quiet": True, "original": Vehicle}
     if field.form.is_bound:
         return render_to_string(template, values)
-    return lasting_piece(template, values, key=(field.name, str(field.value()), repr(shown(field.field))))
+    choices, value = repr(shown(field.field)), str(field.value() or "")
+    # an address may say anything: of all that is not offered, nothing is chosen
+    chosen = value if not value or repr(value) in choices else None
+    return lasting_piece(template, values, key=(field.name, chosen, choices))
 
 
 def _unsent(name: str, form: SettingsForm) -> SafeString:
