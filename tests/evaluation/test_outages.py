@@ -110,7 +110,7 @@ class TestStorageOutage:
     def test_fifty_seconds_without_storage_fail_no_car(self, cars, turn, bucket, fault):
         bucket.fault = fault
         assert turn(0)
-        for second in range(1, 50, 7):
+        for second in range(1, 50, 6):
             assert not turn(second), "nobody claims what could only fail"
         assert states(cars) == {State.QUEUED}
         assert sorted(cars.values_list("attempt", flat=True)) == [0, 0, 0, 1], "one car found it out for all"

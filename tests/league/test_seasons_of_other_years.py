@@ -167,9 +167,10 @@ def test_an_overlapping_season_works_like_any_other(tmp_path, client):
     for page in ("", "calendar/", "finales/", "standings/", "rules/"):
         answer = client.get(f"/seasons/2021/{page}")
         assert answer.status_code in (200, 302), page
-    for number, round_ in enumerate(season.rounds.select_related("race")):
+    for round_ in season.rounds.select_related("race"):
         round_.full_clean()
-        assert number % 3 or client.get(round_.race.get_absolute_url()).status_code == 200
+        if round_.name in ("April", "May"):  # whose finales overlap
+            assert client.get(round_.race.get_absolute_url()).status_code == 200, round_
 
 
 # --- seasons that are made here --------------------------------------------------------------------------------------

@@ -90,30 +90,30 @@ def test_an_answer_does_not_change_when_the_next_arrives():
         np.testing.assert_array_equal(first, kept)
 
 
-@pytest.mark.parametrize(
-    ("kind", "code"),
-    [
-        ("never_reads", "policy_late"),
-        ("sleep", "policy_late"),
-        ("burn", "policy_late"),
-        ("ignore_signals", "policy_late"),
-        ("half_a_reply", "policy_late"),
-        ("half_a_reply_and_death", "policy_died"),
-        ("two_replies", "policy_protocol"),
-        ("another_step", "policy_protocol"),
-        ("unknown_way", "policy_protocol"),
-        ("exact_then_late", "policy_late_exact"),
-        ("flood_of_replies", "policy_protocol"),
-        ("not_a_number", "non_finite_action"),
-        ("infinity", "non_finite_action"),
-        ("close_and_run_on", "policy_died"),
-        ("return_nothing", "policy_died"),
-        ("return_three", "policy_died"),
-        ("crash", "policy_died"),
-        ("abort", "policy_died"),
-        ("grow", "policy_memory"),
-    ],
-)
+ENDS = [
+    ("never_reads", "policy_late"),
+    ("sleep", "policy_late"),
+    ("burn", "policy_late"),
+    ("ignore_signals", "policy_late"),
+    ("half_a_reply", "policy_late"),
+    ("half_a_reply_and_death", "policy_died"),
+    ("two_replies", "policy_protocol"),
+    ("another_step", "policy_protocol"),
+    ("unknown_way", "policy_protocol"),
+    ("exact_then_late", "policy_late_exact"),
+    ("flood_of_replies", "policy_protocol"),
+    ("not_a_number", "non_finite_action"),
+    ("infinity", "non_finite_action"),
+    ("close_and_run_on", "policy_died"),
+    ("return_nothing", "policy_died"),
+    ("return_three", "policy_died"),
+    ("crash", "policy_died"),
+    ("abort", "policy_died"),
+    ("grow", "policy_memory"),
+]
+
+
+@pytest.mark.parametrize(("kind", "code"), ENDS)
 def test_a_misbehaving_policy_ends_with_its_reason(level, kind, code):
     started = time.monotonic()
     with hostile(kind, level) as policy, pytest.raises(UserFault) as caught:
@@ -125,6 +125,14 @@ def test_a_misbehaving_policy_ends_with_its_reason(level, kind, code):
     assert time.monotonic() - started < 10
     if kind in USES_UP:
         assert_a_normal_model_still_drives(level)
+
+
+@pytest.mark.soak
+@pytest.mark.parametrize("kind", [kind for kind, _ in ENDS if kind not in USES_UP])
+def test_a_normal_model_still_drives_after_any_other(level, kind):
+    with hostile(kind, level) as policy, pytest.raises(UserFault):
+        drive(policy)
+    assert_a_normal_model_still_drives(level)
 
 
 @pytest.mark.parametrize(

@@ -22,7 +22,7 @@ from paddock.simulator.race import Entrant, RaceSettings, run_race
 from paddock.simulator.randomisation import Randomisation
 from paddock.simulator.referee import Referee
 from paddock.simulator.trace import STATES, STATUSES
-from tests.soak import SOAK
+from tests.soak import only
 
 from .tracks_for_tests import hairpin, stadium
 
@@ -35,7 +35,7 @@ TRACKS = {
     "the other way": TRACK.in_direction("cw"),
     "tight": stadium(straight=1.6, radius=0.5, width=0.7, spacing=0.05),
 }
-WALKS, STEPS = (200, 600) if SOAK else (4, 250)
+WALKS = only([(4, 250)], [(4, 250), (200, 600)])  # how many, and their steps
 
 
 class Body:
@@ -100,16 +100,17 @@ def a_step(one: Competitor, action: Action, pose: Pose) -> None:
     one.judge()
 
 
+@pytest.mark.parametrize(("walks", "steps"), WALKS)
 @pytest.mark.parametrize("track", TRACKS.values(), ids=TRACKS)
-def test_a_car_that_cruises_is_where_it_would_be_without(track):
+def test_a_car_that_cruises_is_where_it_would_be_without(track, walks, steps):
     reach, cruised = Reach(track), 0
-    for seed in range(WALKS):
+    for seed in range(walks):
         rng = np.random.default_rng(seed)
         rules = RaceRules(laps=3, max_resets=20, standing_laps=bool(seed % 2), mercy_resets=3)
         seen, judged = (competitor(track, reach, rules) for _ in range(2))
         cruising = Cruise.of(seen)
         for number, pose in enumerate(walk(rng, track)):
-            if judged.done or number == STEPS:
+            if judged.done or number == steps:
                 break
             action = Action(float(rng.uniform(-30, 30)), float(rng.uniform(0.1, 4)), int(rng.integers(5)))
             action = action._replace(index=None) if rng.random() < 0.1 else action
@@ -131,7 +132,7 @@ def test_a_car_that_cruises_is_where_it_would_be_without(track):
         cruising.settle()  # once more is nothing
         assert all_of(seen) == all_of(judged), seed
         assert seen.trace().sha256 == judged.trace().sha256
-    assert cruised > 0.3 * WALKS * STEPS / 2
+    assert cruised > 0.3 * walks * steps / 2
 
 
 @pytest.mark.parametrize("rows", [1, 3, cruise.ROWS])
