@@ -4,17 +4,23 @@ from __future__ import annotations
 
 import re
 from concurrent.futures import ThreadPoolExecutor
+from datetime import timedelta
+from functools import reduce
+from types import SimpleNamespace
 
 import pytest
 from django.conf import settings
 from django.db import connection
+from django.template import Context
 from django.test import Client
-from django.utils import timezone
+from django.utils import timezone, translation
 
 from accounts.models import Racer
 from core.streams import shared_pieces
 from evaluation.models import TrainedModel
 from races.models import Race
+from races.spoilers.selectors import Spoilers
+from races.templatetags.races import offer_row, run_row
 from races.test_runs.services import drive_own
 from tests.factories import a_model, a_race, a_racer, drive, laps
 from tests.training.jobs import a_training
@@ -133,3 +139,70 @@ def test_what_is_kept_of_models_is_what_its_key_says(race, monkeypatch):
     monkeypatch.setattr(fields, "newest_shared", lambda *_: asked.append(1) or [])
     read(of_racer(racer), "/train/new/")
     assert asked == [1]
+
+
+@pytest.fixture
+def anew(monkeypatch):
+    """Whether a piece that is kept is the one that is drawn anew, and another than the last one."""
+    said = [""]
+
+    def check(draw, what):
+        kept = draw()
+        with monkeypatch.context() as patched:
+            patched.setattr(shared_pieces, "_lasting_pieces", shared_pieces._Lasting(9))
+            assert draw() == kept != said[0], what
+        said[0] = kept
+
+    return check
+
+
+def changed(anew, draw, row, changes):
+    """Draw with one change after the other."""
+    anew(draw, "unchanged")
+    for path, value in changes:
+        *way, name = path.split(".")
+        setattr(reduce(getattr, way, row), name, value)
+        anew(draw, path)
+
+
+def test_a_row_of_a_run_changes_with_all_that_it_shows(race, anew):
+    run = drive(race, a_racer("anna"), laps(7_000, 7_001, 7_002), timezone.now()).evaluation
+    reader = Context({"request": None})
+    hidden = Context({"request": SimpleNamespace(_spoilers=Spoilers(since=run.queued_at))})
+    to_race = "submission.entry.race"
+    changes = [("result.off_tracks", 5), ("result.complete_laps", 2), (f"{to_race}.name", "<b>Other</b>")]
+    changes += [("result.laps", run.result.laps[:1]), ("queued_at", run.queued_at - timedelta(hours=2))]
+    changes += [("state", "failed"), ("reason_code", "policy_late"), ("reason_params", {"step": 3, "seconds": 1})]
+    changed(anew, lambda: run_row(reader, run), run, changes)
+    for options in ({"compact": True}, {}):
+        anew(lambda options=options: run_row(reader, run, **options), options)
+    anew(lambda: run_row(hidden, run), "hidden")
+    with timezone.override("Asia/Seoul"):
+        anew(lambda: run_row(reader, run), "time zone")
+    with translation.override("ko"):
+        anew(lambda: run_row(reader, run), "language")
+
+
+@pytest.mark.parametrize("where", ["training/parts/race_offer.html", "training/jobs/parts/race_offer.html"])
+def test_a_race_that_takes_a_car_changes_with_all_that_is_said_of_it(where, race, anew):
+    sent = drive(race, a_racer("anna"), laps(7_000, 7_001, 7_002), timezone.now())
+    model, context = sent.evaluation.model, Context({"csrf_token": "t"})
+    offer = SimpleNamespace(race=race, sent=None, fits=False)
+    changes = [("race.name", "<b>Other</b>"), ("race.track.name", "Other track"), ("race.race_type", "head_to_head")]
+    changes += [("race.slug", "other")]
+    if "jobs" in where:  # the page of the model does not say which way
+        changes += [("race.direction", "cw"), ("race.track.is_open", True), ("fits", True)]
+    changes += [("sent", sent), ("sent.evaluation.state", "failed"), ("sent.evaluation.public_id", "another")]
+
+    def draw():
+        return offer_row(context, where, offer, model)
+
+    changed(anew, draw, offer, changes)
+    offer.sent = None
+    anew(draw, "not sent")
+    assert "&lt;b&gt;Other" in draw() and "<b>" not in draw()
+    model.public_id = '"><b>'
+    anew(draw, "the model")
+    assert "<b>" not in draw()
+    context["csrf_token"] = "u"
+    anew(draw, "the token")
