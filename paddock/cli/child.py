@@ -107,13 +107,15 @@ def _driven(job: HomeJob, folder: Path, out: TextIO) -> HomeResult:
     from paddock.geometry.track import TrackGeometry
     from paddock.rules.race import RaceRules
     from paddock.simulator import compiled
-    from paddock.simulator.own import drive, drive_again
-    from paddock.simulator.results import metrics_json
 
-    cv2.setNumThreads(1)
     if compiled.library() is None:
         with contextlib.suppress(OSError, RuntimeError):  # without it frames are drawn slowly, and are the same
             compiled.build()
+        compiled.library.cache_clear()
+    from paddock.simulator.own import drive, drive_again  # which loads it
+    from paddock.simulator.results import metrics_json
+
+    cv2.setNumThreads(1)
     rules = RaceRules.from_dict(job["rules"])
     if isinstance(job["track"], str):
         track = by_slug(job["track"]).geometry(rules.direction)

@@ -7,7 +7,6 @@ import json
 import os
 import signal
 import subprocess
-import sys
 import tempfile
 import traceback
 from collections.abc import Iterator, Sequence
@@ -162,13 +161,13 @@ class _CopiedProcess:
         if not self._pid:
             status = 1
             try:
+                os.close(reading)  # so that writing fails once the other has ended
                 os.dup2(writing, 1)
                 os.dup2(stderr, 2)
                 status = drive_at_home(*arguments)
             except BaseException:
                 traceback.print_exc()
             finally:  # not the end of a process, which would remove the other's temporary folder
-                sys.stderr.flush()
                 os._exit(status)
         os.close(writing)
         self.stdout = os.fdopen(reading, "rb")

@@ -8,8 +8,9 @@ from paddock import exact
 
 DRIVING = ("evaluate", "verify")  # commands
 _ONE_THREAD = {"OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1", "ORT_DISABLE_TELEMETRY": "1", "PYTHONUTF8": "1"}
-# Without Python's module ``site``, which takes longer to start than the rest of an interpreter.
-PYTHON = (sys.executable, "-S")
+# Without Python's module ``site``, which takes longer to start than the rest of an interpreter; and not with what lies
+# in the current folder, which is a racer's.
+PYTHON = (sys.executable, "-S", "-P")
 
 
 def environment() -> dict[str, str]:

@@ -3,6 +3,10 @@
 from __future__ import annotations
 
 import json
+import os
+import select
+import shutil
+import signal
 import subprocess
 import sys
 
@@ -10,6 +14,8 @@ import pytest
 
 from paddock.cli import pinned
 from paddock.exact import is_pinned
+from paddock.rules.race import RaceRules
+from paddock.simulator import compiled
 from tests.shared import CHECKOUT
 
 pytestmark = pytest.mark.skipif(sys.platform != "linux", reason="there a new process drives")
@@ -33,10 +39,31 @@ try:
 except PlatformFault as fault:
     print(driving.is_ready(), fault.code, fault.params["problem"])
 """
+ORPHANED = """
+import os, signal, sys
+from paddock.cli import driving
+from paddock.cli.showing import Speaker
+from paddock.geometry.catalogue import by_slug
+from paddock.rules.race import RaceRules
+
+def drive(job, folder):
+    os.write(int(sys.argv[1]), str(os.getpid()).encode())
+    while True:
+        os.write(1, b'{"progress": {"lap": 1, "laps": 1, "percent": 1}}\\n')
+
+class Killed(Speaker):
+    def progress(self, text, share=None):
+        os.kill(os.getpid(), signal.SIGKILL)
+
+driving.drive_at_home = drive
+with driving.driven(driving.Where(by_slug("oval"), "official", RaceRules()), Killed(True), cars=[]):
+    pass
+"""
 
 
-def command(*arguments):
-    done = subprocess.run([sys.executable, *arguments], capture_output=True, text=True, cwd=CHECKOUT)
+def command(*arguments, cwd=CHECKOUT, **environment):
+    given = {**os.environ, **environment}
+    done = subprocess.run([sys.executable, *arguments], capture_output=True, text=True, cwd=cwd, env=given)
     return done.returncode, done.stdout, done.stderr
 
 
@@ -79,7 +106,50 @@ def test_only_commands_that_drive_start_anew(monkeypatch):
     for arguments in (["races"], [], ["evaluate", "--help"], ["verify", "abc"]):
         monkeypatch.setattr(sys, "argv", ["paddock", *arguments])
         pinned.get_ready()
-    assert [said[3:] for _, said, _ in started] == [
+    assert [said[said.index("paddock.cli") :] for _, said, _ in started] == [
         ["paddock.cli", "evaluate", "--help"],
         ["paddock.cli", "verify", "abc"],
     ]
+
+
+def test_files_beside_a_racers_models_are_not_taken_for_modules(tmp_path):
+    for name in ("argparse", "json"):
+        (tmp_path / f"{name}.py").write_text("raise SystemExit('a file of the racer was run')")
+    script = "from paddock.cli.main import program; program()"  # as the installed one: its own folder is the path's
+    status, out, said = command(*("-P", "-c", script, "evaluate", "--help"), cwd=tmp_path, PYTHONPATH=str(CHECKOUT))
+    assert (status, said) == (0, "") and "--rival" in out
+
+
+def test_a_copy_ends_with_the_command(tmp_path):
+    reading, writing = os.pipe()
+    done = subprocess.run(
+        [*pinned.PYTHON, "-c", ORPHANED, str(writing)],
+        cwd=CHECKOUT,
+        env={**pinned.environment(), "TMPDIR": str(tmp_path)},
+        pass_fds=[writing],
+    )
+    assert done.returncode == -signal.SIGKILL
+    os.close(writing)
+    with open(reading, "rb", buffering=0) as lives:
+        copy = int(lives.read(20))
+        try:
+            assert select.select([lives], [], [], 60)[0] and lives.read(1) == b"", "it waits for a dead reader"
+        except AssertionError:
+            os.kill(copy, signal.SIGKILL)
+            raise
+
+
+@pytest.mark.skipif(compiled.library() is None, reason="no C compiler")
+def test_what_is_compiled_at_the_first_drive_serves_it(tmp_path):
+    without = shutil.ignore_patterns("*.so", "__pycache__")
+    shutil.copytree(CHECKOUT / "paddock", tmp_path / "paddock", ignore=without)
+    job = {"track": "oval", "look": "official", "rules": RaceRules().to_dict(), "traces": []}
+    (tmp_path / "job.json").write_text(json.dumps(job))
+    script = (
+        "import sys; from paddock.cli.child import main; main(*sys.argv[1:]);"
+        "from paddock.simulator import cruise; from paddock.simulator.camera.warp import CompiledWarp as warp;"
+        "print(cruise.__file__, warp.library is cruise._library is not None, file=sys.stderr)"
+    )
+    arguments = ("-P", "-c", script, str(tmp_path / "job.json"), str(tmp_path))
+    _, _, said = command(*arguments, cwd=tmp_path, PYTHONPATH=str(tmp_path))
+    assert said.split("\n")[-2] == f"{tmp_path}/paddock/simulator/cruise.py True"
