@@ -78,7 +78,9 @@ def measure(car: AdmittedCar, track: TrackGeometry, *, laps: int, runs: int) -> 
             sensors, ask = sorted(car.metadata["sensor"]), policy_of(client, space)
             with _Watch(policy.process.inner_pid) as watch:
                 race.run_race(
-                    RaceSettings(track, RaceRules(laps=laps), [Entrant(space, sensors, ask, places=client.places)])
+                    RaceSettings(
+                        track, RaceRules(laps=laps), [Entrant(space, sensors, ask, places=client.places, asked=client)]
+                    )
                 )
             steps += watch.steps[WARM:]
     took, physics, camera, network, policy_s = 1e6 * np.array([step for step in steps if step[-1] > 0.0]).T
