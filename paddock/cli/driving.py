@@ -157,6 +157,7 @@ class _CopiedProcess:
     def __init__(self, arguments: list[str], stderr: int) -> None:
         reading, writing = os.pipe()
         self.returncode = 0
+        signal.signal(signal.SIGCHLD, signal.SIG_DFL)  # nobody waits for a process where a caller had it ignored
         self._pid = os.fork()
         if not self._pid:
             status = 1

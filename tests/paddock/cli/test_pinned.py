@@ -22,7 +22,7 @@ pytestmark = pytest.mark.skipif(sys.platform != "linux", reason="there a new pro
 CAR = [str(CHECKOUT / "training" / "house_cars" / f"flyer.{end}") for end in ("onnx", "json")]
 RUN = ["evaluate", *CAR, "--track", "oval", "--rule", "max_simulated_ms=10000", "--json"]
 DYING = """
-import sys
+import signal, sys
 from paddock.cli import driving
 from paddock.cli.showing import Speaker
 from paddock.errors import PlatformFault
@@ -32,6 +32,7 @@ from paddock.rules.race import RaceRules
 def drive(job, folder):
     {}
 
+signal.signal(signal.SIGCHLD, signal.SIG_IGN if "deaf" in sys.argv else signal.SIG_DFL)
 driving.drive_at_home = drive
 try:
     with driving.driven(driving.Where(by_slug("oval"), "official", RaceRules()), Speaker(True), cars=[]):
@@ -83,6 +84,7 @@ def test_a_refusal_is_the_same(paddock, tmp_path):
     assert said.strip().split("\n")[-1] == other.err.strip().split("\n")[-1]
 
 
+@pytest.mark.parametrize("caller", ["", "deaf"])  # who ignores SIGCHLD, as the command then does, too
 @pytest.mark.parametrize(
     ("end", "problem"),
     [
@@ -91,12 +93,11 @@ def test_a_refusal_is_the_same(paddock, tmp_path):
         ("import os; os.kill(os.getpid(), 9)", "exit status -9"),
     ],
 )
-def test_a_copy_that_dies_is_said(end, problem):
+def test_a_copy_that_dies_is_said(end, problem, caller):
     environment = pinned.environment()
     assert is_pinned(environment)
-    done = subprocess.run(
-        [*pinned.PYTHON, "-c", DYING.format(end)], capture_output=True, text=True, cwd=CHECKOUT, env=environment
-    )
+    program = [*pinned.PYTHON, "-c", DYING.format(end), caller]
+    done = subprocess.run(program, capture_output=True, text=True, cwd=CHECKOUT, env=environment)
     assert done.stdout == f"True drive_failed {problem}\n", done.stderr
 
 
