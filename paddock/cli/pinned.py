@@ -22,8 +22,9 @@ def environment() -> dict[str, str]:
 
 def is_ready() -> bool:
     """Whether this process was started so. A copy of it can drive, and need not import everything again."""
-    is_pinned = exact.is_pinned() and _ONE_THREAD.items() <= dict(os.environ).items()
-    return sys.platform == "linux" and bool(sys.flags.no_site) and is_pinned
+    if sys.platform != "linux" or None in (sys.stdin, sys.stdout, sys.stderr):  # closed: other files get its number
+        return False
+    return bool(sys.flags.no_site) and exact.is_pinned() and _ONE_THREAD.items() <= dict(os.environ).items()
 
 
 def get_ready() -> None:

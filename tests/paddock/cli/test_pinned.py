@@ -75,6 +75,12 @@ def test_a_copy_drives_as_a_new_process_does(paddock):
     assert status == 0 and not pinned.is_ready()
 
 
+def test_a_closed_output_is_no_failure(tmp_path):
+    shell = ["sh", "-c", 'exec "$@" >&-', "sh", sys.executable, "-m", "paddock.cli", *RUN]
+    done = subprocess.run([*shell, "--trace", str(tmp_path / "trace.csv")], cwd=CHECKOUT, stderr=subprocess.PIPE)
+    assert (done.returncode, done.stderr) == (0, b"") and (tmp_path / "trace.csv").stat().st_size > 1000
+
+
 def test_a_refusal_is_the_same(paddock, tmp_path):
     (tmp_path / "car.onnx").write_bytes(b"nothing")
     broken = ["evaluate", str(tmp_path / "car.onnx"), CAR[1], "--track", "oval"]
