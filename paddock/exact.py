@@ -18,13 +18,13 @@ PINS: Mapping[str, str] = {
     "NPY_DISABLE_CPU_FEATURES": "X86_V3,X86_V4,AVX512_ICL,AVX512_SPR",
     "OPENBLAS_CORETYPE": "Nehalem",
 }
-# Pages of 2 MB where the host grants them: fewer faults, and fewer looks into the tables of pages.
+# Pages of 2 MB where the host grants them: fewer faults, and fewer looks into the tables of pages. A virtual machine
+# may get them from its host more slowly than small ones, which counts where much memory is needed for a short time.
 LARGE_PAGES = "glibc.malloc.hugetlb=1"
 # glibc reuses freed memory: a network is copied several times when it is read, and getting new pages for every copy
 # takes longer than the copies.
-KEPT_MEMORY = (
-    f"{LARGE_PAGES}:glibc.malloc.mmap_max=0:glibc.malloc.trim_threshold=2147483647:glibc.malloc.top_pad=33554432"
-)
+KEPT_MEMORY = "glibc.malloc.mmap_max=0:glibc.malloc.trim_threshold=2147483647:glibc.malloc.top_pad=33554432"
+LARGE_AND_KEPT = f"{LARGE_PAGES}:{KEPT_MEMORY}"  # for a process that stays small
 
 
 def environment(given: Mapping[str, str]) -> dict[str, str]:

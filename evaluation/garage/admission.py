@@ -16,6 +16,7 @@ from evaluation.sandbox.limits import CONVERTER, Limits
 from evaluation.sandbox.lock import EXIT_MEMORY
 from evaluation.sandbox.process import SandboxedProcess
 from evaluation.sandbox.slots import upload_slot
+from paddock import exact
 from paddock.errors import PlatformFault, UserFault
 from paddock.errors.reasons import REASONS
 from paddock.network.bound import NetworkFacts
@@ -113,7 +114,7 @@ def _ask(package: RawPackage, contents: list[bytes], limits: PackageLimits) -> A
             raise PlatformFault(code)
         reader = UploadReader(MODULE, CONVERTER)
     with launch(
-        reader.module, limits=reader.limits, arguments=[package.kind], random=reader.random, keeps_memory=True
+        reader.module, limits=reader.limits, arguments=[package.kind], random=reader.random, memory=exact.KEPT_MEMORY
     ) as process:
         process.widen_pipes()
         try:

@@ -12,6 +12,7 @@ import threading
 import time
 from collections.abc import Sequence
 
+from paddock import exact
 from paddock.errors import PlatformFault
 
 from ..sandbox.frames import FrameError, write_message
@@ -105,7 +106,7 @@ class ProcessPool:
                 self._module,
                 limits=RUNNER,
                 level=self._level,
-                keeps_memory=True,
+                memory=exact.LARGE_AND_KEPT,
                 arguments=[str(fd) for fd in ends],
                 pass_fds=[fd for fd in ends if fd >= 0],
             )

@@ -14,6 +14,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from paddock.errors import PlatformFault
+from paddock.exact import LARGE_PAGES
 
 from .limits import Limits
 from .probe import require
@@ -30,14 +31,14 @@ def launch(
     python_path: Sequence[str | Path] = (),
     level: int | None = None,
     random: bool = False,
-    keeps_memory: bool = False,
+    memory: str = LARGE_PAGES,
 ) -> SandboxedProcess:
     """Start ``module`` (such as ``evaluation.*``, or something below ``python_path``) in the sandbox.
 
     ``arguments`` become ``sys.argv[1:]``; ``pass_fds`` keep their numbers inside. ``python_path``: further directories
     of code. Files can be read until the lock only. ``level``: instead of the best that this host offers. ``random``:
-    the kernel's random numbers can be read until the lock (torch's import does). ``keeps_memory``: freed memory is
-    reused (:data:`paddock.exact.KEPT_MEMORY`).
+    the kernel's random numbers can be read until the lock (torch's import does). ``memory``: how glibc gets it
+    (:mod:`paddock.exact`).
 
     Raises PlatformFault ``sandbox_unavailable`` below the minimum level and ``sandbox_failed`` when the process cannot
     be started. A lock that fails later shows as an exit status (:data:`.lock.EXIT_NOT_LOCKED`).
@@ -47,6 +48,6 @@ def launch(
     if not LEVEL_LOCK <= level <= best:
         raise PlatformFault("sandbox_unavailable", level=level, minimum=LEVEL_LOCK)
     try:
-        return start(module, limits, level, arguments, pass_fds, python_path, random, keeps_memory)
+        return start(module, limits, level, arguments, pass_fds, python_path, random, memory)
     except (OSError, ValueError, RuntimeError) as error:
         raise PlatformFault("sandbox_failed", detail=str(error)) from error

@@ -35,7 +35,7 @@ def start(
     pass_fds: Sequence[int] = (),
     python_path: Sequence[str | Path] = (),
     random: bool = False,
-    keeps_memory: bool = False,
+    memory: str = exact.LARGE_PAGES,
 ) -> SandboxedProcess:
     """:func:`.launch.launch` without asking the probe (which itself starts processes). Raises OSError and the like."""
     compile_code()
@@ -69,7 +69,7 @@ def start(
             stdin=subprocess.DEVNULL,
             stdout=subprocess.DEVNULL,
             stderr=their_err,
-            env=_environment(home, spec, python_path, keeps_memory),
+            env=_environment(home, spec, python_path, memory),
             cwd="/",
             pass_fds=passed,
             start_new_session=True,
@@ -116,7 +116,7 @@ def _home() -> bubblewrap.PythonHome:
 
 
 def _environment(
-    home: bubblewrap.PythonHome, spec: LockSpec, python_path: Sequence[str | Path], keeps_memory: bool
+    home: bubblewrap.PythonHome, spec: LockSpec, python_path: Sequence[str | Path], memory: str
 ) -> dict[str, str]:
     """The whole environment: nothing of ours (keys, addresses) goes in."""
     path = [str(CODE_ROOT), *(str(Path(part).resolve()) for part in python_path), *home.packages]
@@ -129,8 +129,7 @@ def _environment(
         "OMP_NUM_THREADS": "1",
         "OPENBLAS_NUM_THREADS": "1",
         "MALLOC_ARENA_MAX": "1",
-        # Pages of 2 MB where the host grants them: a large network is read through once for every frame.
-        "GLIBC_TUNABLES": exact.KEPT_MEMORY if keeps_memory else exact.LARGE_PAGES,
+        "GLIBC_TUNABLES": memory,
         "ORT_DISABLE_TELEMETRY": "1",  # onnxruntime's Linux wheel otherwise starts a thread that reports home
         VARIABLE: spec.to_env(),
     }

@@ -16,7 +16,7 @@ PYTHON = (sys.executable, "-S", "-P")
 def environment() -> dict[str, str]:
     """The environment for :data:`PYTHON`, which then finds packages where this process does."""
     packages = os.pathsep.join([*filter(None, sys.path), str(Path(__file__).parents[2])])
-    tunables = ":".join(filter(None, (os.environ.get("GLIBC_TUNABLES"), exact.KEPT_MEMORY)))
+    tunables = ":".join(filter(None, (os.environ.get("GLIBC_TUNABLES"), exact.LARGE_AND_KEPT)))
     return exact.environment({**os.environ, **_ONE_THREAD, "PYTHONPATH": packages, "GLIBC_TUNABLES": tunables})
 
 

@@ -17,6 +17,7 @@ from evaluation.garage.admission import admit
 from evaluation.sandbox.claims import default_directory
 from evaluation.sandbox.launch import launch
 from evaluation.sandbox.slots import upload_slot
+from paddock import exact
 from paddock.errors import PaddockError
 from paddock.packages.limits import DEFAULT_LIMITS
 from paddock.packages.read import UploadPart
@@ -37,6 +38,18 @@ def upload_to(deed: str, monkeypatch: pytest.MonkeyPatch) -> PaddockError:
     with pytest.raises(PaddockError) as fault:
         upload(pair(good_network()))
     return fault.value
+
+
+def test_a_network_is_read_in_small_pages_that_are_kept(monkeypatch: pytest.MonkeyPatch) -> None:
+    asked = []
+
+    def watched(module: str, **options: object):
+        asked.append(options["memory"])
+        return launch(module, **options)
+
+    monkeypatch.setattr(admit_module, "launch", watched)
+    upload(pair(good_network()))
+    assert asked == [exact.KEPT_MEMORY] and exact.LARGE_PAGES not in exact.KEPT_MEMORY
 
 
 @pytest.mark.parametrize(
