@@ -40,7 +40,7 @@ _OF_RACE = attrgetter("slug", "name", "track.slug", "track.name", "race_type", "
 
 
 def _read_once(field: Any) -> list[Any]:
-    """What is kept is what its key says: the choices could be others a moment later."""
+    """The choices, which the widget takes over: read once more they could be others than in the key of the piece."""
     field.widget.choices = choices = list(iter(field.choices))  # of their number it asks the database
     return choices
 
@@ -83,7 +83,7 @@ def _own(field: BoundField, template: str, shown: Callable[[Any], list[Any]]) ->
     if field.form.is_bound:
         return render_to_string(template, values)
     choices, value = repr(shown(field.field)), str(field.value() or "")
-    # an address may say anything: of all that is not offered, nothing is chosen
+    # an address may hold any value, and of one that is not offered nothing is chosen
     chosen = value if not value or repr(value) in choices else None
     return lasting_piece(template, values, key=(field.name, chosen, choices))
 
