@@ -6,7 +6,6 @@ from pathlib import Path
 
 from paddock import exact
 
-DRIVING = ("evaluate", "verify")  # commands
 _ONE_THREAD = {"OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1", "ORT_DISABLE_TELEMETRY": "1", "PYTHONUTF8": "1"}
 # Without Python's module ``site``, which takes longer to start than the rest of an interpreter; and not with what lies
 # in the current folder, which is a racer's.
@@ -28,7 +27,9 @@ def is_ready() -> bool:
 
 
 def get_ready() -> None:
-    """Start a command that drives anew so, before more is imported. Returns where that is not to be."""
-    is_new = sys.platform == "linux" and not sys.flags.no_site
-    if is_new and sys.executable and sys.argv[1:] and sys.argv[1] in DRIVING:
+    """Start an evaluation anew so, before more is imported. Returns for all else: a command that asks a site needs what
+    ``site`` loads, such as the certificates of a proxy."""
+    command, *options = sys.argv[1:] or [""]
+    asks_site = any(option.partition("=")[0] == "--race" for option in options)
+    if sys.platform == "linux" and command == "evaluate" and not asks_site and not sys.flags.no_site and sys.executable:
         os.execve(sys.executable, [*PYTHON, "-m", "paddock.cli", *sys.argv[1:]], environment())

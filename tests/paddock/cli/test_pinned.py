@@ -107,16 +107,14 @@ def test_a_copy_that_dies_is_said(end, problem, caller):
     assert done.stdout == f"True drive_failed {problem}\n", done.stderr
 
 
-def test_only_commands_that_drive_start_anew(monkeypatch):
+def test_only_evaluations_that_ask_no_site_start_anew(monkeypatch):
     started = []
     monkeypatch.setattr("os.execve", lambda *arguments: started.append(arguments))
-    for arguments in (["races"], [], ["evaluate", "--help"], ["verify", "abc"]):
+    asking = (["evaluate", "a.tar.gz", "--race", "may"], ["evaluate", "a.tar.gz", "--race=may"], ["verify", "abc"])
+    for arguments in (["races"], [], ["evaluate", "--help"], *asking):
         monkeypatch.setattr(sys, "argv", ["paddock", *arguments])
         pinned.get_ready()
-    assert [said[said.index("paddock.cli") :] for _, said, _ in started] == [
-        ["paddock.cli", "evaluate", "--help"],
-        ["paddock.cli", "verify", "abc"],
-    ]
+    assert [said[said.index("paddock.cli") :] for _, said, _ in started] == [["paddock.cli", "evaluate", "--help"]]
 
 
 def test_files_beside_a_racers_models_are_not_taken_for_modules(tmp_path):
