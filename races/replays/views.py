@@ -7,11 +7,13 @@ from typing import Any
 from django.http import Http404, HttpRequest, HttpResponse, QueryDict
 from django.shortcuts import get_object_or_404, redirect, render
 from django.urls import reverse
+from django.utils.safestring import SafeString
 from django.utils.translation import gettext as _
 from django.views.decorators.http import require_safe
 
 from core import times
 from core.pages.faults import report_fault
+from core.streams.shared_pieces import lasting_piece
 from evaluation.appearance.looks import VehicleLook, distinguish_looks
 from evaluation.models import Evaluation, State
 from evaluation.running.competitors import car_rows
@@ -342,7 +344,7 @@ def _sentence(compared: LapComparison, name: str, other: str) -> str:
     }
 
 
-def _rows(runs: Sequence[ReplayedRun]) -> list[dict[str, object]]:
+def _rows(runs: Sequence[ReplayedRun]) -> list[SafeString]:
     """The laps of all runs, lap by lap, with the gap to the same lap of the first."""
     laps: list[dict[int, LapRow]] = [
         {row.lap["number"]: row for row in lap_rows(each.run.result.laps, None)} for each in runs
@@ -354,8 +356,17 @@ def _rows(runs: Sequence[ReplayedRun]) -> list[dict[str, object]]:
             if (row := own.get(number)) is not None:
                 time = _time_of(row)
                 gap = None if not each.number or first is None or time is None else time - first
-                rows.append({"of": each, "row": row, "gap_ms": gap, "is_shown": number == each.lap})
+                rows.append(lap_of_run(each, row, gap))
     return rows
+
+
+def lap_of_run(of: ReplayedRun, row: LapRow, gap_ms: int | None) -> SafeString:
+    """A row of the table of laps, drawn once for the same values. ``gap_ms``: to the same lap of the first run."""
+    look, lap, is_shown = of.look, row.lap, row.lap["number"] == of.lap
+    of_lap = lap["number"], lap["time_ms"], lap["complete"], lap["completion_percentage"], *row.sectors
+    values = {"row": row, "name": of.name, "look": look, "gap_ms": gap_ms, "is_shown": is_shown}
+    key = (of.name, look.shell, look.colour, gap_ms, is_shown, *of_lap)
+    return lasting_piece("races/replays/lap_of_run.html", values, key=key)
 
 
 def _time_of(row: LapRow | None) -> int | None:

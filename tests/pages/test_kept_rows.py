@@ -19,6 +19,8 @@ from accounts.models import Racer
 from core.streams import shared_pieces
 from evaluation.models import TrainedModel
 from races.models import Race
+from races.replays.run_maps import LapRow
+from races.replays.views import lap_of_run
 from races.spoilers.selectors import Spoilers
 from races.templatetags.races import offer_row, run_row
 from races.test_runs.services import drive_own
@@ -206,3 +208,24 @@ def test_a_race_that_takes_a_car_changes_with_all_that_is_said_of_it(where, race
     assert "<b>" not in draw()
     context["csrf_token"] = "u"
     anew(draw, "the token")
+
+
+def test_a_lap_in_a_comparison_changes_with_all_that_it_shows(anew):
+    lap = {"number": 2, "time_ms": 9_000, "complete": True, "completion_percentage": 100}
+    row = LapRow(lap, is_best=False, gap_ms=None, sectors=[(3_000, "green")] * 3)
+    of = SimpleNamespace(name="anna", look=SimpleNamespace(shell="paddock", colour="#112233"), lap=2)
+    shown = SimpleNamespace(of=of, gap_ms=None)
+
+    def draw():
+        return lap_of_run(of, row, shown.gap_ms)
+
+    changes = [("of.name", "<b>bert</b>"), ("of.look.colour", "#445566"), ("of.look.shell", "hatch"), ("of.lap", 1)]
+    changed(anew, draw, shown, [*changes, ("gap_ms", 120), ("gap_ms", -120)])
+    for change in ({"number": 3}, {"time_ms": 9_001}, {"complete": False}, {"completion_percentage": 50}):
+        lap.update(change)
+        anew(draw, change)
+    for sectors in ([(3_000, "green")] * 2, [(3_001, "green")] * 2):
+        row.sectors[:] = sectors
+        anew(draw, sectors)
+    with translation.override("ko"):
+        anew(draw, "language")
