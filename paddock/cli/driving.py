@@ -166,7 +166,7 @@ class _CopiedProcess:
                 os.dup2(writing, 1)
                 os.dup2(stderr, 2)
                 status = drive_at_home(*arguments)
-            except Exception:
+            except Exception:  # whatever a drive raises: the command shows the last line as drive_failed
                 traceback.print_exc()
             finally:  # not the end of a process, which would remove the other's temporary folder
                 os._exit(status)
