@@ -86,5 +86,24 @@ class KeptQuery(Generic[T]):
         sql, params = compiler.as_sql()
         needed = {name for name, parameter in names.items() if parameter.default is parameter.empty}
         assert {each.name for each in params if isinstance(each, _Place)} >= needed, sql
+        sql, params = _with_literals(sql, params)
         converters = compiler.get_converters([column[0] for column in compiler.select[: compiler.col_count]])
-        return _Compiled(rows, compiler, sql, tuple(params), converters)
+        return _Compiled(rows, compiler, sql, params, converters)
+
+
+def _with_literals(sql: str, params: Sequence[Any]) -> tuple[str, tuple[Any, ...]]:
+    """The SQL with its constant texts and numbers in it. SQLite prepares a statement again at each run when a parameter
+    of it is compared with what the condition of a partial index names (``exprCompareVariable`` in its expr.c)."""
+    first, *parts = sql.split("%s")
+    assert len(parts) == len(params), sql
+    left = []
+    for place, (part, value) in enumerate(zip(parts, params, strict=True)):
+        if isinstance(value, str):
+            text = str(value).replace("'", "''").replace("%", "%%")
+            parts[place] = f"'{text}'{part}"
+        elif type(value) is int:
+            parts[place] = f"{value}{part}"
+        else:
+            parts[place] = f"%s{part}"
+            left.append(value)
+    return first + "".join(parts), tuple(left)

@@ -3,8 +3,7 @@
 from collections.abc import Collection
 from dataclasses import dataclass
 from enum import StrEnum
-from functools import lru_cache, reduce
-from operator import or_
+from functools import lru_cache
 from typing import Any
 
 from django.contrib.auth.models import AnonymousUser
@@ -23,6 +22,7 @@ from ..models import Duel, Entry, Race, Submission
 
 OFFERED = 10  # of each kind but the leader
 KINDS = 8  # of offers whose SQL a process keeps
+_SHOWN = ("owner", "model", "result", "submission__entry__race", "duel__race")
 _BOARD = ("rank_score", "rank_lap", "resets", "achieved_at")
 
 
@@ -169,11 +169,7 @@ def _offered(
     """The runs to offer for a run of this kind, to a guest, a racer or an admin."""
 
     def rows(run: Any, track: Any, ahead: Any, racer: Any = None, race: Any = None) -> QuerySet[Evaluation]:
-        runs = (
-            _comparable(kind, Racer(pk=racer, is_staff=is_staff) if is_racer else None, run, track)
-            .select_related("result", "submission__entry__race", "duel__race")
-            .defer("result__trajectory", "track__npy")
-        )
+        runs = _comparable(kind, Racer(pk=racer, is_staff=is_staff) if is_racer else None, run, track)
         runs = without_races(runs, hidden)
         ranked = runs.filter(result__best_lap_ms__isnull=False).order_by("result__best_lap_ms", "pk")
         alike = ranked.filter(**{f"spec__rules__{name}": value for name, value in kind.rules})
@@ -185,9 +181,11 @@ def _offered(
             wanted.append(counted.order_by(*(f"submission__entry__{name}" for name in _BOARD))[:1])
         if is_racer:
             wanted += [ranked.filter(owner=racer)[:OFFERED], alike.filter(Exists(follows))[:OFFERED]]
-        # each part has a limit of its own: one query with a subquery for each
-        chosen = reduce(or_, (Q(pk__in=part.values("pk")) for part in wanted), Q(public_id=ahead))
-        return runs.filter(chosen).annotate(is_followed=Exists(follows))
+        wanted.append(runs.filter(public_id=ahead))
+        # each part has a limit of its own, which SQLite takes in subqueries only
+        parts = [Evaluation.objects.filter(pk__in=part.values("pk")).order_by().values("pk") for part in wanted]
+        chosen = Evaluation.objects.filter(pk__in=parts[0].union(*parts[1:])).order_by().select_related(*_SHOWN)
+        return chosen.defer("result__trajectory").annotate(is_followed=Exists(follows))
 
     return KeptQuery(rows)
 

@@ -7,13 +7,14 @@ from typing import Any
 from django.http import Http404, HttpRequest, HttpResponse, QueryDict
 from django.shortcuts import get_object_or_404, redirect, render
 from django.urls import reverse
+from django.utils.html import escape
 from django.utils.safestring import SafeString
 from django.utils.translation import gettext as _
 from django.views.decorators.http import require_safe
 
 from core import times
 from core.pages.faults import report_fault
-from core.streams.shared_pieces import lasting_piece
+from core.streams.shared_pieces import filled, hole, lasting_piece
 from evaluation.appearance.looks import VehicleLook, distinguish_looks
 from evaluation.models import Evaluation, State
 from evaluation.running.competitors import car_rows
@@ -375,13 +376,22 @@ def _time_of(row: LapRow | None) -> int | None:
 
 def _offers(
     request: HttpRequest, shown: Evaluation, runs: Sequence[ReplayedRun], beside: Sequence[tuple[str, str]]
-) -> list[tuple[RunOffer, str]]:
-    """The runs that are not on the page yet, each with the address that adds it."""
+) -> list[SafeString]:
+    """Rows of the runs that are not on the page yet, each with the address that adds it."""
     here = {each.run.pk for each in runs}
     lap = request.GET.get("lap", "")
     offers = offers_to_compare(shown, request.user, race_of(shown), spoilers_of(request).hidden)
     return [
-        (offer, _with(shown, lap, [*beside, (offer.evaluation.public_id, "")]))
+        offer_of_run(offer, _with(shown, lap, [*beside, (offer.evaluation.public_id, "")]))
         for offer in offers
         if offer.evaluation.pk not in here
     ]
+
+
+def offer_of_run(offer: RunOffer, address: str) -> SafeString:
+    """A row of the table of offered runs, drawn once for the same values."""
+    run, race = offer.evaluation, offer.race
+    of_race = race and (race.name, race.race_type)
+    key = (run.model.name, run.owner.shown_name, of_race, run.result.best_lap_ms, offer.gap_ms, offer.why)
+    row = lasting_piece("races/replays/offer.html", {"offer": offer, "address": hole("address")}, key=key)
+    return filled(row, address=escape(address))

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from datetime import timedelta
 
@@ -17,6 +17,7 @@ from django.utils import timezone
 from accounts.models import Racer
 from config.serving.sessions import SessionStore
 from core.database.kept_queries import KeptQuery
+from evaluation.models import Evaluation, State
 from tests.factories import a_model, a_racer
 
 pytestmark = pytest.mark.django_db
@@ -54,6 +55,38 @@ def test_a_time_may_be_one_so_long_before() -> None:
 
 def test_a_parameter_with_a_default_may_be_unused() -> None:
     assert KeptQuery(lambda pk, now=None: Racer.objects.filter(pk=pk))(pk=1, now=timezone.now()) == []
+
+
+def test_constants_are_part_of_the_sql() -> None:
+    team = "O'Hara's 100 %s \\ crew"
+    racer = a_racer("alice", team=team)
+    a_racer("bob")
+    sent: list[tuple[str, Sequence[object]]] = []
+
+    def watched(execute: Callable, sql: str, params: Sequence[object], many: bool, context: dict) -> object:
+        sent.append((sql, params))
+        return execute(sql, params, many, context)
+
+    found = KeptQuery(lambda pk: Racer.objects.filter(pk=pk, team=team))
+    with connection.execute_wrapper(watched):
+        assert [found(pk=racer.pk), found(pk=racer.pk + 1)] == [[racer], []]
+    assert [(sql.count("'O''Hara''s 100 %%s "), params) for sql, params in sent] == [
+        (1, (racer.pk,)),
+        (1, (racer.pk + 1,)),
+    ]
+    assert KeptQuery(lambda: Racer.objects.filter(team__startswith=team))() == [racer]
+
+
+@pytest.mark.skipif(connection.vendor != "sqlite", reason="what SQLite does")
+def test_sqlite_prepares_a_query_once() -> None:
+    with connection.cursor() as cursor:
+        if ("ENABLE_STMTVTAB",) not in cursor.execute("PRAGMA compile_options").fetchall():
+            pytest.skip("this SQLite does not list its statements")
+        runs = KeptQuery(lambda owner: Evaluation.objects.filter(owner=owner, state=State.FINISHED).order_by("-pk"))
+        for owner in range(5):  # partial indexes name a state, so a parameter would be looked at each time
+            assert runs(owner=owner) == []
+        cursor.execute("SELECT run, reprep FROM sqlite_stmt WHERE sql LIKE 'SELECT%evaluation_evaluation%state%DESC'")
+        assert cursor.fetchall() == [(5, 0)]
 
 
 def test_columns_are_converted() -> None:

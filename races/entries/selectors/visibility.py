@@ -100,23 +100,25 @@ def evaluations_visible_to(racer: Viewer) -> QuerySet[Evaluation]:
     evaluations = Evaluation.objects.select_related("owner", "model", "track")
     if _known(racer) and racer.is_staff:
         return evaluations
-    in_race = Submission.objects.filter(evaluation=OuterRef("pk"))
-    on_board = in_race.filter(Q(entry__best=F("pk")) | Q(is_live=True), entry__withdrawn_at=None)
-    duel = Duel.objects.filter(evaluation=OuterRef("pk"))
-    seen = Q(Exists(on_board.filter(entry__race__visibility=Visibility.PUBLIC)))
-    seen |= Q(Exists(duel.filter(race__visibility=Visibility.PUBLIC)))
-    if _known(racer):
-        shared = Entry.objects.filter(race=OuterRef("entry__race"), racer_id=racer.pk, removed_at=None)
-        seen |= Q(owner_id=racer.pk)
-        seen |= Q(Exists(in_race.filter(entry__race__organiser_id=racer.pk)))
-        seen |= Q(Exists(on_board.filter(Exists(shared))))
-        seen |= Q(Exists(on_board.filter(_in_its_group(racer, "entry__race"))))
-        member = Entry.objects.filter(race=OuterRef("race"), racer_id=racer.pk, removed_at=None)
-        in_group = _in_its_group(racer, "race")
-        seen |= Q(Exists(duel.filter(Q(race__organiser_id=racer.pk) | Exists(member) | in_group)))
-        for audience in AUDIENCES:
-            seen |= audience.seen(racer)
+    driven, duels = (runs.objects.filter(evaluation=OuterRef("pk")) for runs in (Submission, Duel))
+    shown = Q(Q(entry__best=F("pk")) | Q(is_live=True), entry__withdrawn_at=None)
+    if not _known(racer):
+        in_race = driven.filter(shown, entry__race__visibility=Visibility.PUBLIC)
+        seen = Q(Exists(in_race)) | Q(Exists(duels.filter(race__visibility=Visibility.PUBLIC)))
+        return evaluations.filter(~hidden_runs(), seen)
+    # Databases stop at the first way that is open: what decides most often comes first
+    organised = Q(entry__race__organiser_id=racer.pk)
+    seen = Q(owner_id=racer.pk) | Q(Exists(driven.filter(shown & _shared_with(racer, "entry__race") | organised)))
+    seen |= Q(Exists(duels.filter(_shared_with(racer, "race") | Q(race__organiser_id=racer.pk))))
+    for audience in AUDIENCES:
+        seen |= audience.seen(racer)
     return evaluations.filter(~hidden_runs(), seen)
+
+
+def _shared_with(racer: Racer, to_race: str) -> Q:
+    """Rows whose race, which ``to_race`` leads to, is public, or one that the racer entered or is invited to."""
+    entered = Entry.objects.filter(race=OuterRef(to_race), racer_id=racer.pk, removed_at=None)
+    return Q(**{f"{to_race}__visibility": Visibility.PUBLIC}) | Q(Exists(entered)) | _in_its_group(racer, to_race)
 
 
 def _in_its_group(racer: Racer, to_race: str) -> Q:
