@@ -1,8 +1,9 @@
 """The page of the viewer, and the documents that it plays."""
 
-from collections.abc import Hashable, Sequence
+from collections.abc import Hashable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
+from urllib.parse import urlencode
 
 from django.http import Http404, HttpRequest, HttpResponse, QueryDict
 from django.shortcuts import get_object_or_404, redirect, render
@@ -260,18 +261,19 @@ def _spelled(beside: Sequence[tuple[str, str]]) -> str:
 
 def _with(shown: Evaluation, lap: str, beside: Sequence[tuple[str, str]]) -> str:
     """The page's address with these other runs and their laps."""
-    return _address(shown.public_id, QueryDict(), {"lap": lap, "with": _spelled(beside)})
+    return _spelled_address(shown.public_id, {"lap": lap, "with": _spelled(beside)})
 
 
 def _address(public_id: str, query: QueryDict, changes: dict[str, str]) -> str:
     """The page's address with a query after these changes, without its empty values."""
-    query = query.copy()
-    for name, value in changes.items():
-        query[name] = value
-    for name in [name for name, value in query.items() if not value]:
-        del query[name]
+    return _spelled_address(public_id, {**dict(query.lists()), **changes})
+
+
+def _spelled_address(public_id: str, query: Mapping[str, str | Sequence[str]]) -> str:
+    """The page's address with what is not empty in the query."""
     address = reverse("replay", args=[public_id])
-    return f"{address}?{query.urlencode(safe=':,')}" if query else address
+    spelled = urlencode({name: value for name, value in query.items() if any(value)}, doseq=True, safe=":,")
+    return f"{address}?{spelled}" if spelled else address
 
 
 def _swapped(runs: Sequence[ReplayedRun]) -> str:
