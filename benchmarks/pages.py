@@ -10,6 +10,7 @@ and 50,000 runs instead of the demo season.
 
 from __future__ import annotations
 
+import gc
 import logging
 import os
 import statistics
@@ -79,11 +80,15 @@ def quiet_site(now: Any, *, big: bool = False) -> Site:
     from django.conf import settings
 
     from config.celery import app as celery_app
+    from config.serving.web import settle
 
     celery_app.conf.update(broker_url="memory://", task_always_eager=False)
     settings.STREAM_BELL_URL = ""
     logging.disable(logging.ERROR)  # the cache that is away
-    return make_site(now, big=big)
+    site = make_site(now, big=big)
+    gc.collect()
+    settle()  # as the processes of the web server
+    return site
 
 
 def request(site: Site, page: str, racer: Any) -> Callable[[], Any]:

@@ -22,6 +22,7 @@ from typing import Any
 from config.serving.forking import PYTHON, show
 from config.serving.supervisor import CANNOT_RUN, Supervisor
 from core.logs.lines import FORMATTERS, format_name
+from paddock.malloc import set_malloc_options
 
 logger = logging.getLogger("config.web")
 APPLICATION = "config.wsgi:application"
@@ -37,6 +38,7 @@ SENT_BYTES = 256 * 1024
 HEADER_BYTES = 64 * 1024
 # Of an answer that is made piece by piece; files are read as their reader takes them and need no such bound
 HELD_BYTES = 64 * 1024 * 1024
+KEPT_BYTES = 16 * 1024 * 1024  # freed memory that a process keeps for its next requests
 
 
 def main(arguments: list[str] | None = None) -> int:
@@ -111,8 +113,15 @@ def _serve(listening: socket.socket, application: str, threads: int, shown_as: S
     except Exception:  # of the application, of any kind: operators read it in the log
         logger.exception("The site cannot be loaded.")
         sys.exit(CANNOT_RUN)
-    gc.freeze()  # what is loaded stays: a collection that looked through it would take a tenth of all time
+    settle()
     _serve_until_signal(loaded, listening, threads)
+
+
+def settle() -> None:
+    """Prepare the memory of a process that has loaded the site."""
+    gc.freeze()  # what is loaded stays: a collection that looked through it would take a tenth of all time
+    # clearing new pages for each large query takes a tenth of the time of a page that has one
+    set_malloc_options(trim_threshold=KEPT_BYTES, mmap_threshold=KEPT_BYTES)
 
 
 def _serve_until_signal(application: Any, listening: socket.socket, threads: int) -> None:

@@ -7,7 +7,6 @@ It sends ``{"state": "locked"}``, receives the canonical ONNX bytes (or their pl
 """
 
 import contextlib
-import ctypes
 import os
 import select
 import sys
@@ -16,6 +15,7 @@ from typing import cast
 import numpy as np
 import onnxruntime
 
+from paddock.malloc import set_malloc_options
 from paddock.network.bound import NetworkFacts
 from paddock.network.canonical import CanonicalNetwork, write_model
 from paddock.network.dense import arranger
@@ -29,7 +29,6 @@ from .lock import EXIT_MEMORY
 from .network_memory import map_network
 from .observation_memory import fits, map_for_reading
 
-_M_TRIM_THRESHOLD, _M_TOP_PAD, _M_MMAP_MAX = -1, -2, -4  # malloc.h
 _IDLE_MS = 100  # without a request for so long, there is time to prepare for one
 _BLOCK, _BLOCKS = 4 << 20, 32  # bytes; in all what the largest network takes on its way into a session
 
@@ -61,11 +60,7 @@ def main(frames_in: int, frames_out: int) -> int:
 def keep_freed_memory() -> None:
     """Have glibc reuse freed memory: a network is copied several times on its way into a session, and clearing new
     pages for every copy takes longer than the copies. Does nothing with another C library."""
-    mallopt = getattr(ctypes.CDLL(None), "mallopt", None)
-    if mallopt is not None:
-        mallopt(_M_MMAP_MAX, 0)
-        mallopt(_M_TRIM_THRESHOLD, (1 << 31) - 1)
-        mallopt(_M_TOP_PAD, 32 << 20)
+    set_malloc_options(mmap_max=0, trim_threshold=(1 << 31) - 1, top_pad=32 << 20)
 
 
 def get_ready(frames_in: int) -> None:

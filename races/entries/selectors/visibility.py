@@ -100,7 +100,8 @@ def evaluations_visible_to(racer: Viewer) -> QuerySet[Evaluation]:
     evaluations = Evaluation.objects.select_related("owner", "model", "track")
     if _known(racer) and racer.is_staff:
         return evaluations
-    driven, duels = (runs.objects.filter(evaluation=OuterRef("pk")) for runs in (Submission, Duel))
+    driven = Submission.objects.filter(evaluation=OuterRef("pk"))
+    duels = Duel.objects.filter(evaluation=OuterRef("pk"))
     shown = Q(Q(entry__best=F("pk")) | Q(is_live=True), entry__withdrawn_at=None)
     if not _known(racer):
         in_race = driven.filter(shown, entry__race__visibility=Visibility.PUBLIC)
