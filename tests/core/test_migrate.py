@@ -8,8 +8,9 @@ import re
 import sqlite3
 import subprocess
 import sys
-from collections.abc import Iterator
-from contextlib import closing
+from collections.abc import Callable, Iterator
+from contextlib import ExitStack, closing, contextmanager
+from functools import partial
 from hashlib import sha256
 from pathlib import Path
 
@@ -27,14 +28,6 @@ from tests.database import digest
 from tests.postgres import is_installed, postgres
 from tests.shared import CHECKOUT
 
-AT_ONCE = ["manage.py", "migrate", "--verbosity", "0"]
-BY_STEPS = [
-    "-c",
-    "import django; django.setup()\n"
-    "from django.core.management import call_command\n"
-    "from django.core.management.commands.migrate import Command\n"
-    "call_command(Command(), verbosity=0)",
-]
 COLUMNS = (
     "table_name, column_name, data_type, is_nullable, column_default, character_maximum_length, numeric_precision, "
     "numeric_scale, is_identity, collation_name"
@@ -85,42 +78,47 @@ def postgresql_facts(url: str) -> list[str]:
     return sorted(found)
 
 
-@pytest.fixture(params=["sqlite", pytest.param("postgresql", marks=pytest.mark.postgres)])
-def built(request, tmp_path) -> Iterator:
-    """The facts of an empty database after a command."""
-    if request.param == "sqlite":
-
-        def facts_after(command: list[str]) -> list[str]:
-            path = tmp_path / f"{len(list(tmp_path.iterdir()))}.sqlite3"
-            run(tmp_path, command, f"sqlite:///{path}")
-            return sqlite_facts(path)
-
-        yield facts_after
-    elif not is_installed():
-        pytest.skip("PostgreSQL is not installed")
+@contextmanager
+def database(vendor: str, folder: Path) -> Iterator[tuple[str, Callable[[], list[str]]]]:
+    """The address of an empty database, and what asks for its facts."""
+    if vendor == "sqlite":
+        path = folder / f"{len(list(folder.iterdir()))}.sqlite3"
+        yield f"sqlite:///{path}", partial(sqlite_facts, path)
     else:
+        with postgres() as url:
+            yield url, partial(postgresql_facts, url)
 
-        def facts_after(command: list[str]) -> list[str]:
-            with postgres() as url:
-                run(tmp_path, command, url)
-                return postgresql_facts(url)
 
-        yield facts_after
+@pytest.fixture(scope="module")
+def by_steps(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory) -> dict[str, list[str]]:
+    """The facts of each kind of database after every migration by itself, which takes half a minute: what came of them
+    is kept until one changes."""
+    migrations = json.dumps(sorted(MigrationLoader(None).disk_migrations))
+    vendors = ["sqlite", *(["postgresql"] if is_installed() else [])]
+    key = f"every_migration/{'-'.join(vendors)}/{digest(sha256(migrations.encode()).hexdigest())}"
+    cache = getattr(request.config, "cache", None)
+    found = cache and cache.get(key, None)
+    if not found:
+        folder = tmp_path_factory.mktemp("by_steps")
+        with ExitStack() as opened:
+            made = {vendor: opened.enter_context(database(vendor, folder)) for vendor in vendors}
+            urls = [url for url, _facts in made.values()]
+            run(folder, ["-m", "tests.core.every_migration", *urls], urls[0])
+            found = {vendor: facts() for vendor, (_url, facts) in made.items()}
+        if cache:
+            cache.set(key, found)
+    return found
 
 
 @pytest.mark.slow
-def test_a_database_built_at_once_is_the_same_as_one_of_every_migration(built, request):
-    """Every migration by itself takes half a minute, so what came of them is kept until one changes."""
-    migrations = json.dumps(sorted(MigrationLoader(None).disk_migrations))
-    key = f"every_migration/{request.node.callspec.id}/{digest(sha256(migrations.encode()).hexdigest())}"
-    cache = getattr(request.config, "cache", None)
-    by_steps = cache and cache.get(key, None)
-    if not by_steps:
-        by_steps = built(BY_STEPS)
-        if cache:
-            cache.set(key, by_steps)
-    assert len(by_steps) > 1000
-    assert built(AT_ONCE) == by_steps
+@pytest.mark.parametrize("vendor", ["sqlite", pytest.param("postgresql", marks=pytest.mark.postgres)])
+def test_a_database_built_at_once_is_the_same_as_one_of_every_migration(vendor, by_steps, tmp_path):
+    if vendor not in by_steps:
+        pytest.skip("PostgreSQL is not installed")
+    assert len(by_steps[vendor]) > 1000
+    with database(vendor, tmp_path) as (url, facts):
+        run(tmp_path, ["manage.py", "migrate", "--verbosity", "0"], url)
+        assert facts() == by_steps[vendor]
 
 
 @pytest.fixture
