@@ -99,7 +99,7 @@ def _with_literals(sql: str, params: Sequence[Any]) -> tuple[str, tuple[Any, ...
     left = []
     for place, (part, value) in enumerate(zip(parts, params, strict=True)):
         if isinstance(value, str):
-            text = str(value).replace("'", "''").replace("%", "%%")
+            text = str.__str__(value).replace("'", "''").replace("%", "%%")
             parts[place] = f"'{text}'{part}"
         elif type(value) is int:
             parts[place] = f"{value}{part}"
