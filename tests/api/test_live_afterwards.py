@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import csv
 import io
+from collections.abc import Callable
 
 import pytest
 from django.core.cache import cache
@@ -12,8 +13,9 @@ from django.utils import timezone
 
 from accounts.models import Racer
 from races.aftermath import api
-from races.models import Entry, Race, Visibility
+from races.models import Entry, LiveEvent, Race, Visibility
 from tests.factories import a_racer
+from tests.kept import Kept
 from tests.live_shows import an_ended_show
 from videos.models import Video
 
@@ -21,13 +23,23 @@ pytestmark = pytest.mark.django_db
 PATHS = ("live/figures/", "live/highlights/", "live/results/", "live/laps/", "results/", "certificates/bob/")
 
 
+@pytest.fixture(scope="session")
+def kept_ended_show(request: pytest.FixtureRequest, keep: Callable) -> Kept:
+    return keep(request, lambda: an_ended_show(timezone.now(), a_racer("alice")), fresh_s=60.0)
+
+
 @pytest.fixture
-def event(alice, wakes, video_wakes, monkeypatch):
+def alice(db: None) -> Racer:
+    return Racer.objects.filter(alias="alice").first() or a_racer("alice")
+
+
+@pytest.fixture
+def event(kept_ended_show: Kept, db: None, wakes, video_wakes, monkeypatch) -> LiveEvent:
     """An event that has ended: carl before dora and bob."""
     cache.clear()
     monkeypatch.setattr(api, "results_pdf", lambda *told: b"%PDF-")
     monkeypatch.setattr(api, "certificate", lambda *told: b"%PDF-")
-    return an_ended_show(timezone.now(), alice)
+    return kept_ended_show.copy()
 
 
 def address(event, path: str) -> str:

@@ -2,6 +2,10 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from datetime import datetime
+from typing import Any
+
 import pytest
 from django.core.cache import cache
 
@@ -20,6 +24,7 @@ from courses.models import Mark
 from tests.clients import logged_in
 from tests.courses.assignments import an_assignment, finish_all, hand_in
 from tests.factories import a_racer, laps
+from tests.kept import Kept
 
 pytestmark = pytest.mark.django_db
 # role: teaches, is a student, sees the draft, the published one, Kim's attempt and mark
@@ -35,10 +40,20 @@ ROLES = {
 }
 
 
+@pytest.fixture(scope="session")
+def kept_classes(request: pytest.FixtureRequest, keep: Callable, now: datetime) -> Kept:
+    return keep(request, lambda: _classes(now))
+
+
 @pytest.fixture
-def cast(alice, bob, charlie, now, wakes):
-    """Alice and Bob teach a class; Charlie's class has another student."""
+def cast(kept_classes: Kept, db: None, wakes: list[dict]) -> dict[str, Any]:
     cache.clear()
+    return kept_classes.copy()
+
+
+def _classes(now: datetime) -> dict[str, Any]:
+    """Alice and Bob teach a class; Charlie's class has another student."""
+    alice, bob, charlie = (a_racer(name) for name in ("alice", "bob", "charlie"))
     room = make_class(teacher=alice, name="6a", plan=[], now=now)
     kim, ann = add_learners(classroom=room, by=alice, names=["Kim Minji", "Ann Lee"], now=now)
     elsewhere = make_class(teacher=charlie, name="6b", plan=[], now=now)

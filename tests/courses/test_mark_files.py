@@ -9,38 +9,56 @@ from __future__ import annotations
 import csv
 import io
 import re
+from collections.abc import Callable
+from datetime import datetime
 from decimal import Decimal
 from typing import Any
 
 import pytest
 
 from accounts.class_accounts.services import add_learners, make_class
-from accounts.models import ClassLearner
+from accounts.models import ClassLearner, Classroom, Racer
 from courses.attempts.services import refund_attempt
 from courses.marks.exports import canvas, moodle, plain
 from courses.models import Assignment, Attempt, Mark
 from tests.clients import logged_in
 from tests.courses.assignments import an_assignment, finish_all, hand_in
-from tests.factories import laps
+from tests.factories import a_racer, laps
+from tests.kept import Kept
 
 pytestmark = pytest.mark.django_db
 NAMES = ["Kim Minji; kim@uni.example", "Ann Lee; 20262", "Bo Svensson", "Åsa Öberg; 20264", '=HYPERLINK("x"); 20265']
 
 
+@pytest.fixture(scope="session")
+def kept_marks(request: pytest.FixtureRequest, keep: Callable, now: datetime) -> Kept:
+    return keep(request, lambda: _marks(now))
+
+
 @pytest.fixture
-def room(alice, now, wakes):
-    room = make_class(teacher=alice, name="6a", plan=[], now=now)
-    add_learners(classroom=room, by=alice, names=NAMES, now=now)
-    return room
+def made(kept_marks: Kept, db: None, wakes: list[dict]) -> Assignment:
+    return kept_marks.copy()
+
+
+@pytest.fixture
+def room(made: Assignment) -> Classroom:
+    return Classroom.objects.get(group=made.group)
+
+
+@pytest.fixture
+def alice(made: Assignment) -> Racer:
+    return Racer.objects.get(alias="alice")
 
 
 def racer(room, name: str):
     return ClassLearner.objects.get(classroom=room, real_name=name).racer
 
 
-@pytest.fixture
-def made(room, now) -> Assignment:
+def _marks(now: datetime) -> Assignment:
     """Kim has 100 points, Ann 0, the others none."""
+    alice = a_racer("alice")
+    room = make_class(teacher=alice, name="6a", plan=[], now=now)
+    add_learners(classroom=room, by=alice, names=NAMES, now=now)
     made = an_assignment(room.group, now, title="Three laps, clean")
     finish_all(hand_in(made, racer(room, "Kim Minji"), now), laps(*[9_000] * 5), now)
     finish_all(hand_in(made, racer(room, "Ann Lee"), now), laps(9_000), now)

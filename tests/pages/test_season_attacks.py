@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from datetime import timedelta
 
 import pytest
@@ -16,6 +17,7 @@ from league.stewarding.official_results import close_round
 from league.stewarding.services import disqualify
 from league.webhooks.services import add_webhook
 from tests.factories import a_racer
+from tests.kept import Kept
 from tests.league.seasons import HOUR, a_round, a_season, after, board, racers
 
 pytestmark = pytest.mark.django_db
@@ -27,10 +29,21 @@ def _alone(wakes: list[dict]) -> None:
     """No broker."""
 
 
+@pytest.fixture(scope="session")
+def kept_first_race(request: pytest.FixtureRequest, keep: Callable) -> Kept:
+    return keep(request, _first)
+
+
 @pytest.fixture
-def first(monkeypatch: pytest.MonkeyPatch, settings) -> Round:
-    """A season whose first race is official since a minute; its names, reasons and teams are markup."""
+def first(kept_first_race: Kept, db: None, monkeypatch: pytest.MonkeyPatch, settings) -> Round:
     settings.SESSION_COOKIE_AGE = 10 * 365 * 24 * 3600
+    made = kept_first_race.copy()
+    monkeypatch.setattr("django.utils.timezone.now", lambda: after(made))
+    return made
+
+
+def _first() -> Round:
+    """A season whose first race is official since a minute; its names, reasons and teams are markup."""
     season = a_season(prizes=f"P {MARK}")
     Season.objects.update(name=f"S {MARK}")
     season.refresh_from_db()
@@ -41,9 +54,11 @@ def first(monkeypatch: pytest.MonkeyPatch, settings) -> Round:
     Racer.objects.filter(pk=field[0].pk).update(team=f"T {MARK}", country="KR")
     board(round_.race, field)
     now = after(round_)
-    monkeypatch.setattr("django.utils.timezone.now", lambda: now)
-    close_round(round=round_, now=now)
-    disqualify(round=round_, racer=field[9], by=a_racer("steward", is_staff=True), reason=f"Why {MARK}", now=now)
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr("django.utils.timezone.now", lambda: now)
+        close_round(round=round_, now=now)
+        steward = a_racer("steward", is_staff=True)
+        disqualify(round=round_, racer=field[9], by=steward, reason=f"Why {MARK}", now=now)
     return Round.objects.select_related("race", "season").get(pk=round_.pk)
 
 

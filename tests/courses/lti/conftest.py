@@ -2,18 +2,19 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from pathlib import Path
+from typing import Any
 
 import pytest
 from django.core.cache import cache
 from django.test import Client
+from django.test.utils import override_settings
 
 from courses.models import LtiContext, LtiPlatform
 from tests.courses.lti.launching import SITE, launched
 from tests.courses.lti.platform import Platform, new_key, running_platform
-
-KEY = new_key()
+from tests.kept import Kept
 
 
 @pytest.fixture(scope="session")
@@ -29,20 +30,43 @@ def _private(settings, key_file: Path) -> None:
     cache.clear()
 
 
-@pytest.fixture
-def platform() -> Iterator[Platform]:
-    with running_platform(key=KEY, redirects=[f"{SITE}/lti/launch/"]) as made:
-        made.tool_keys = lambda: Client().get("/lti/keys.json").json()
-        made.people = {
-            "t-1": ("Grace Hopper", "Instructor"),
-            "s-1": ("Ada Lovelace", "Learner"),
-            "s-2": ("Alan Turing", "Learner"),
-        }
+@pytest.fixture(scope="session")
+def served() -> Iterator[Platform]:
+    with running_platform(key=new_key()) as made:
         yield made
 
 
 @pytest.fixture
-def registered(db, platform: Platform) -> LtiPlatform:
+def platform(served: Platform) -> Platform:
+    return as_new(served)
+
+
+def as_new(platform: Platform) -> Platform:
+    """As if nobody had come from it yet; its address and key stay."""
+    vars(platform).update(
+        vars(
+            Platform(
+                base=platform.base,
+                key=platform.key,
+                redirects=[f"{SITE}/lti/launch/"],
+                tool_keys=lambda: Client().get("/lti/keys.json").json(),
+                people={
+                    "t-1": ("Grace Hopper", "Instructor"),
+                    "s-1": ("Ada Lovelace", "Learner"),
+                    "s-2": ("Alan Turing", "Learner"),
+                },
+            )
+        )
+    )
+    return platform
+
+
+@pytest.fixture
+def registered(db: None, platform: Platform) -> LtiPlatform:
+    return LtiPlatform.objects.filter(issuer=platform.base).first() or register(platform)
+
+
+def register(platform: Platform) -> LtiPlatform:
     return LtiPlatform.objects.create(
         name="Example University",
         issuer=platform.base,
@@ -54,8 +78,22 @@ def registered(db, platform: Platform) -> LtiPlatform:
     )
 
 
+@pytest.fixture(scope="session")
+def kept_course(request: pytest.FixtureRequest, keep: Callable, served: Platform, key_file: Path) -> Kept:
+    def make() -> tuple[int, list[dict[str, Any]]]:
+        cache.clear()
+        with override_settings(LTI_PRIVATE=True, LTI_KEY_FILE=key_file):
+            register(as_new(served))
+            launched(served, "t-1", do=("new", "new-class"))
+        return served.fetched, [dict(cache._cache), dict(cache._expire_info)]
+
+    return keep(request, make, fresh_s=60.0)
+
+
 @pytest.fixture
-def course(registered: LtiPlatform, platform: Platform) -> LtiContext:
+def course(kept_course: Kept, registered: LtiPlatform, platform: Platform) -> LtiContext:
     """The course, which its teacher has opened for the first time."""
-    launched(platform, "t-1", do=("new", "new-class"))
+    platform.fetched, (values, expiries) = kept_course.copy()
+    cache._cache.update(values)
+    cache._expire_info.update(expiries)
     return LtiContext.objects.get()

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import time
+from functools import cache as cache_of_process
 from typing import Any
 from urllib.parse import urlsplit
 
@@ -17,7 +18,7 @@ from tests.courses.lti.launching import SITE, begin, launched, refused, send
 from tests.courses.lti.platform import CLAIM, new_key, running_platform
 
 pytestmark = pytest.mark.django_db
-OTHER_KEY = new_key()
+other_key = cache_of_process(new_key)
 
 
 @pytest.fixture(autouse=True)
@@ -30,7 +31,7 @@ def _nobody_comes(course):
 
 class TestSignature:
     def test_a_forged_signature(self, platform):
-        assert refused(send(Client(), platform, "s-1", key=OTHER_KEY)) == "lti_token"
+        assert refused(send(Client(), platform, "s-1", key=other_key())) == "lti_token"
 
     def test_a_changed_body(self, platform):
         client = Client()
@@ -194,7 +195,7 @@ def test_one_address_launches_so_often_a_minute(platform, monkeypatch):
 
 class TestPlatforms:
     def test_a_second_platform_cannot_speak_for_the_first(self, platform, registered):
-        with running_platform(key=OTHER_KEY, people=platform.people) as other:
+        with running_platform(key=other_key(), people=platform.people) as other:
             LtiPlatform.objects.create(
                 name="Other",
                 issuer=other.base,

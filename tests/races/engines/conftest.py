@@ -2,14 +2,21 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from datetime import datetime
+
 import pytest
 
+from accounts.models import Racer
 from races.entries.services.redrives import sweep_redrives
 from races.models import Race
 from tests.factories import a_race, a_racer, drive, laps
+from tests.kept import Kept
 from tests.redrives import SITE
 
 from .site import NEW, OLD
+
+NAMES = ("ann", "bob", "cat")
 
 
 @pytest.fixture
@@ -24,16 +31,27 @@ def site(monkeypatch):
 
 
 @pytest.fixture
-def cast(site):
-    return [a_racer(name) for name in ("ann", "bob", "cat")]
+def cast(site) -> list[Racer]:
+    return list(Racer.objects.filter(alias__in=NAMES).order_by("alias")) or [a_racer(name) for name in NAMES]
+
+
+@pytest.fixture(scope="session")
+def kept_old_race(request: pytest.FixtureRequest, keep: Callable, now: datetime) -> Kept:
+    return keep(request, lambda: _race(now))
 
 
 @pytest.fixture
-def race(cast, now) -> Race:
+def race(kept_old_race: Kept, db: None, site) -> Race:
+    return kept_old_race.copy()
+
+
+def _race(now: datetime) -> Race:
     """An open race: ann has 10 s, bob 11 s, and cat 12 s."""
-    race = a_race(now)
-    for number, racer in enumerate(cast):
-        drive(race, racer, laps(*[10_000 + 1000 * number] * 3), now)
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(SITE, OLD)
+        race = a_race(now)
+        for number, name in enumerate(NAMES):
+            drive(race, a_racer(name), laps(*[10_000 + 1000 * number] * 3), now)
     race.refresh_from_db()
     return race
 
