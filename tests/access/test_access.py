@@ -10,6 +10,7 @@ from collections.abc import Callable
 from uuid import UUID
 
 import pytest
+from django.core.cache.backends.locmem import LocMemCache
 
 from core.streams import TOPICS, can_follow
 from tests.access.bodies import body_of_row
@@ -42,6 +43,7 @@ OF_RACERS = re.compile(
 )
 # what somebody else than the owner may do only as an admin
 OF_OWNERS = re.compile(r"(api/v1/)?(evaluations|models|reports|train|trainings|sweeps|videos|teams)/")
+KEPT_DRIVES = LocMemCache("drives", {})  # each request finds the other caches empty; driving takes seconds
 
 
 @pytest.fixture(scope="session")
@@ -50,8 +52,9 @@ def kept_cast(request: pytest.FixtureRequest, keep: Callable) -> Kept:
 
 
 @pytest.fixture
-def cast(kept_cast: Kept, db: None, settings, trainings_taken_on, wakes, video_wakes) -> Cast:
+def cast(kept_cast: Kept, db: None, settings, monkeypatch, trainings_taken_on, wakes, video_wakes) -> Cast:
     settings.STAFF_SECOND_FACTOR = True
+    monkeypatch.setattr("training.rewards.audit.services.cache", KEPT_DRIVES)
     return kept_cast.copy()
 
 

@@ -50,6 +50,8 @@ UNUSED += ["HttpsFirstBalancedModeAutoEnable", "PaintHolding", "ThirdPartyStorag
 UNUSED += ["AvoidCorsURLLoaderRestartOnRedirect", "NetworkTimeServiceQuerying"]
 UNUSED += ["ProactivelySwapBrowsingInstance", "SpareRendererForSitePerProcess"]
 FLAGS += [f"--disable-features={','.join(UNUSED)}"]
+# For many pages that are looked at once: code that is made faster for long use does not pay for itself there.
+BRIEFLY = ["--js-flags=--no-maglev --no-turbofan --single-threaded-gc"]
 # Every test in a real browser has these marks.
 IN_A_BROWSER = [
     pytest.mark.browser,
@@ -79,14 +81,14 @@ class _Shared:
         self._held: ExitStack | None = None
         self._browser: Browser | None = None
 
-    def have(self) -> Browser:
+    def have(self, *more: str) -> Browser:
         if self._browser is None or not self._browser.is_connected():
             self.close()
             playwright = pytest.importorskip("playwright.sync_api", reason="Playwright is not installed")
             playwright.expect.set_options(timeout=LATE_MS)
             with ExitStack() as held:
                 driver = held.enter_context(playwright.sync_playwright())
-                self._browser = driver.chromium.launch(executable_path=CHROMIUM, args=FLAGS)
+                self._browser = driver.chromium.launch(executable_path=CHROMIUM, args=[*FLAGS, *more])
                 held.callback(self._browser.close)
                 # Playwright's loop runs in this thread until it is closed, and the tests read the database beside it
                 held.enter_context(patch.object(StaticFilesHandler, "serve", _kept))
@@ -105,15 +107,15 @@ _SHARED = _Shared()
 
 
 @contextmanager
-def chromium(new: bool = False) -> Iterator[Browser]:
+def chromium(new: bool = False, briefly: bool = False) -> Iterator[Browser]:
     """A Chromium without a window, in which nothing is open: that of the test before, where there was one.
 
     ``new``: one that has just been started. In one that has had a service worker before, a network that a test cuts
-    was seen to let requests through.
+    was seen to let requests through. ``briefly``: one for this test alone, which looks at many pages once.
     """
-    if new:
+    if new or briefly:
         _SHARED.close()
-    opened = _SHARED.have()
+    opened = _SHARED.have(*(BRIEFLY if briefly else []))
     before = opened.contexts
     try:
         yield opened
@@ -121,6 +123,8 @@ def chromium(new: bool = False) -> Iterator[Browser]:
         for context in opened.contexts:
             if context not in before:
                 context.close()
+        if briefly:
+            _SHARED.close()
 
 
 def after(item: pytest.Item, nextitem: pytest.Item | None) -> None:

@@ -175,7 +175,7 @@ def _fill(page, label: str, value: object) -> None:
 @pytest.mark.parametrize("admin", [False, pytest.param(True, marks=pytest.mark.soak)], ids=["site", "admin site, too"])
 def test_every_form_of_the_site_can_be_sent(admin: bool, cast: Cast, live_server) -> None:
     """``admin``: those of the admin site, too, of which otherwise the searches are tried."""
-    with chromium() as browser:
+    with chromium(briefly=True) as browser:
         browsing = Browsing(browser, live_server.url, cast)
         for viewer, racer in cast.racers.items():
             client = Client()
