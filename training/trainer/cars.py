@@ -21,6 +21,7 @@ from paddock.simulator.vector import HeadToHeadVectorEnv, ObjectAvoidanceVectorE
 from .messages import EpisodeReport
 from .observations import Sense, look
 from .practice_starts import DRILL_STEPS, Drills, astray
+from .road_state import LENGTH, road_state
 from .spec import TrainerSpec
 from .warm_up import row_space
 
@@ -116,7 +117,9 @@ class TrainingCars(SB3VecEnv):
         rewards: Sequence[RewardFunction],
         senses: list[Sense],
         seed: int,
+        guided: bool = False,
     ) -> None:
+        """``guided``: rows end with the state of the road."""
         space = ActionSpace.from_metadata(spec.metadata)
         ways = ways_of(spec, track)
         others = {way.number: way for way in reversed(ways) if way.number}
@@ -138,8 +141,8 @@ class TrainingCars(SB3VecEnv):
         )
         self._way_records = [way.record for way in ways] if len(ways) > 1 else []
         self._grounds = [ground for each in env.setting.ways for ground in each]
-        self._senses, self._seed = senses, seed
-        super().__init__(env, observation_space=row_space(senses))
+        self._senses, self._seed, self._guided = senses, seed, guided
+        super().__init__(env, observation_space=row_space(senses, LENGTH if guided else 0))
         self.drills = Drills(len(ways))
         self.scale = RewardScale(spec.hyperparameters["discount_factor"]) if spec.algorithm == PPO else None
         self._drillers = np.arange(self.num_envs) % 2 == 1
@@ -185,7 +188,11 @@ class TrainingCars(SB3VecEnv):
         return next((number for number, ground in enumerate(self._grounds) if ground.track is track), 0)
 
     def look(self, readings: Any) -> np.ndarray:
-        return look(self._senses, readings)
+        rows = look(self._senses, readings)
+        if not self._guided:
+            return rows
+        states = [road_state(self.env.car(number)) for number in range(self.num_envs)]
+        return np.concatenate([rows, np.array(states, np.float32)], axis=1)
 
     def harvest(self) -> tuple[list[EpisodeReport], bytes]:
         """The episodes since the last time, and the newest of their traces: a gzipped CSV, ``b""`` for none."""

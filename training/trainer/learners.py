@@ -8,7 +8,7 @@ How the console's names map onto stable-baselines3's:
   the training, by the share ``entropy_decay`` until its end.
 - ``loss_type``: the loss of the value function (SAC: of both critics), Huber with delta 1 or mean squared error.
 - ``num_episodes_between_training``: steps between two updates, see ``TrainerSpec.steps_each``.
-- The field's fixed values: clip 0.2, GAE lambda 0.95, Adam epsilon 1e-5.
+- The field's fixed values: clip 0.2 (upwards 0.5 for the guide), GAE lambda 0.95, Adam epsilon 1e-5.
 """
 
 import codecs
@@ -26,9 +26,12 @@ import torch
 from stable_baselines3 import PPO, SAC
 from stable_baselines3.common.callbacks import BaseCallback
 from stable_baselines3.common.logger import Logger
+from stable_baselines3.common.policies import ActorCriticPolicy
+from stable_baselines3.common.torch_layers import BaseFeaturesExtractor
 from stable_baselines3.common.type_aliases import RolloutBufferSamples, TrainFreq, TrainFrequencyUnit
 from stable_baselines3.common.utils import polyak_update
 from stable_baselines3.common.vec_env import VecEnv
+from torch import nn
 from torch.nn import functional
 
 from paddock.rules.hyperparameters import HUBER
@@ -36,14 +39,21 @@ from paddock.rules.hyperparameters import HUBER
 from . import torso
 from .mirror_augmentation import Mirror
 from .network import FEATURES, NetworkLayout
+from .road_state import LENGTH
 from .spec import TrainerSpec
-from .warm_up import torso_arguments
+from .warm_up import row_space, torso_arguments
 
 _CLIP, _LAMBDA, _GRADIENT_NORM = 0.2, 0.95, 0.5
 _SAC_MEMORY = 20_000  # steps that SAC learns from: 0.2 GB of pooled pictures
 _SAC_MEMORY_UNPOOLED = 5_000  # the same in pictures of the console's network
 _SAC_TAU = 0.02  # the share of the critics that their targets take over at each step of learning
 _CLONE_LOG_STD = -1.0  # a clone knows its way: it explores less than a beginner
+_CONTRAST = (0.3, 5.0)  # of a guided training's pictures, see :class:`.torso.Torso`
+_GUIDE_CLIP = 0.5
+_GUIDED_STEPS = 20_000  # at most
+_FOLLOWED = 5  # times that as many steps are followed as were just driven, drawn from the latest
+_SHOWN = 5_040  # steps, or all of the last update
+_SHARPNESS = 3.0  # of the guide's preferences, in their standard deviations; as it drives it chooses nearly at random
 
 cloudpickle.register_pickle_by_value(torso)
 codecs.lookup("cp437")  # of names in a zip that is opened again: a locked process cannot import it
@@ -59,8 +69,25 @@ class Losses:
     value: float
 
 
+class _Road(BaseFeaturesExtractor):
+    """The state of the road at the end of a row."""
+
+    def __init__(self, observation_space: Any) -> None:
+        super().__init__(observation_space, LENGTH)
+
+    def forward(self, observations: torch.Tensor) -> torch.Tensor:
+        return observations[:, -LENGTH:]
+
+
 class Learner:
-    """One of the two algorithms on a set of cars; :meth:`update` is one iteration."""
+    """One of the two algorithms on a set of cars; :meth:`update` is one iteration.
+
+    With ``guided`` a second policy, the guide, learns by PPO, too, and drives after the first update. It sees the state
+    of the road instead of pictures and so learns from the same rewards in a fifth of the steps. The car's own policy
+    follows it: it learns from the pictures where the road is and what the guide does there, until it laps by itself and
+    PPO goes on with it (:meth:`go_alone`). Pinto et al. 2017, Asymmetric Actor Critic; Jaderberg et al. 2016, UNREAL;
+    Chen et al. 2019, Learning by Cheating, whose guide learns from an expert, this one from rewards alone.
+    """
 
     def __init__(
         self,
@@ -71,10 +98,11 @@ class Learner:
         hurry: Callable[[], bool] = lambda: False,
         mirror: Mirror | None = None,
         share: Callable[[], float] = lambda: 0.0,
+        guided: bool = False,
     ) -> None:
         """``callback`` is called after each control step, ``hurry`` between the steps of learning: if it is true, the
         update ends, and one of PPO is undone. ``mirror`` turns half of each batch of PPO round. ``share``: the share of
-        the training that is over."""
+        the training that is over. ``guided``: the rows of ``cars`` end with the state of the road."""
         self.spec, self.layout = spec, layout
         self._mirror, self._share, self._hurry = mirror, share, hurry
         self._driven = 0  # steps of all cars since the last update
@@ -114,6 +142,18 @@ class Learner:
                 policy_kwargs={**policy, "net_arch": []},
                 **common,
             )
+        self._policy = self.model.policy  # the car's own; the model's is the one that drives
+        self._guide: ActorCriticPolicy | None = None
+        self._shown = np.empty((0, *(cars.observation_space.shape or ())), np.float32)  # the latest rows with the guide
+        if guided:
+            self._guide = ActorCriticPolicy(
+                *(cars.observation_space, cars.action_space, self.model.lr_schedule),
+                net_arch=[FEATURES, FEATURES],
+                features_extractor_class=_Road,
+            )
+            self._policy.features_extractor.contrast = _CONTRAST
+            self._sight = nn.Linear(layout.features, LENGTH)  # of the features of pictures, into the state of the road
+            self._sight_optimiser = torch.optim.Adam(self._sight.parameters(), lr=values["lr"], eps=1e-5)
         for optimiser in self._optimisers:
             for group in optimiser.param_groups:
                 group["fused"] = True  # one pass over the weights instead of eight
@@ -146,15 +186,40 @@ class Learner:
         return worth * (1.0 - decay * min(max(self._share(), 0.0), 1.0)) if decay else worth
 
     def update(self) -> Losses:
-        self.model.policy.set_training_mode(True)
+        self._policy.set_training_mode(True)
         return self._update_sac() if self.sac else self._update_ppo()
 
+    @property
+    def guided(self) -> bool:
+        """Whether a guide drives."""
+        return self.model.policy is not self._policy
+
+    def go_alone(self) -> None:
+        """From now on the car's own policy drives and learns by itself."""
+        self.model.policy, self._guide = self._policy, None
+        self._shown = self._shown[:0].copy()
+
     def _update_ppo(self) -> Losses:
-        """As ``PPO.train`` of stable-baselines3 2.9, with a choice of the value loss. An update that is cut short is
-        undone, because within it a car may drive far worse than before or after."""
-        model, policy, losses = self.model, self.model.policy, []
+        """An update that is cut short is undone, because within it a car may drive far worse than before or after."""
+        before = [(one, {name: it.clone() for name, it in one.state_dict().items()}) for one in self._policies]
+        losses: list[tuple[float, float, float]] = []
+        done = all(self._learn(one, losses) for one in ([self._guide] if self.guided else self._policies))
+        if done and self.guided:
+            done = self._follow()
+        if not done:
+            for policy, weights in before:
+                policy.load_state_dict(weights)
+        elif self.model.num_timesteps >= _GUIDED_STEPS:
+            self.go_alone()
+        elif self._guide is not None:
+            self.model.policy = self._guide
+        return _means(losses)
+
+    def _learn(self, policy: Any, losses: list[tuple[float, float, float]]) -> bool:
+        """As ``PPO.train`` of stable-baselines3 2.9, with a choice of the value loss; whether it came to the end."""
+        model = self.model
         bonus = self.exploring()
-        before = {name: tensor.clone() for name, tensor in policy.state_dict().items()}
+        upwards = _GUIDE_CLIP if policy is self._guide else _CLIP
         discrete = self.spec.metadata["action_space_type"] == "discrete"
         batches = self._mirrored_batches() if self._turns else lambda: model.rollout_buffer.get(model.batch_size)
         for _ in range(model.n_epochs):
@@ -165,7 +230,7 @@ class Learner:
                 if len(advantages) > 1:
                     advantages = (advantages - advantages.mean()) / (advantages.std() + 1e-8)
                 ratio = torch.exp(log_prob - batch.old_log_prob)
-                clipped = torch.clamp(ratio, 1 - _CLIP, 1 + _CLIP)
+                clipped = torch.clamp(ratio, 1 - _CLIP, 1 + upwards)
                 policy_loss = -torch.min(advantages * ratio, advantages * clipped).mean()
                 value_loss = self.loss(values.flatten(), batch.returns)
                 spread = entropy.mean()
@@ -176,10 +241,42 @@ class Learner:
                 policy.optimizer.step()
                 losses.append((spread.item(), policy_loss.item(), value_loss.item()))
                 if self._hurry():
-                    policy.load_state_dict(before)
-                    return _means(losses)
+                    return False
             model._n_updates += 1
-        return _means(losses)
+        return True
+
+    def _follow(self) -> bool:
+        """The car's own policy learns from the pictures what the guide makes of the same places; whether it came to
+        the end. Its preferences count by their differences, as it only begins to decide."""
+        model, policy = self.model, self._policy
+        guide: Any = self._guide
+        driven = model.rollout_buffer.observations.reshape(-1, *model.observation_space.shape)
+        self._shown = np.concatenate([self._shown, driven])[-max(_SHOWN, len(driven)) :]
+        rows = torch.from_numpy(self._shown)
+        discrete = self.spec.metadata["action_space_type"] == "discrete"
+        with torch.no_grad():
+            values, wanted = guide.predict_values(rows), guide.get_distribution(rows).distribution
+            if discrete:
+                scores = wanted.logits - wanted.logits.mean(1, keepdim=True)
+                actions = torch.softmax(_SHARPNESS * scores / (scores.std() + 1e-8), 1)
+            else:
+                actions = wanted.mean
+                policy.log_std.copy_(guide.log_std)
+        alike = functional.cross_entropy if discrete else functional.mse_loss
+        for _ in range(max(1, _FOLLOWED * len(driven) // model.batch_size)):
+            some = torch.randint(len(rows), (model.batch_size,))
+            features = policy.features_extractor(rows[some])
+            loss = alike(policy.action_net(features), actions[some])
+            loss = loss + model.vf_coef * functional.mse_loss(policy.value_net(features.detach()), values[some])
+            loss = loss + 0.5 * functional.mse_loss(self._sight(features), rows[some, -LENGTH:])
+            policy.optimizer.zero_grad()
+            self._sight_optimiser.zero_grad()
+            loss.backward()
+            policy.optimizer.step()
+            self._sight_optimiser.step()
+            if self._hurry():
+                return False
+        return True
 
     @property
     def _turns(self) -> bool:
@@ -256,7 +353,7 @@ class Learner:
         return outputs[0], value
 
     def _judged(self, rows: np.ndarray, with_value: bool) -> tuple[np.ndarray, float]:
-        policy = self.model.policy
+        policy = self._policy
         if policy.training:  # setting it again in every layer would take longer than a layer
             policy.set_training_mode(False)
         with torch.no_grad():
@@ -272,7 +369,13 @@ class Learner:
 
     def weights(self) -> dict[str, np.ndarray]:
         """The policy's weights by the names of :attr:`.network.NetworkLayout.shapes`."""
-        return {name: tensor.detach().numpy().copy() for name, tensor in self._tensors().items()}
+        found = {name: tensor.detach().numpy().copy() for name, tensor in self._tensors().items()}
+        if self._eyes.contrast is not None:
+            middle, factor = self._eyes.contrast
+            for name in (f"{sense.name}.conv0" for sense in self.layout.senses if sense.spec.is_picture):
+                found[name] *= np.float32(factor)
+                found[f"{name}_bias"] -= np.float32(middle) * found[name].sum((1, 2, 3))
+        return found
 
     def take(self, weights: Mapping[str, np.ndarray]) -> None:
         """Start with these weights, as a clone does."""
@@ -284,9 +387,12 @@ class Learner:
             if self.sac:
                 self.model.critic_target.load_state_dict(self.model.critic.state_dict())
 
+    @property
+    def _eyes(self) -> Any:
+        return self._policy.actor.features_extractor if self.sac else self._policy.features_extractor
+
     def _tensors(self) -> dict[str, torch.Tensor]:
-        policy = self.model.policy
-        eyes = policy.actor.features_extractor if self.sac else policy.features_extractor
+        policy, eyes = self._policy, self._eyes
         head = policy.actor.mu if self.sac else policy.action_net
         found: dict[str, torch.Tensor] = {}
         for sense, eye in zip(self.layout.senses, eyes.eyes, strict=True):
@@ -300,31 +406,50 @@ class Learner:
 
     def is_finite(self) -> bool:
         """Whether no weight is NaN or infinite."""
-        return all(bool(torch.isfinite(weights).all()) for weights in self.model.policy.parameters())
+        return all(bool(torch.isfinite(it).all()) for one in self._policies for it in one.parameters())
+
+    @property
+    def _policies(self) -> list[Any]:
+        """The guide while there is one, and the car's own policy."""
+        return [self._policy] if self._guide is None else [self._guide, self._policy]
 
     @property
     def _optimisers(self) -> list[torch.optim.Optimizer]:
-        policy = self.model.policy
-        return [policy.actor.optimizer, policy.critic.optimizer] if self.sac else [policy.optimizer]
+        if self.sac:
+            return [self._policy.actor.optimizer, self._policy.critic.optimizer]
+        return [one.optimizer for one in self._policies]
 
     def state(self) -> dict[str, object]:
         """Weights, the optimisers' state and the number of steps, for :meth:`restore`; without SAC's replay buffer of
         0.2 GB."""
         return {
-            "policy": self.model.policy.state_dict(),
+            "policy": self._policy.state_dict(),
+            "guide": None if self._guide is None else self._guide.state_dict(),
+            "contrast": None if self.sac else self._eyes.contrast,
             "optimisers": [one.state_dict() for one in self._optimisers],
             "steps": self.model.num_timesteps,
         }
 
     def restore(self, state: Mapping[str, Any]) -> None:
-        self.model.policy.load_state_dict(state["policy"])
+        """``state`` may be of an earlier version, without a guide."""
+        self._policy.load_state_dict(state["policy"])
+        self._eyes.contrast = state.get("contrast")
+        if self._guide is not None:
+            self._guide.load_state_dict(state["guide"])
+            self.model.policy = self._guide
         for one, kept in zip(self._optimisers, state["optimisers"], strict=True):
             one.load_state_dict(kept)
         self.model.num_timesteps = int(state["steps"])
 
     def to_zip(self) -> bytes:
         """The file for ``PPO.load`` or ``SAC.load`` of stable-baselines3, with the car's metadata beside the policy, so
-        that it may be uploaded, too."""
+        that it may be uploaded, too. The training is over with it: the policy takes pictures as they are."""
+        self.go_alone()
+        weights, self._eyes.contrast = self.weights(), None
+        with torch.no_grad():
+            for name, tensor in self._tensors().items():
+                tensor.copy_(torch.from_numpy(weights[name]))
+        self.model.observation_space = self._policy.observation_space = row_space(self.layout.senses)
         file = io.BytesIO()
         self.model.save(file, exclude=["_last_obs", "_last_original_obs", "rollout_buffer", "replay_buffer"])
         with zipfile.ZipFile(file, "a") as archive:

@@ -17,10 +17,10 @@ from .spec import TrainerSpec
 
 # Measured with both algorithms, all depths, one camera and two: a network is its weights and less than 2 kB; a
 # checkpoint and stable-baselines3's file are 3.0 to 3.2 times the weights with PPO (Adam has two numbers for each) and
-# 7.1 to 8.6 times with SAC, whose two critics each have their own, and less than 0.15 MB.
+# 7.1 to 8.6 times with SAC, whose two critics each have their own, and less than 0.15 MB; a guide is 0.5 MB.
 _FLOAT = 4  # bytes
 _TIMES = {"ppo": 3.2, "sac": 9.0}
-_NETWORK_ROOM, _STATE_ROOM = 64 * 1024, 512 * 1024
+_NETWORK_ROOM, _STATE_ROOM = 64 * 1024, 1024 * 1024
 SIMTRACE_PACKED, SIMTRACE_CSV = 1024 * 1024, 2 * 1024 * 1024  # 6000 rows are 0.3 and 1.2 MB
 _EPISODES, _TRIALS, _PLACES = 200, max(10, 2 * MOST_TRACKS), 400
 GREATEST = 1e12

@@ -7,6 +7,7 @@ After the first difference the training uses the driven steps only.
 
 from __future__ import annotations
 
+import math
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -18,6 +19,7 @@ from paddock.simulator.rewards import Params, RewardFunction
 from training.rewards.sandbox.call_limits import watch
 
 from .network import NetworkLayout
+from .road_state import MIRRORED
 from .spec import TrainerSpec
 
 if TYPE_CHECKING:
@@ -54,7 +56,12 @@ class Mirror:
         return cls(layout.senses[0].shape, [actions.index(one) for one in opposite])
 
     def rows(self, rows: torch.Tensor) -> torch.Tensor:
-        return rows.reshape(-1, *self._shape).flip(-1).reshape(rows.shape)
+        """``rows``: with or without the state of the road."""
+        import torch
+
+        pixels = math.prod(self._shape)
+        seen = rows[:, :pixels].reshape(-1, *self._shape).flip(-1).reshape(-1, pixels)
+        return torch.cat([seen, rows[:, pixels:] * torch.from_numpy(MIRRORED)], 1) if rows.shape[1] > pixels else seen
 
     def actions(self, actions: torch.Tensor) -> torch.Tensor:
         """The actions of mirrored cars: numbers of a list (n,) or (n, 1), or steering and speed (n, 2)."""

@@ -132,10 +132,11 @@ class Training:
         rewards = self._rewards(CARS + self.spec.trials_driven + (mirror is not None))
         if mirror is not None:
             rewards[0] = Twin(rewards[0], rewards.pop(), mirror)
-        self._cars = TrainingCars(self.spec, self._track, rewards[:CARS], self._senses, seed)
+        guided = self.spec.guided and start == "" if state is None else bool(state["learner"].get("guide"))
+        self._cars = TrainingCars(self.spec, self._track, rewards[:CARS], self._senses, seed, guided)
         self._judge = Judge(self.spec, self._track, rewards[CARS:], self._senses, self._pulse)
         self._learner = Learner(
-            self.spec, self.layout, self._cars, _Watch(self._may_go_on), self._hurry, mirror, self._share
+            *(self.spec, self.layout, self._cars, _Watch(self._may_go_on), self._hurry, mirror, self._share, guided)
         )
         if start == "weights":
             try:
@@ -301,6 +302,8 @@ class Training:
             self._best = key
         if verdict.confirmed:
             self._ended = CLEAN
+        if not self.spec.stop_clean_laps and verdict.clean_laps == len(verdict.trials):
+            learner.go_alone()
         self.number += 1
         self._looked = True
         self._looked_at = self._updates

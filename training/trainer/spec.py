@@ -5,6 +5,7 @@ from typing import Any, TypedDict
 
 from paddock.geometry.track import TrackDocument
 from paddock.packages.metadata import MetadataDocument
+from paddock.rules.race import TIME_TRIAL
 from paddock.simulator.camera.theme import OFFICIAL
 
 from .network import OURS
@@ -87,6 +88,12 @@ class TrainerSpec:
     alternate_direction: bool = False
     randomise: dict[str, float] = field(default_factory=dict)
     continues: bool = False
+
+    @property
+    def guided(self) -> bool:
+        """Whether a guide leads the first updates of a new car (:class:`.learners.Learner`): the state of the road that
+        it sees knows no boxes and no bots."""
+        return self.algorithm == "ppo" and self.race_type == TIME_TRIAL and self.build == OURS
 
     @property
     def ways(self) -> int:

@@ -23,10 +23,11 @@ def make_torso(layout: NetworkLayout) -> Torso:
     return Torso(row_space(layout.senses), **torso_arguments(layout))
 
 
-def row_space(senses: Sequence[Sense]) -> spaces.Box:
+def row_space(senses: Sequence[Sense], more: int = 0) -> spaces.Box:
+    """The space of a row with so many more numbers."""
     if senses[0].pool == 1:
         return spaces.Box(0, 255, (senses[-1].stop,), np.uint8)
-    return spaces.Box(-np.inf, np.inf, (senses[-1].stop,), np.float32)
+    return spaces.Box(-np.inf, np.inf, (senses[-1].stop + more,), np.float32)
 
 
 def torso_arguments(layout: NetworkLayout) -> dict[str, Any]:
