@@ -23,7 +23,6 @@ from config.settings import DATA_DIR, DATABASES, STORAGES
 if DATABASES["default"]["ENGINE"] == "django.db.backends.sqlite3":
     # a real file: in memory there is no WAL, and other threads and processes see nothing
     DATABASES["default"]["TEST"] = {"NAME": str(DATA_DIR / "test.sqlite3")}
-    DATABASES["default"]["OPTIONS"]["cached_statements"] = 2000  # tests ask more than the 128 that are kept otherwise
 
 CUP_TIME = ""  # no cup of the day but those that tests hold
 LTI = True  # its pages are there; a site without it is a test of its own

@@ -142,5 +142,5 @@ SHAPES = {
     "complex": of('(params["distance_from_center"] - 0.1) ** 0.5'),
     "too large": of('1e6 * params["speed"]'),
     "division by zero": of('1 / (params["steps"] - 10)'),
-    "random": of("random.random()", "import random\n\n\n"),
+    "random": of("0.9 + random.random() / 10", "import random\n\n\n"),
 }

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import subprocess
 import sys
+from functools import cache
 from pathlib import Path
 
 import pytest
@@ -19,9 +20,11 @@ from training.golden import proof, table
 from training.golden.runs import PROOF
 
 pytestmark = pytest.mark.usefixtures("nothing_left")
+driven = cache(proof.through_the_pipeline)  # where a test is about what is made of the runs
 
 
-def test_this_machine_is_exact():
+def test_this_machine_is_exact(monkeypatch):
+    monkeypatch.setattr(proof, "through_the_pipeline", driven)
     found = proof.prove()
     assert (found.engine, found.runs, found.equal, found.differ, found.why) == (
         ENGINE_ID,
@@ -51,6 +54,7 @@ def test_a_bullet_that_rounds_differently_is_not_exact(monkeypatch, tmp_path):
 
 
 def test_an_engine_without_a_table_proves_nothing(monkeypatch, tmp_path):
+    monkeypatch.setattr(proof, "through_the_pipeline", driven)
     monkeypatch.setattr(table, "TABLES", tmp_path)
     found = proof.prove()
     assert (found.equal, found.differ) == (0, PROOF)
