@@ -8,6 +8,7 @@ import sys
 from pathlib import Path
 from typing import Any
 
+from tests.collected import collected
 from tests.config.test_run import READY, Run, environment, rows
 from tests.evaluation.processes import wait_for
 from tests.shared import CHECKOUT
@@ -20,7 +21,7 @@ class LiveSite(Run):
     """``manage.py run`` on a data folder; what it prints is in ``log``."""
 
     def __init__(self, data: Path, port: int | None = None) -> None:
-        super().__init__(data, port, **QUIET)
+        super().__init__(data, port, **QUIET, **collected())
 
     def ready(self) -> LiveSite:
         wait_for(lambda: READY.search(self.said) or self.process.poll() is not None, START_S, self.log)
@@ -37,7 +38,7 @@ class LiveSite(Run):
         done = subprocess.run(
             [sys.executable, "-m", "tests.night_rows", what, *words],
             cwd=CHECKOUT,
-            env=environment(self.data) | QUIET | {"DJANGO_SETTINGS_MODULE": "config.settings"},
+            env=environment(self.data) | QUIET | collected() | {"DJANGO_SETTINGS_MODULE": "config.settings"},
             capture_output=True,
             text=True,
             timeout=300,

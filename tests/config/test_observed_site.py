@@ -22,6 +22,7 @@ from prometheus_client.multiprocess import MultiProcessCollector
 from prometheus_client.parser import text_string_to_metric_families
 
 from league.house_cars.services import HOUSE_CARS_DIR
+from tests.collected import collected
 from tests.config.test_monitoring import ALERTS, MONITORING, OF_PANELS
 from tests.config.test_run import Run, environment, free_port, rows
 from tests.evaluation.processes import wait_for
@@ -118,7 +119,8 @@ def site(tmp_path_factory, new_data) -> Iterator[ObservedSite]:
     data = new_data(tmp_path_factory.mktemp("observed") / "data", house_cars=0)
     port = free_port()
     settings = {"LOG_FORMAT": "json", "METRICS_LISTEN": f"127.0.0.1:{port}", "METRICS_TOKEN": TOKEN}
-    with Run(data, None, **QUIET, **{f"PADDOCK_{name}": value for name, value in settings.items()}) as run:
+    named = {f"PADDOCK_{name}": value for name, value in settings.items()}
+    with Run(data, None, **QUIET, **collected(), **named) as run:
         observed = ObservedSite(run.ready(), port)
         wait_for(observed.is_idle, 120, run.log)
         yield observed

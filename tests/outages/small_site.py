@@ -18,6 +18,7 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import NamedTuple
 
+from tests.collected import collected
 from tests.evaluation.processes import wait_for
 from tests.shared import CHECKOUT
 
@@ -33,7 +34,6 @@ from races.entries.services.submissions import submit_model
 from tests.factories import a_model, a_race, a_track
 from accounts.models import Racer
 call_command("migrate", interactive=False, verbosity=0)
-call_command("collectstatic", interactive=False, verbosity=0)
 now = timezone.now()
 alice = Racer.objects.create_user("alice", "alice@example.org", {PASSWORD!r})
 races = [a_race(now, slug=f"race-{{number}}", name=f"Race {{number}}") for number in range({RACES})]
@@ -55,7 +55,8 @@ class SmallSite:
 
     def __init__(self, data: Path, **environment: str) -> None:
         kept = {name: value for name, value in os.environ.items() if not name.startswith(_OURS)}
-        self.environment = kept | {"PADDOCK_DATA": str(data), "DJANGO_SETTINGS_MODULE": "config.settings"} | environment
+        own = {"PADDOCK_DATA": str(data), "DJANGO_SETTINGS_MODULE": "config.settings"}
+        self.environment = kept | own | collected() | environment
         self.log = data.parent / "web.log"
         self.rows: dict[str, str] = json.loads(self.python(_ROWS).splitlines()[-1])
         self.address = ""

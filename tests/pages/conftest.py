@@ -26,6 +26,7 @@ from paddock.errors import PlatformFault, UserFault
 from races.entries.services.entries import enter_race
 from races.entries.services.submissions import submit_model
 from races.models import Race, RankingMethod, Submission, Visibility
+from tests.collected import collected
 from tests.factories import a_model, a_race, a_racer, a_track, drive, fail, lap, laps, start
 from tests.kept import Kept
 from tests.shared import CHECKOUT
@@ -156,7 +157,7 @@ def site(tmp_path_factory: pytest.TempPathFactory, new_data: Callable[..., Path]
         process = subprocess.Popen(
             [sys.executable, "manage.py", "run", "--port", str(port)],
             cwd=CHECKOUT,
-            env={**environment, "PADDOCK_DATA": str(data / "data")},
+            env={**environment, **collected(), "PADDOCK_DATA": str(data / "data")},
             stdout=output,
             stderr=subprocess.STDOUT,
             start_new_session=True,

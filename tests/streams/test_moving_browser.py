@@ -4,8 +4,6 @@ from __future__ import annotations
 
 import shutil
 import signal
-import subprocess
-import sys
 from collections.abc import Callable, Iterator
 from datetime import timedelta
 from itertools import pairwise
@@ -19,12 +17,12 @@ from races.entries.services.submissions import submit_model
 from races.events import record_board
 from races.live.services import launch, pause_live, set_message
 from races.models import Visibility
+from tests.collected import collected
 from tests.evaluation.processes import wait_for
 from tests.factories import a_model, a_race, a_racer, drive, laps, start
 from tests.live_shows import a_live_race, a_show, begun, slot_of
 from tests.pages.browsing import IN_A_BROWSER, chromium, visitor
 from tests.pages.test_screens_browser import compute
-from tests.shared import CHECKOUT
 from tests.streams.process import Streams, served
 from tests.streams.proxy import CUTS, HOLDS, PASSES, REFUSES, before
 
@@ -48,8 +46,7 @@ def browser() -> Iterator:
 @pytest.fixture(scope="module")
 def site(browser, process: Streams) -> Iterator[str]:
     """The address of a web server beside the stream process."""
-    command = [sys.executable, "manage.py", "collectstatic", "--no-input", "--verbosity", "0"]
-    subprocess.run(command, cwd=CHECKOUT, env=process.environment, check=True)
+    process.environment |= collected()
     with served(process) as port:
         yield f"http://127.0.0.1:{port}"
 
