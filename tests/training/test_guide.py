@@ -258,6 +258,15 @@ class TestFollowing:
         assert not same(before, learner.weights())
 
 
+def test_actions_that_were_next_to_impossible_leave_finite_weights(made):
+    """Such are mirror images of what a sharp policy does."""
+    learner = made(guided=False)
+    assert learner.drive()
+    learner.model.rollout_buffer.log_probs[:] = -100.0
+    learner.update()
+    assert learner.is_finite()
+
+
 def test_the_file_for_stable_baselines3_is_the_cars_own_policy(made):
     learner = taught(made())
     weights = learner.weights()

@@ -47,6 +47,7 @@ _CLIP, _LAMBDA, _GRADIENT_NORM = 0.2, 0.95, 0.5
 _SAC_MEMORY = 20_000  # steps that SAC learns from: 0.2 GB of pooled pictures
 _SAC_MEMORY_UNPOOLED = 5_000  # the same in pictures of the console's network
 _SAC_TAU = 0.02  # the share of the critics that their targets take over at each step of learning
+_MOST_LIKELIER = 3.0  # e^50, as of a mirrored action that a sharp policy hardly ever takes, has no finite gradient
 _CLONE_LOG_STD = -1.0  # a clone knows its way: it explores less than a beginner
 _CONTRAST = (0.3, 5.0)  # of a guided training's pictures, see :class:`.torso.Torso`
 _GUIDE_CLIP = 0.5
@@ -229,7 +230,7 @@ class Learner:
                 advantages = batch.advantages
                 if len(advantages) > 1:
                     advantages = (advantages - advantages.mean()) / (advantages.std() + 1e-8)
-                ratio = torch.exp(log_prob - batch.old_log_prob)
+                ratio = torch.exp((log_prob - batch.old_log_prob).clamp(max=_MOST_LIKELIER))
                 clipped = torch.clamp(ratio, 1 - _CLIP, 1 + upwards)
                 policy_loss = -torch.min(advantages * ratio, advantages * clipped).mean()
                 value_loss = self.loss(values.flatten(), batch.returns)
