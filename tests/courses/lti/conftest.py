@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from pathlib import Path
-from typing import Any
 
 import pytest
 from django.core.cache import cache
@@ -80,20 +79,27 @@ def register(platform: Platform) -> LtiPlatform:
 
 @pytest.fixture(scope="session")
 def kept_course(request: pytest.FixtureRequest, keep: Callable, served: Platform, key_file: Path) -> Kept:
-    def make() -> tuple[int, list[dict[str, Any]]]:
-        cache.clear()
-        with override_settings(LTI_PRIVATE=True, LTI_KEY_FILE=key_file):
-            register(as_new(served))
-            launched(served, "t-1", do=("new", "new-class"))
-        return served.fetched, [dict(cache._cache), dict(cache._expire_info)]
+    return keep(request, lambda: opened(served, key_file), fresh_s=60.0)
 
-    return keep(request, make, fresh_s=60.0)
+
+def opened(platform: Platform, key_file: Path, then: Callable[[], object] = lambda: None) -> tuple:
+    """Open the course and do what comes ``then``; what is in memory of it."""
+    cache.clear()
+    with override_settings(LTI_PRIVATE=True, LTI_KEY_FILE=key_file):
+        register(as_new(platform))
+        launched(platform, "t-1", do=("new", "new-class"))
+        then()
+    return platform.fetched, [dict(cache._cache), dict(cache._expire_info)]
+
+
+def back_to(kept: Kept, platform: Platform) -> None:
+    platform.fetched, (values, expiries) = kept.copy()
+    cache._cache.update(values)
+    cache._expire_info.update(expiries)
 
 
 @pytest.fixture
 def course(kept_course: Kept, registered: LtiPlatform, platform: Platform) -> LtiContext:
     """The course, which its teacher has opened for the first time."""
-    platform.fetched, (values, expiries) = kept_course.copy()
-    cache._cache.update(values)
-    cache._expire_info.update(expiries)
+    back_to(kept_course, platform)
     return LtiContext.objects.get()

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from datetime import datetime, timedelta
 from decimal import Decimal
+from pathlib import Path
 
 import pytest
 from django.test import Client
@@ -13,26 +15,47 @@ from courses.lti.scores import SCORES, queue_scores, send_scores
 from courses.models import Assignment, LtiAccount, LtiContext, LtiLine, LtiPlatform, LtiScore, Mark
 from tests.clients import logged_in
 from tests.courses.assignments import an_assignment
+from tests.courses.lti.conftest import back_to, opened
 from tests.courses.lti.launching import launched
 from tests.courses.lti.platform import AGS, LINE, SCORE, Platform
 from tests.factories import a_racer
+from tests.kept import Kept
 
 pytestmark = pytest.mark.django_db
 
 
+@pytest.fixture(scope="session")
+def kept_student(
+    request: pytest.FixtureRequest, keep: Callable, served: Platform, key_file: Path, now: datetime
+) -> Kept:
+    def arrive() -> None:
+        linked(an_assignment(LtiContext.objects.get().group, now), served)
+        launched(served, "s-1")
+
+    return keep(request, lambda: opened(served, key_file, arrive), fresh_s=60.0)
+
+
+def linked(assignment: Assignment, platform: Platform) -> Assignment:
+    platform.link = {"assignment": assignment.public_id}
+    platform.lines["1"] = {"id": f"{platform.base}/lines/1/line?of=7", "resourceId": assignment.public_id}
+    return assignment
+
+
 @pytest.fixture
-def assignment(course: LtiContext, platform: Platform, now: datetime) -> Assignment:
+def assignment(kept_student: Kept, db: None, platform: Platform) -> Assignment:
     """An assignment of the class, with a column in the grade book that the platform made with its link."""
-    made = an_assignment(course.group, now)
-    platform.link = {"assignment": made.public_id}
-    platform.lines["1"] = {"id": f"{platform.base}/lines/1/line?of=7", "resourceId": made.public_id}
-    return made
+    back_to(kept_student, platform)
+    return linked(Assignment.objects.get(), platform)
 
 
 @pytest.fixture
-def ada(assignment, platform) -> Racer:
+def course(assignment: Assignment) -> LtiContext:
+    return LtiContext.objects.get()
+
+
+@pytest.fixture
+def ada(assignment: Assignment) -> Racer:
     """A student who came from the platform."""
-    launched(platform, "s-1")
     return LtiAccount.objects.get(sub="s-1").racer
 
 
@@ -152,7 +175,8 @@ class TestColumns:
         assert LtiScore.objects.get().reason_code == "lti_line"
 
     def test_a_launch_without_grade_services_makes_no_column(self, assignment, platform, course):
-        launched(platform, "s-1", **{f"{AGS}claim/endpoint": None})
+        LtiLine.objects.all().delete()  # Ada's launch has made it
+        launched(platform, "s-2", **{f"{AGS}claim/endpoint": None})
         assert not LtiLine.objects.exists()
 
 
