@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Callable
 from datetime import timedelta
 
 import pytest
@@ -18,6 +19,7 @@ from league.stewarding.official_results import close_round
 from league.stewarding.services import disqualify, lock_round
 from paddock.errors import UserFault
 from tests.factories import a_racer
+from tests.kept import Kept
 from tests.league.seasons import HOUR, a_round, a_season, after, board, racers
 
 pytestmark = pytest.mark.django_db
@@ -37,13 +39,23 @@ def boss(client: Client) -> Client:
     return client
 
 
+@pytest.fixture(scope="session")
+def kept_race_of_ten(request: pytest.FixtureRequest, keep: Callable) -> Kept:
+    return keep(request, _played)
+
+
 @pytest.fixture
-def played(set_clock) -> tuple[Round, list[Racer]]:
+def played(kept_race_of_ten: Kept, db: None, set_clock) -> tuple[Round, list[Racer]]:
     """An open race of ten that has closed an hour ago: two would be promoted. The clock stands there."""
+    round_, field = kept_race_of_ten.copy()
+    set_clock(round_.race.closes_at + HOUR)
+    return round_, field
+
+
+def _played() -> tuple[Round, list[Racer]]:
     round_ = a_round(a_season(), 1, Stage.OPEN)
     field = racers(10)
     board(round_.race, field)
-    set_clock(round_.race.closes_at + HOUR)
     return round_, field
 
 
@@ -125,7 +137,8 @@ class TestRacePage:
         given = {"racer": field[0].alias, "reason": "Two accounts", "back": "race"}
         done = act(boss, round_, "disqualify", step="confirmed", **given)
         assert done.redirect_chain == [(round_.race.get_absolute_url(), 302)]
-        assert "Two accounts" in done.content.decode() or field[0].alias not in done.content.decode()
+        shown = done.content.decode()
+        assert "Two accounts" in shown or not re.search(rf"\b{field[0].alias}\b", shown)
 
     def test_viewing_an_action_or_forging_a_post_changes_nothing(self, boss, played):
         round_, _field = played

@@ -154,8 +154,8 @@ def test_with_objects_the_crash_is_into_a_box_and_the_laps_pass_both():
 
 
 def test_the_drives_are_the_same_every_time():
-    again = [eight_drives(track_named("oval"), "ccw", TIME_TRIAL) for _ in range(2)]
-    assert again[0] == again[1]
+    place = (track_named("oval"), "ccw", TIME_TRIAL)
+    assert eight_drives(*place) == kept(*place)
 
 
 def test_the_drives_reach_the_sandbox_unchanged_and_fit_into_a_message():
