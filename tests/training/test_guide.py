@@ -28,7 +28,6 @@ from training.trainer import learners, process
 from training.trainer.cars import TrainingCars
 from training.trainer.learners import Learner
 from training.trainer.mirror_augmentation import Mirror
-from training.trainer.policy_evaluation import Judgement
 from training.trainer.road_state import LENGTH, MIRRORED, road_state
 
 pytestmark = pytest.mark.xdist_group("training")
@@ -156,17 +155,6 @@ def idle(tmp_path, monkeypatch):
         yield one
         one._cars.close()
         one._judge.close()
-
-
-@pytest.mark.parametrize(("stop", "alone"), [(None, True), (3, False)])
-def test_a_car_that_laps_goes_alone_unless_its_training_is_to_end(stop, alone, idle, monkeypatch):
-    idle.spec = replace(idle.spec, stop_clean_laps=stop)
-    idle.begin("", b"")
-    for lap_ms in (None, 9_000):
-        trial = {"reward": 1.0, "progress": 50.0, "lap_ms": lap_ms}
-        monkeypatch.setattr(idle._judge, "look", lambda act, one=trial: Judgement([one], [], confirmed=False))
-        idle._look(None)
-        assert (idle._learner._guide is None) == (alone and lap_ms is not None)
 
 
 class TestFollowing:

@@ -51,7 +51,7 @@ _MOST_LIKELIER = 3.0  # e^50, as of a mirrored action that a sharp policy hardly
 _CLONE_LOG_STD = -1.0  # a clone knows its way: it explores less than a beginner
 _CONTRAST = (0.3, 5.0)  # of a guided training's pictures, see :class:`.torso.Torso`
 _GUIDE_CLIP = 0.5
-_GUIDED_STEPS = 20_000  # at most
+_GUIDED_STEPS = 100_000
 _FOLLOWED = 5  # times that as many steps are followed as were just driven, drawn from the latest
 _SHOWN = 5_040  # steps, or all of the last update
 _SHARPNESS = 3.0  # of the guide's preferences, in their standard deviations; as it drives it chooses nearly at random
@@ -85,8 +85,8 @@ class Learner:
 
     With ``guided`` a second policy, the guide, learns by PPO, too, and drives after the first update. It sees the state
     of the road instead of pictures and so learns from the same rewards in a fifth of the steps. The car's own policy
-    follows it: it learns from the pictures where the road is and what the guide does there, until it laps by itself and
-    PPO goes on with it (:meth:`go_alone`). Pinto et al. 2017, Asymmetric Actor Critic; Jaderberg et al. 2016, UNREAL;
+    follows it: it learns from the pictures where the road is and what the guide does there, until after many steps PPO
+    goes on with it alone (:meth:`go_alone`). Pinto et al. 2017, Asymmetric Actor Critic; Jaderberg et al. 2016, UNREAL;
     Chen et al. 2019, Learning by Cheating, whose guide learns from an expert, this one from rewards alone.
     """
 

@@ -302,8 +302,6 @@ class Training:
             self._best = key
         if verdict.confirmed:
             self._ended = CLEAN
-        if not self.spec.stop_clean_laps and verdict.clean_laps == len(verdict.trials):
-            learner.go_alone()
         self.number += 1
         self._looked = True
         self._looked_at = self._updates
