@@ -11,6 +11,7 @@ from django.views.decorators.cache import cache_control
 from django.views.decorators.http import require_http_methods, require_POST, require_safe
 
 from accounts.request_racer import racer_of
+from core.database.kept_queries import KeptQuery
 from core.forms import ignored_fields, warn_of_ignored
 from core.pages.faults import faults_reported
 from evaluation.selectors import models_of
@@ -199,7 +200,13 @@ def _waits(event: LiveEvent, rows: list[events.SlotRow]) -> bool:
 
 def _watched(request: HttpRequest, slug: str) -> LiveEvent:
     """The live event of a race that the reader may watch, or 404."""
-    return get_object_or_404(LiveEvent.objects.select_related(*events.LIVE_RELATED), race=watched_race(request, slug))
+    found = _events_of(race=watched_race(request, slug).pk)
+    if not found:
+        raise Http404
+    return found[0]
+
+
+_events_of = KeptQuery(lambda race: LiveEvent.objects.filter(race_id=race).select_related(*events.LIVE_RELATED))
 
 
 def _event(request: HttpRequest, slug: str) -> LiveEvent:
