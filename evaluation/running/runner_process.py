@@ -39,7 +39,7 @@ from ..sandbox.policy_client import PolicyClient
 from .messages import CarDocument, ResultDocument
 from .race_setup import VenueDocument
 
-_PROGRESS_S = 0.25
+_PROGRESS_S = 0.5
 _REHEARSAL_MS = 2000  # simulated
 
 cv2.setNumThreads(1)
@@ -136,7 +136,7 @@ def _rehearsed(ground: PreparedTrack) -> PreparedTrack:
 
 
 class _Telling:
-    """Sends progress at most four times a second: every message takes a third of a millisecond from the race."""
+    """Sends progress at most twice a second: every message takes a third of a millisecond from the race."""
 
     def __init__(self, frames_out: int) -> None:
         self._frames_out = frames_out
