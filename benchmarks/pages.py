@@ -80,14 +80,14 @@ def quiet_site(now: Any, *, big: bool = False) -> Site:
     from django.conf import settings
 
     from config.celery import app as celery_app
-    from config.serving.web import settle
+    from config.serving.web import prepare_memory
 
     celery_app.conf.update(broker_url="memory://", task_always_eager=False)
     settings.STREAM_BELL_URL = ""
     logging.disable(logging.ERROR)  # the cache that is away
     site = make_site(now, big=big)
     gc.collect()
-    settle()  # as the processes of the web server
+    prepare_memory()  # as the processes of the web server
     return site
 
 

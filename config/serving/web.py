@@ -113,11 +113,11 @@ def _serve(listening: socket.socket, application: str, threads: int, shown_as: S
     except Exception:  # of the application, of any kind: operators read it in the log
         logger.exception("The site cannot be loaded.")
         sys.exit(CANNOT_RUN)
-    settle()
+    prepare_memory()
     _serve_until_signal(loaded, listening, threads)
 
 
-def settle() -> None:
+def prepare_memory() -> None:
     """Prepare the memory of a process that has loaded the site."""
     gc.freeze()  # what is loaded stays: a collection that looked through it would take a tenth of all time
     # clearing new pages for each large query takes a tenth of the time of a page that has one

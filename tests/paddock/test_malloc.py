@@ -11,7 +11,7 @@ PAGES_OF_A_REQUEST = 40 * 90_000 // 4096
 # How many pages does the second request fetch whose memory is given back after each of twenty steps?
 REQUESTS = """
 import resource
-from config.serving.web import settle
+from config.serving.web import prepare_memory
 
 def request():
     before = resource.getrusage(resource.RUSAGE_SELF).ru_minflt
@@ -33,5 +33,7 @@ def pages_fetched(before: str) -> int:
 
 
 def test_a_web_process_uses_freed_memory_again() -> None:
-    assert pages_fetched("settle()") < PAGES_OF_A_REQUEST / 20
-    assert pages_fetched("") > PAGES_OF_A_REQUEST, "this C library keeps it by itself: settle() need not ask for it"
+    assert pages_fetched("prepare_memory()") < PAGES_OF_A_REQUEST / 20
+    assert pages_fetched("") > PAGES_OF_A_REQUEST, (
+        "this C library keeps it by itself: prepare_memory() need not ask for it"
+    )

@@ -5,7 +5,6 @@ from __future__ import annotations
 import re
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
-from functools import cache
 from html.parser import HTMLParser
 from urllib.parse import urlsplit
 
@@ -36,7 +35,6 @@ class Form:
         return f"{self.page}: {self.method} {self.action}{f' ({self.button})' if self.button else ''}"
 
 
-@cache
 def name_of(address: str) -> str:
     """The name of the view behind an address."""
     try:

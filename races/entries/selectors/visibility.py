@@ -107,7 +107,7 @@ def evaluations_visible_to(racer: Viewer) -> QuerySet[Evaluation]:
         in_race = driven.filter(shown, entry__race__visibility=Visibility.PUBLIC)
         seen = Q(Exists(in_race)) | Q(Exists(duels.filter(race__visibility=Visibility.PUBLIC)))
         return evaluations.filter(~hidden_runs(), seen)
-    # Databases stop at the first way that is open: what decides most often comes first
+    # A database stops at the first condition that is true, so the most frequent one comes first
     organised = Q(entry__race__organiser_id=racer.pk)
     seen = Q(owner_id=racer.pk) | Q(Exists(driven.filter(shown & _shared_with(racer, "entry__race") | organised)))
     seen |= Q(Exists(duels.filter(_shared_with(racer, "race") | Q(race__organiser_id=racer.pk))))
